@@ -1,0 +1,1 @@
+"""What the recording says about the instruments: norms, turns, Allan deviation."""

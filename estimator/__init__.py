@@ -1,0 +1,1 @@
+"""What the recording says about the motion: filter, journal, sensitivity, score."""

@@ -1,0 +1,1 @@
+"""Questions, answers, pages: the command line, the residual loop, the studies."""

@@ -1,0 +1,1 @@
+"""What the world shows an instrument: motion, measurement models, effects, recordings."""

@@ -1,0 +1,52 @@
+"""Accelerometer: specific force in the body, f_b = C_bn (a_n - g_n). The course, section 1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.noise import BiasProcess
+
+
+@dataclass(frozen=True)
+class Accelerometer:
+    """Three-axis accelerometer; at rest and level it reads (0, 0, -g).
+
+    f_meas = f_b + b_accel + n
+
+    Neglects accel.scale, accel.cross_axis, accel.scale_nonlinearity, accel.temperature, accel.lever_arm,
+    accel.vibration, accel.misalignment.
+
+    Attributes
+    ----------
+    sigma : standard deviation of one reading's white noise [m/s^2]
+    bias_std, bias_walk : of the bias [m/s^2], [m/s^2/sqrt(s)]
+    """
+
+    sigma: float
+    bias_std: float = 0.0
+    bias_walk: float = 0.0
+    name: str = "accel"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) noise covariance of one reading [(m/s^2)^2]."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess:
+        """Random walk of the bias."""
+        return BiasProcess("b_accel", 3, self.bias_std, self.bias_walk)
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) specific force in the body [m/s^2]."""
+        return motion.f_b
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """The bias enters directly; as a driver of the process the reading has no other state in it."""
+        return {"b_accel": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}

@@ -1,0 +1,37 @@
+"""The array type that the packages exchange, and the check that names what is wrong with one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+
+def as_floats(name: str, value: object, shape: Sequence[int | None], hint: str = "") -> FloatArray:
+    """Return `value` as a float64 array of the given shape.
+
+    Parameters
+    ----------
+    name : what the value is called in the message
+    value : anything numpy can turn into an array
+    shape : expected lengths; None leaves a length free
+    hint : what to pass instead, for the message
+
+    Raises
+    ------
+    ValueError : wrong shape, or not finite; names the argument, what arrived, what was expected
+    """
+    array = np.asarray(value, dtype=np.float64)
+    expected = "(" + ", ".join("n" if k is None else str(k) for k in shape) + ")"
+    advice = f": {hint}" if hint else ""
+    if array.ndim != len(shape) or any(k is not None and k != m for k, m in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"`{name}` has shape {array.shape}; expected {expected}{advice}")
+    if not np.all(np.isfinite(array)):
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"`{name}` is not finite at index {index}; expected numbers{advice}")
+    return array

@@ -1,0 +1,110 @@
+"""GPS receiver: position and velocity in NED with a position bias that wanders. The course, section 7."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.noise import BiasProcess
+
+
+@dataclass(frozen=True)
+class Gps:
+    """GPS position, and velocity where the receiver gives it.
+
+    p_gps = p_n + b_gps + n_p,  v_gps = v_n + n_v
+
+    Neglects gps.lever_arm, gps.latency.
+
+    Attributes
+    ----------
+    sigma : standard deviation of a position coordinate [m]
+    sigma_velocity : of a velocity component [m/s]; None: the receiver gives no velocity
+    bias_std, bias_walk : of the position bias [m], [m/sqrt(s)]
+    """
+
+    sigma: float
+    sigma_velocity: float | None = None
+    bias_std: float = 0.0
+    bias_walk: float = 0.0
+    name: str = "gps"
+
+    @property
+    def size(self) -> int:
+        """3, or 6 with velocity."""
+        return 3 if self.sigma_velocity is None else 6
+
+    @property
+    def R(self) -> FloatArray:
+        """(size, size) m^2 and (m/s)^2."""
+        variances = [self.sigma**2] * 3
+        if self.sigma_velocity is not None:
+            variances += [self.sigma_velocity**2] * 3
+        return np.diag(variances)
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """Random walk of the position bias; None where both its sizes are zero."""
+        if self.bias_std == 0.0 and self.bias_walk == 0.0:
+            return None
+        return BiasProcess("b_gps", 3, self.bias_std, self.bias_walk)
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, size) position and velocity, NED."""
+        if self.sigma_velocity is None:
+            return motion.p_n
+        return np.concatenate([motion.p_n, motion.v_n], axis=1)
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """Identity blocks: position on position, velocity on velocity, bias on position."""
+        n = len(motion)
+        position = np.zeros((self.size, 3))
+        position[:3] = np.eye(3)
+        blocks = {"position": np.broadcast_to(position, (n, self.size, 3))}
+        if self.bias is not None:
+            blocks["b_gps"] = np.broadcast_to(position, (n, self.size, 3))
+        if self.sigma_velocity is not None:
+            velocity = np.zeros((self.size, 3))
+            velocity[3:] = np.eye(3)
+            blocks["velocity"] = np.broadcast_to(velocity, (n, self.size, 3))
+        return blocks
+
+
+@dataclass(frozen=True)
+class BaseReceiver:
+    """A reference receiver at a known place: its error is the GPS bias that the rover shares (position-domain DGPS).
+
+    p_base - base_position = b_gps + n
+
+    Neglects what the two receivers do not share: the difference of their atmospheres, multipath.
+
+    Attributes
+    ----------
+    sigma : standard deviation of a coordinate [m]
+    """
+
+    sigma: float
+    name: str = "base"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) m^2."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """None: what it observes is the bias of the GPS."""
+        return None
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) zero: the base does not move, its position is taken off."""
+        return np.zeros((len(motion), 3))
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """Identity on the GPS bias."""
+        return {"b_gps": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}

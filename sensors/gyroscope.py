@@ -1,0 +1,52 @@
+"""Gyroscope: angular rate of the body relative to inertial space, in the body. The course, section 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.noise import BiasProcess
+
+
+@dataclass(frozen=True)
+class Gyroscope:
+    """Three-axis rate gyroscope.
+
+    w_meas = w_ib_b + b_gyro + n
+
+    Neglects gyro.scale, gyro.cross_axis, gyro.temperature, gyro.g_sensitivity; the rate of the Earth where the
+    recording does not say `earth_rotation`.
+
+    Attributes
+    ----------
+    sigma : standard deviation of one reading's white noise [rad/s]
+    bias_std, bias_walk : of the bias [rad/s], [rad/s/sqrt(s)]
+    """
+
+    sigma: float
+    bias_std: float = 0.0
+    bias_walk: float = 0.0
+    name: str = "gyro"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) noise covariance of one reading [(rad/s)^2]."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess:
+        """Random walk of the bias."""
+        return BiasProcess("b_gyro", 3, self.bias_std, self.bias_walk)
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) angular rate in the body [rad/s]."""
+        return motion.w_ib_b
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """The bias enters directly; as a driver of the process the reading has no other state in it."""
+        return {"b_gyro": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}

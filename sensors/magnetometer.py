@@ -1,0 +1,84 @@
+"""Magnetometer: the Earth's field turned into the body, and the tilt-compensated heading. The course, section 3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.noise import BiasProcess
+from sensors.rotation import rotate_back, skew
+
+
+@dataclass(frozen=True)
+class Magnetometer:
+    """Three-axis magnetometer in a uniform field.
+
+    m_meas = C_bn m_n + b_mag + n
+
+    Neglects mag.scale, mag.cross_axis (soft iron), mag.current, mag.temperature, mag.declination, mag.misalignment; a
+    field that changes from place to place.
+
+    Attributes
+    ----------
+    sigma : standard deviation of one reading's white noise [unit of the field]
+    bias_std, bias_walk : of the bias (hard iron) [unit], [unit/sqrt(s)]
+    """
+
+    sigma: float
+    bias_std: float = 0.0
+    bias_walk: float = 0.0
+    name: str = "mag"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) noise covariance of one reading."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """Random walk of the bias; None where both its sizes are zero."""
+        if self.bias_std == 0.0 and self.bias_walk == 0.0:
+            return None
+        return BiasProcess("b_mag", 3, self.bias_std, self.bias_walk)
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) field in the body: C_bn m_n, or `m_b` where the attitude is not known."""
+        if motion.has("q_nb") and motion.has("m_n"):
+            return rotate_back(motion.q_nb, motion.m_n)
+        return motion.m_b
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """d m / d dtheta_b = [C_bn m_n]x, since C_bn_true = Exp(-dtheta_b) C_bn; the bias enters directly."""
+        blocks = {"attitude": skew(self.predict(motion))}
+        if self.bias is not None:
+            blocks["b_mag"] = np.broadcast_to(np.eye(3), (len(motion), 3, 3))
+        return blocks
+
+
+def tilt_compensated_heading(m_b: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
+    """Magnetic heading [rad, clockwise from magnetic north] from the field in the body and the tilt.
+
+    m_x' = m_x cos(pitch) + m_y sin(roll) sin(pitch) + m_z cos(roll) sin(pitch)
+    m_y' = m_y cos(roll) - m_z sin(roll)
+    heading = atan2(-m_y', m_x')
+
+    Parameters
+    ----------
+    m_b : (n, 3) field in the body, forward-right-down, any unit
+    roll, pitch : (n,) rad
+
+    Returns
+    -------
+    (n,) rad in (-pi, pi]; add the declination for the true heading
+
+    Neglects every mag.* effect. Source: the course, lecture 9 (attitude from magnetometer); M. J. Caruso, "Applications
+    of magnetic sensors for low cost compass systems", IEEE PLANS 2000, eq. 4.
+    """
+    x = m_b[..., 0] * np.cos(pitch) + (m_b[..., 1] * np.sin(roll) + m_b[..., 2] * np.cos(roll)) * np.sin(pitch)
+    y = m_b[..., 1] * np.cos(roll) - m_b[..., 2] * np.sin(roll)
+    return np.asarray(np.arctan2(-y, x))

@@ -1,0 +1,54 @@
+"""Geometry shared by sonar and laser: a beam fixed in the body meets the flat ground."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.rotation import rotate, rotate_back
+
+BODY_DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def slant_range(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> FloatArray:
+    """Distance to the flat ground along the unit vector `beam_b` (3,) or (n, 3).
+
+    range = (ground_down - down) / (C_nb beam_b)_down;  for body down the divisor is cos(pitch) cos(roll)
+
+    Returns
+    -------
+    (n,) m; infinite where the beam does not point below the horizon
+    """
+    down = rotate(motion.q_nb, np.broadcast_to(beam_b, (len(motion), 3)))[:, 2]
+    with np.errstate(divide="ignore"):
+        return np.where(down > 0.0, motion.height / np.where(down > 0.0, down, 1.0), np.inf)
+
+
+def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict[str, FloatArray]:
+    """Blocks position (n, 1, 3) and attitude (n, 1, 3) of `slant_range`.
+
+    With c = e3' C_nb beam: d range / d down = -1 / c, and since d(C_nb beam) = -C_nb [beam]x dtheta_b,
+    d range / d dtheta_b = range / c (e3' C_nb [beam]x) = range / c (d_b x beam)' with d_b = C_bn e3.
+    """
+    n = len(motion)
+    beam = np.broadcast_to(beam_b, (n, 3))
+    c = rotate(motion.q_nb, beam)[:, 2]
+    d_b = rotate_back(motion.q_nb, np.broadcast_to(BODY_DOWN, (n, 3)))
+    position = np.zeros((n, 1, 3))
+    position[:, 0, 2] = -1.0 / c
+    attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam)
+    return {"position": position, "attitude": attitude[:, None, :]}
+
+
+def tilt_compensated_height(slant: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
+    """Height above flat ground [m] from a slant range along body down: h = range cos(pitch) cos(roll).
+
+    Parameters
+    ----------
+    slant : (n,) m
+    roll, pitch : (n,) rad
+
+    Neglects sonar.beam_cone, sonar.mount_offset, sonar.terrain_slope and the laser's like. Source: the course, section 4.
+    """
+    return np.asarray(slant * np.cos(pitch) * np.cos(roll))

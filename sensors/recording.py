@@ -1,0 +1,220 @@
+"""`Recording`: timed SI streams with what was declared about them; the only thing an estimator sees.
+
+The truth is not part of it: what scores reads `truth.csv` by itself (`sensors.formats.plain.read_truth`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+
+Kind = Literal["flight", "poses"]
+
+ACCEL = ("accel_x", "accel_y", "accel_z")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+MAG = ("mag_x", "mag_y", "mag_z")
+POSITION = ("north", "east", "down")
+VELOCITY = ("vel_north", "vel_east", "vel_down")
+GEODETIC = ("latitude", "longitude", "height")
+
+#: The columns that a stream must have; where several alternatives exist, one of them.
+REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "imu": ((*ACCEL, *GYRO),),
+    "mag": (MAG,),
+    "baro": (("height",), ("pressure",)),
+    "sonar": (("range",),),
+    "laser": (("range",), ("range_0",)),
+    "gps": (POSITION, GEODETIC),
+    "base": (POSITION, GEODETIC),
+    "power": (("current",), ("voltage",)),
+    "motors": (("motor_1",),),
+    "air": (("airspeed",), ("wind_north", "wind_east"), ("temperature",)),
+    "poses": (ACCEL, MAG),
+}
+#: Streams that carry covariates, not measurements.
+COVARIATE_STREAMS = ("power", "motors", "air")
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One stream: n rows on the recording's clock.
+
+    Attributes
+    ----------
+    t : (n,) s, strictly increasing
+    columns : each (n,), SI units; columns beyond the format's own are covariates
+    """
+
+    t: FloatArray
+    columns: Mapping[str, FloatArray]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.columns[name]
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether all the named columns are there."""
+        return all(name in self.columns for name in names)
+
+    def array(self, names: Sequence[str]) -> FloatArray:
+        """(n, k) the named columns side by side."""
+        return np.stack([self.columns[name] for name in names], axis=-1)
+
+    def rows(self, keep: object) -> Stream:
+        """The rows that a mask, slice or index array names."""
+        return Stream(self.t[keep], {name: column[keep] for name, column in self.columns.items()})  # type: ignore[index]
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """What is declared about one instrument; None: nothing was declared.
+
+    Attributes
+    ----------
+    noise_density : continuous white noise N [unit/sqrt(Hz)]: a sample taken at rate f has standard deviation N sqrt(f)
+    noise_std : white noise of one reading [unit]
+    velocity_noise_std : the same for GPS velocity [m/s]
+    bias_walk : random walk of the bias w [unit/s/sqrt(Hz)]: its variance grows by w^2 t
+    bias_std : 1-sigma of the bias at the start [unit]
+    average_time : time over which one pose was averaged [s]
+    imu_samples : "instant" (the value at the stamp) or "average" (over the interval before it)
+    angles : (beams,) angles of a scanning laser [rad]
+    base_position : of a reference receiver, [latitude, longitude, height] (deg, deg, m) or NED [m] without an origin
+    """
+
+    noise_density: float | None = None
+    noise_std: float | None = None
+    velocity_noise_std: float | None = None
+    bias_walk: float | None = None
+    bias_std: float | None = None
+    average_time: float | None = None
+    imu_samples: str = "instant"
+    angles: FloatArray | None = None
+    base_position: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Where the recording was made; None: not declared.
+
+    Attributes
+    ----------
+    gravity : m/s^2
+    magnetic_field : (3,) NED, in the unit of the magnetometer
+    ground_down : down coordinate of the flat ground [m]
+    earth_rotation : the gyroscope is good enough to see the Earth turn
+    """
+
+    gravity: float | None = None
+    magnetic_field: FloatArray | None = None
+    ground_down: float = 0.0
+    earth_rotation: bool = False
+
+
+@dataclass(frozen=True)
+class Initial:
+    """Mean and 1-sigma of the state at the first IMU sample; None: found from the data.
+
+    Attributes
+    ----------
+    position, velocity : (3,) NED [m], [m/s]
+    quaternion : (4,) q_nb, scalar first
+    position_std, velocity_std, attitude_std : 1-sigma of each axis [m], [m/s], [rad]
+    """
+
+    position: FloatArray | None = None
+    velocity: FloatArray | None = None
+    quaternion: FloatArray | None = None
+    position_std: float | None = None
+    velocity_std: float | None = None
+    attitude_std: float | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Timed SI streams of one experiment, checked, with what its maker declared.
+
+    Attributes
+    ----------
+    name : of the recording
+    kind : "flight" (moving, feeds the filter) or "poses" (static or slowly turned, feeds a calibration)
+    streams : by name: imu, mag, baro, sonar, laser, gps, base, power, motors, air, poses
+    sensors : what is declared, by sensor: accel, gyro, mag, baro, sonar, laser, gps, base
+    origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
+    effects : declared effects by name, with their parameters; every estimator models them
+    source : where it was read from, for messages
+    """
+
+    name: str
+    kind: Kind
+    streams: Mapping[str, Stream]
+    sensors: Mapping[str, SensorSpec] = field(default_factory=dict)
+    environment: Environment = field(default_factory=Environment)
+    initial: Initial = field(default_factory=Initial)
+    origin: tuple[float, float, float] | None = None
+    effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.streams:
+            raise InputError(self.where, "no stream", "at least one of " + ", ".join(REQUIRED_COLUMNS))
+        for name, stream in self.streams.items():
+            check_stream(self.where, name, stream)
+
+    @property
+    def where(self) -> str:
+        """How messages call the recording: its file, else its name."""
+        return self.source or self.name
+
+    def spec(self, sensor: str) -> SensorSpec:
+        """What is declared about a sensor; an empty `SensorSpec` where nothing is."""
+        return self.sensors.get(sensor, SensorSpec())
+
+    def replace(self, **changes: object) -> Recording:
+        """A copy with some attributes changed, checked again."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def check_stream(where: str | Path, name: str, stream: Stream) -> None:
+    """Check one stream: known name, required columns, at least one row, finite numbers, time strictly increasing.
+
+    Raises
+    ------
+    InputError : names the stream, the row (1 = first row of data), what was found and what was expected
+    """
+    place = f"stream {name}"
+    if name not in REQUIRED_COLUMNS:
+        raise InputError(where, f"unknown stream `{name}`", "one of " + ", ".join(REQUIRED_COLUMNS))
+    alternatives = REQUIRED_COLUMNS[name]
+    if not any(stream.has(columns) for columns in alternatives):
+        expected = " or ".join(", ".join(columns) for columns in alternatives)
+        raise InputError(where, f"columns {', '.join(stream.columns) or 'none'}", f"columns {expected}", place)
+    if len(stream) == 0:
+        raise InputError(where, "no rows", "at least one row", place)
+    for column, values in {"t": stream.t, **stream.columns}.items():
+        if len(values) != len(stream):
+            raise InputError(where, f"column {column} has {len(values)} rows", f"{len(stream)} as in t", place)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise InputError(where, f"{values[bad[0]]} in column {column}", "a number", f"{place}, row {bad[0] + 1}")
+    back = np.flatnonzero(np.diff(stream.t) <= 0.0)
+    if len(back):
+        k = int(back[0]) + 1
+        raise InputError(
+            where,
+            f"t goes from {stream.t[k - 1]:.6g} to {stream.t[k]:.6g} s",
+            "strictly increasing time",
+            f"{place}, row {k + 1}",
+        )
