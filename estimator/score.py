@@ -1,0 +1,241 @@
+"""Information and score of every candidate effect, and the statistics made of them.
+
+A source of evidence (a filter pass, a norm calibration, a set of pseudoranges) gives, for all candidates jointly and block
+of time by block, with everything it fits besides projected out,
+
+    Lambda_k = sum S_beta' S^-1 S_beta,    b_k = sum S_beta' S^-1 nu.
+
+To first order E[b_k] = Lambda_k beta and Cov[b_k] = Lambda_k under the model. What follows is the same for every source.
+Source: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108 (generalised likelihood ratio);
+C. R. Rao, "Large sample tests of statistical hypotheses" (1948) (the score test).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from sensors.arrays import FloatArray
+
+#: A direction of beta is dropped where the data, taken together, leave it wider than this many plausible sizes: a
+#: filter linearised at noisy points claims a little information on directions that it cannot see.
+WIDEST_DIRECTION = 30.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Information and score of all candidates jointly, by block of time.
+
+    Attributes
+    ----------
+    names : of the candidates
+    sizes : number of parameters of each
+    information : (blocks, p, p), p the sum of the sizes
+    score : (blocks, p)
+    plausible : (p,) plausible 1-sigma sizes, the unit in which directions of beta are compared
+    """
+
+    names: tuple[str, ...]
+    sizes: tuple[int, ...]
+    information: FloatArray
+    score: FloatArray
+    plausible: FloatArray
+
+    def columns(self, *names: str) -> list[int]:
+        """Column numbers of the named candidates."""
+        starts = np.concatenate([[0], np.cumsum(self.sizes)])
+        where = {name: range(starts[i], starts[i + 1]) for i, name in enumerate(self.names)}
+        return [column for name in names for column in where[name]]
+
+    @property
+    def total_information(self) -> FloatArray:
+        """(p, p) over all blocks."""
+        return np.asarray(self.information.sum(axis=0))
+
+    @property
+    def total_score(self) -> FloatArray:
+        """(p,) over all blocks."""
+        return np.asarray(self.score.sum(axis=0))
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """What the evidence says about one candidate.
+
+    Attributes
+    ----------
+    name : of the candidate
+    statistic : b' Lambda^-1 b, chi-square with `dof` under "no effect"
+    dof : number of directions of beta that the data can see
+    scatter : of the block scores about one constant beta; 1 for a true effect, above for a wrong one or for colour
+    beta, std : (size,) first-order estimate and its 1-sigma (infinite in directions that are not seen)
+    detectable_from : (size,) smallest component that could be told from none (lambda = 30), the others free
+    """
+
+    name: str
+    statistic: float
+    dof: int
+    scatter: float
+    beta: FloatArray
+    std: FloatArray
+    detectable_from: FloatArray
+
+    @property
+    def corrected(self) -> float:
+        """The statistic divided by max(1, scatter)."""
+        return self.statistic / max(1.0, self.scatter)
+
+    @property
+    def p_value(self) -> float:
+        """Of the corrected statistic."""
+        return p_value(self.corrected, self.dof)
+
+
+#: lambda = beta' Lambda beta above which an effect is found almost always (96 % of simulated cases at 30 to 45).
+DETECTABLE_LAMBDA = 30.0
+
+
+def p_value(statistic: float, dof: int) -> float:
+    """Probability that chi-square with `dof` exceeds the statistic; 1 where no direction is seen."""
+    return 1.0 if dof == 0 else float(stats.chi2.sf(statistic, dof))
+
+
+def strength(statistic: float, dof: int) -> float:
+    """-2 log of the p-value: compares candidates with different numbers of parameters."""
+    return 0.0 if dof == 0 else float(-2.0 * stats.chi2.logsf(statistic, dof))
+
+
+def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> Statistic:
+    """The statistic of one candidate, with the effects in `given` fitted as well (Schur complement).
+
+    b_i.g = b_i - Lambda_ig Lambda_gg^-1 b_g,   Lambda_i.g = Lambda_ii - Lambda_ig Lambda_gg^-1 Lambda_gi
+    """
+    information, score = project_out(evidence, name, given)
+    columns = evidence.columns(name)
+    plausible = evidence.plausible[columns]
+    basis = _seen_directions(information.sum(axis=0), plausible)
+    size = len(columns)
+    if basis.shape[1] == 0:
+        unseen = np.full(size, np.inf)
+        return Statistic(name, 0.0, 0, 1.0, np.zeros(size), unseen, unseen)
+    L = np.einsum("ia,kij,jb->kab", basis, information, basis)
+    b = score @ basis
+    total, total_score = L.sum(axis=0), b.sum(axis=0)
+    x = np.linalg.solve(total, total_score)
+    inverse = np.linalg.inv(total)
+    covariance = basis @ inverse @ basis.T
+    lost = 1.0 - np.sum((basis / plausible[:, None]) ** 2, axis=1) > 1e-3  # a share of the component is unseen
+    std = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
+    return Statistic(
+        name,
+        float(total_score @ x),
+        basis.shape[1],
+        block_scatter(L, b, x),
+        basis @ x,
+        std,
+        np.sqrt(DETECTABLE_LAMBDA) * std,
+    )
+
+
+def project_out(evidence: Evidence, name: str, given: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """(blocks, size, size) and (blocks, size): information and score of a candidate with `given` projected out.
+
+    The projection is that of all blocks together, applied to each, so that the blocks still add up.
+    """
+    i = evidence.columns(name)
+    own = evidence.information[:, i][:, :, i]
+    score = evidence.score[:, i]
+    if not given:
+        return own, score
+    g = evidence.columns(*given)
+    scale = evidence.plausible[g]
+    Lgg = evidence.total_information[np.ix_(g, g)] * np.outer(scale, scale)
+    Lgi = evidence.total_information[np.ix_(g, i)] * scale[:, None]
+    A = scale[:, None] * (np.linalg.pinv(Lgg, rcond=1e-12, hermitian=True) @ Lgi)
+    cross = evidence.information[:, g][:, :, i]
+    middle = np.einsum("ga,kgj->kaj", A, cross)
+    information = own - middle - np.swapaxes(middle, 1, 2)
+    information = information + np.einsum("ga,kgh,hb->kab", A, evidence.information[:, g][:, :, g], A)
+    return information, score - evidence.score[:, g] @ A
+
+
+def block_scatter(information: FloatArray, score: FloatArray, beta: FloatArray) -> float:
+    """Scatter of the block scores about one constant beta, per degree of freedom.
+
+    sum_k e_k' Lambda_k^+ e_k / (rank - size),  e_k = b_k - Lambda_k beta;  1 in expectation for the true effect
+
+    Parameters
+    ----------
+    information : (blocks, size, size)
+    score : (blocks, size)
+    beta : (size,)
+    """
+    total, dof = 0.0, -len(beta)
+    floor = 1e-4 * np.trace(information.sum(axis=0)) / max(len(information), 1)
+    for L, b in zip(information, score, strict=True):
+        values, vectors = np.linalg.eigh(L)
+        seen = values > floor
+        e = vectors[:, seen].T @ (b - L @ beta)
+        total += float(np.sum(e**2 / values[seen]))
+        dof += int(np.sum(seen))
+    return total / dof if dof > 0 else 1.0
+
+
+def squared_correlation(evidence: Evidence, first: str, second: str, given: Sequence[str] = ()) -> float:
+    """Largest squared canonical correlation between the signatures of two candidates; 1: they cannot be told apart."""
+    together = [name for name in given if name not in (first, second)]
+    i, j = evidence.columns(first), evidence.columns(second)
+    L = evidence.total_information
+    if together:
+        g = evidence.columns(*together)
+        L = L - L[:, g] @ np.linalg.pinv(L[np.ix_(g, g)], rcond=1e-12, hermitian=True) @ L[g, :]
+    wi = _whitener(L[np.ix_(i, i)], evidence.plausible[i])
+    wj = _whitener(L[np.ix_(j, j)], evidence.plausible[j])
+    if wi.shape[1] == 0 or wj.shape[1] == 0:
+        return 0.0
+    return float(np.clip(np.linalg.norm(wi.T @ L[np.ix_(i, j)] @ wj, 2) ** 2, 0.0, 1.0))
+
+
+def overlap(evidence: Evidence, of: str, beta: FloatArray, by: str, given: Sequence[str] = ()) -> float:
+    """Share of the evidence for `of` at `beta` that the candidate `by` would take up: 1 if it explains the same.
+
+    beta' Lambda_ij Lambda_jj^-1 Lambda_ji beta / (beta' Lambda_ii beta)
+    """
+    together = [name for name in given if name not in (of, by)]
+    L = evidence.total_information
+    i, j = evidence.columns(of), evidence.columns(by)
+    if together:
+        g = evidence.columns(*together)
+        L = L - L[:, g] @ np.linalg.pinv(L[np.ix_(g, g)], rcond=1e-12, hermitian=True) @ L[g, :]
+    whole = float(beta @ L[np.ix_(i, i)] @ beta)
+    if whole <= 0.0:
+        return 0.0
+    wj = _whitener(L[np.ix_(j, j)], evidence.plausible[j])
+    taken = wj.T @ L[np.ix_(j, i)] @ beta
+    return float(np.clip(taken @ taken / whole, 0.0, 1.0))
+
+
+def predicted_lambda(evidence: Evidence, betas: Mapping[str, FloatArray], name: str) -> float:
+    """beta' Lambda beta of one effect with the other effects in `betas` projected out: what could be found beforehand."""
+    information, _ = project_out(evidence, name, [other for other in betas if other != name])
+    beta = np.asarray(betas[name])
+    return float(beta @ information.sum(axis=0) @ beta)
+
+
+def _seen_directions(information: FloatArray, plausible: FloatArray) -> FloatArray:
+    """(size, seen) orthogonal (in plausible units) directions of beta on which there is information."""
+    scaled = information * np.outer(plausible, plausible)
+    values, vectors = np.linalg.eigh(scaled)
+    return np.asarray(plausible[:, None] * vectors[:, values > WIDEST_DIRECTION**-2])
+
+
+def _whitener(information: FloatArray, plausible: FloatArray) -> FloatArray:
+    """(size, seen) W with W' Lambda W = 1 on the directions that are seen."""
+    basis = _seen_directions(information, plausible)
+    if basis.shape[1] == 0:
+        return basis
+    values, vectors = np.linalg.eigh(basis.T @ information @ basis)
+    return np.asarray(basis @ vectors / np.sqrt(values))
