@@ -155,6 +155,7 @@ class Recording:
     origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
     effects : declared effects by name, with their parameters; every estimator models them
     source : where it was read from, for messages
+    notes : what its reader chose or left out, for reports
     """
 
     name: str
@@ -166,6 +167,7 @@ class Recording:
     origin: tuple[float, float, float] | None = None
     effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     source: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.streams:
@@ -200,15 +202,33 @@ def check_stream(where: str | Path, name: str, stream: Stream) -> None:
     alternatives = REQUIRED_COLUMNS[name]
     if not any(stream.has(columns) for columns in alternatives):
         expected = " or ".join(", ".join(columns) for columns in alternatives)
-        raise InputError(where, f"columns {', '.join(stream.columns) or 'none'}", f"columns {expected}", place)
+        nearest = max(alternatives, key=lambda columns: sum(column in stream for column in columns))
+        missing = ", ".join(column for column in nearest if column not in stream)
+        found = f"no column {missing} (there are {', '.join(stream.columns) or 'none'})"
+        raise InputError(where, found, f"columns {expected}", place)
+    for triad in (ACCEL, GYRO, MAG, POSITION, VELOCITY):
+        missing = ", ".join(column for column in triad if column not in stream)
+        if missing and any(column in stream for column in triad):
+            raise InputError(where, f"no column {missing}", f"all of {', '.join(triad)}, or none", place)
+    check_rows(where, stream, place)
+
+
+def check_rows(where: str | Path, stream: Stream, place: str = "") -> None:
+    """Check the rows of a stream: at least one, finite numbers, time strictly increasing.
+
+    Raises
+    ------
+    InputError : names the row (1 = first row of data), what was found and what was expected
+    """
     if len(stream) == 0:
         raise InputError(where, "no rows", "at least one row", place)
+    prefix = f"{place}, " if place else ""
     for column, values in {"t": stream.t, **stream.columns}.items():
         if len(values) != len(stream):
             raise InputError(where, f"column {column} has {len(values)} rows", f"{len(stream)} as in t", place)
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            raise InputError(where, f"{values[bad[0]]} in column {column}", "a number", f"{place}, row {bad[0] + 1}")
+            raise InputError(where, f"{values[bad[0]]} in column {column}", "a number", f"{prefix}row {bad[0] + 1}")
     back = np.flatnonzero(np.diff(stream.t) <= 0.0)
     if len(back):
         k = int(back[0]) + 1
@@ -216,5 +236,5 @@ def check_stream(where: str | Path, name: str, stream: Stream) -> None:
             where,
             f"t goes from {stream.t[k - 1]:.6g} to {stream.t[k]:.6g} s",
             "strictly increasing time",
-            f"{place}, row {k + 1}",
+            f"{prefix}row {k + 1}",
         )

@@ -45,7 +45,23 @@ GLONASS = np.dtype(
     [("satellite", "<U3")]
     + [
         (name, "<f8")
-        for name in ("time", "tau", "gamma", "x", "vx", "ax", "health", "y", "vy", "ay", "channel", "z", "vz", "az", "age")
+        for name in (
+            "time",
+            "tau",
+            "gamma",
+            "x",
+            "vx",
+            "ax",
+            "health",
+            "y",
+            "vy",
+            "ay",
+            "channel",
+            "z",
+            "vz",
+            "az",
+            "age",
+        )
     ]
 )
 #: Columns of a Kepler record after the time (RINEX 3.04, tables A6, A8, A12, A14): names in the order of the file.

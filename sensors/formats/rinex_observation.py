@@ -196,7 +196,8 @@ def walk_3(text: Text, header: Header, journal: Journal) -> Layout:
         read = epoch_3(text.line(mark))
         if read is None:
             journal.add(
-                "epoch left out: no time or count could be read", f"line {mark + 1}, `{printable(text.line(mark)[:40])}`"
+                "epoch left out: no time or count could be read",
+                f"line {mark + 1}, `{printable(text.line(mark)[:40])}`",
             )
             continue
         time, flag, count = read

@@ -1,0 +1,70 @@
+"""From latitude, longitude and height to north, east, down at an origin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+from sensors.recording import GEODETIC, POSITION, Stream
+
+Origin = tuple[float, float, float]
+
+
+def to_ned(
+    where: Path | str, streams: Mapping[str, Stream], origin: Origin | None
+) -> tuple[dict[str, Stream], Origin | None, tuple[str, ...]]:
+    """Turn geodetic positions of `gps` and `base` into NED.
+
+    Parameters
+    ----------
+    where : of the recording, for messages
+    streams : by name; latitude, longitude in deg, height in m above the ellipsoid
+    origin : of the NED frame; None: the first fix of `gps`, else of `base`
+
+    Returns
+    -------
+    streams : with `north, east, down` [m] in place of the geodetic columns
+    origin : the one that was used, or the one given
+    notes : what was chosen
+
+    Raises
+    ------
+    InputError : latitude beyond 90 deg, longitude beyond 360 deg
+    """
+    changed, notes = dict(streams), []
+    for name in ("gps", "base"):
+        stream = streams.get(name)
+        if stream is None or not stream.has(GEODETIC) or stream.has(POSITION) or len(stream) == 0:
+            continue
+        lla = stream.array(GEODETIC)
+        _check_degrees(where, name, lla)
+        if origin is None:
+            origin = (float(lla[0, 0]), float(lla[0, 1]), float(lla[0, 2]))
+            notes.append(f"no [origin]: the first fix of {name} is taken ({origin[0]:.7f}, {origin[1]:.7f} deg, "
+                         f"{origin[2]:.2f} m)")  # fmt: skip
+        kept = {column: values for column, values in stream.columns.items() if column not in GEODETIC}
+        changed[name] = Stream(stream.t, {**ned_columns(lla, origin), **kept})
+    return changed, origin, tuple(notes)
+
+
+def ned_columns(lla: FloatArray, origin: Origin) -> dict[str, FloatArray]:
+    """`north, east, down` [m], each (n,), of (n, 3) latitude, longitude [deg] and height [m] (WGS-84)."""
+    import pymap3d
+
+    ned = pymap3d.geodetic2ned(lla[:, 0], lla[:, 1], lla[:, 2], *origin, deg=True)
+    return {name: np.asarray(values, dtype=np.float64) for name, values in zip(POSITION, ned, strict=True)}
+
+
+def _check_degrees(where: Path | str, name: str, lla: FloatArray) -> None:
+    for column, limit, values in (("latitude", 90.0, lla[:, 0]), ("longitude", 360.0, lla[:, 1])):
+        bad = np.flatnonzero(np.abs(values) > limit)
+        if len(bad):
+            value = values[bad[0]]
+            looks = " (looks like 1e-7 deg)" if abs(value) > 1e5 else ""
+            raise InputError(
+                where, f"{column} {value:.9g}{looks}", f"degrees, at most {limit:g}", f"stream {name}, row {bad[0] + 1}"
+            )

@@ -1,0 +1,128 @@
+"""What a recording declares about itself: the tables that `recording.toml` and a map have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sensors.formats.toml_table import Table
+from sensors.recording import Environment, Initial, SensorSpec
+
+Origin = tuple[float, float, float]
+
+#: The keys that each sensor may declare.
+_CONTINUOUS = ("noise_density", "noise_std", "bias_walk", "bias_std", "average_time", "imu_samples")
+_PER_READING = ("noise_std", "bias_walk", "bias_std")
+SENSOR_KEYS: dict[str, tuple[str, ...]] = {
+    "accel": _CONTINUOUS,
+    "gyro": _CONTINUOUS,
+    "mag": (*_PER_READING, "average_time"),
+    "baro": _PER_READING,
+    "sonar": _PER_READING,
+    "laser": (*_PER_READING, "angles"),
+    "gps": (*_PER_READING, "velocity_noise_std"),
+    "base": (*_PER_READING, "velocity_noise_std", "base_position"),
+}
+
+
+@dataclass(frozen=True)
+class Header:
+    """What is declared: the attributes of `Recording` that are not readings."""
+
+    origin: Origin | None = None
+    environment: Environment = field(default_factory=Environment)
+    initial: Initial = field(default_factory=Initial)
+    sensors: dict[str, SensorSpec] = field(default_factory=dict)
+    effects: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+def read_header(table: Table) -> Header:
+    """Read `[origin]`, `[environment]`, `[initial]`, `[sensors.*]` and `[effects]` of a table.
+
+    Raises
+    ------
+    InputError : names the key, what was found, what was expected
+    """
+    return Header(
+        origin=_origin(table),
+        environment=_environment(table.table("environment")),
+        initial=_initial(table.table("initial")),
+        sensors=_sensors(table.table("sensors")),
+        effects=_effects(table.table("effects")),
+    )
+
+
+def _origin(table: Table) -> Origin | None:
+    if "origin" not in table:
+        return None
+    origin = table.table("origin")
+    latitude = origin.number("latitude", at_least=-90.0, at_most=90.0)
+    longitude = origin.number("longitude", at_least=-180.0, at_most=360.0)
+    height = origin.number("height")
+    origin.done()
+    for key, value in (("latitude", latitude), ("longitude", longitude), ("height", height)):
+        if value is None:
+            raise origin.error(key, "no such key", "latitude, longitude [deg] and height [m] of the NED frame")
+    assert latitude is not None and longitude is not None and height is not None
+    return latitude, longitude, height
+
+
+def _environment(table: Table) -> Environment:
+    environment = Environment(
+        gravity=table.number("gravity", above=0.0),
+        magnetic_field=table.vector("magnetic_field", 3),
+        ground_down=table.number("ground_down") or 0.0,
+        earth_rotation=table.flag("earth_rotation") or False,
+    )
+    table.done()
+    if environment.magnetic_field is not None and not np.any(environment.magnetic_field):
+        raise table.wrong("magnetic_field", "a field that is not zero")
+    return environment
+
+
+def _initial(table: Table) -> Initial:
+    initial = Initial(
+        position=table.vector("position", 3),
+        velocity=table.vector("velocity", 3),
+        quaternion=table.vector("quaternion", 4),
+        position_std=table.number("position_std", at_least=0.0),
+        velocity_std=table.number("velocity_std", at_least=0.0),
+        attitude_std=table.number("attitude_std", at_least=0.0),
+    )
+    table.done()
+    # Two printed digits of a unit quaternion leave its norm within 1 % of one.
+    if initial.quaternion is not None and abs(np.linalg.norm(initial.quaternion) - 1.0) > 0.01:
+        raise table.wrong("quaternion", "a quaternion of norm 1, scalar first")
+    return initial
+
+
+def _sensors(table: Table) -> dict[str, SensorSpec]:
+    specs = {sensor: _sensor(table.table(sensor), keys) for sensor, keys in SENSOR_KEYS.items() if sensor in table}
+    table.done()
+    return specs
+
+
+def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
+    values: dict[str, object] = {}
+    for key in keys:
+        if key in ("noise_density", "noise_std", "velocity_noise_std", "average_time"):
+            values[key] = table.number(key, above=0.0)
+        elif key in ("bias_walk", "bias_std"):
+            values[key] = table.number(key, at_least=0.0)
+        elif key == "imu_samples":
+            values[key] = table.text(key, ("instant", "average")) or "instant"
+        else:
+            values[key] = table.vector(key, 3 if key == "base_position" else None)
+    table.done()
+    return SensorSpec(**values)  # type: ignore[arg-type]
+
+
+def _effects(table: Table) -> dict[str, tuple[float, ...]]:
+    effects: dict[str, tuple[float, ...]] = {}
+    for name in table.keys():
+        beta = np.atleast_1d(table.number(name)) if not isinstance(table.get(name), list) else table.vector(name)
+        assert beta is not None
+        effects[name] = tuple(float(value) for value in beta)
+    table.done()
+    return effects

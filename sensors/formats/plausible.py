@@ -1,0 +1,145 @@
+"""Whether readings can be in the unit that they are said to be in: what a wrong scale looks like, for every reader.
+
+A reading is refused only where its unit is recognised; what is merely odd (a fault, a large bias, a crash) passes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.constants import STANDARD_GRAVITY
+from sensors.errors import InputError
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+
+#: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
+#: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
+_NEAR_GRAVITY = 1.6
+_ACCEL_UNITS = (("g", 1.0), ("milli-g", 1000.0))
+#: Gravity on the Earth's surface lies within 0.3 % of the standard one; on other bodies the rules below do not hold.
+_EARTH_GRAVITY = (9.7, 9.9)
+#: Beyond 10 g in the middle of a flight: no vehicle, but raw counts of every converter with 12 bits or more.
+_HIGHEST_MEDIAN_FORCE = 100.0
+#: The widest range of a rate gyroscope that is sold for vehicles is 4000 deg/s.
+_HIGHEST_RATE = np.radians(4000.0)
+#: Bias of the worst rate gyroscopes that are sold is 40 deg/s; a body at rest cannot turn faster than its gyro's bias.
+_HIGHEST_RATE_AT_REST = 1.0
+#: Share of the turn of a direction that the rates explain: below it the scale between the two says nothing.
+_EXPLAINED = 0.5
+_DEGREE = np.pi / 180.0
+
+
+def check_units(recording: Recording) -> None:
+    """Refuse readings whose unit is recognisably another one.
+
+    Raises
+    ------
+    InputError : names the stream, what the readings look like, and the unit that was expected
+    """
+    for name in ("imu", "poses"):
+        stream = recording.streams.get(name)
+        if stream is not None and stream.has(ACCEL):
+            _check_accel(recording, name, stream)
+    imu = recording.streams.get("imu")
+    if imu is not None:
+        _check_time(recording, imu)
+        _check_gyro(recording, imu)
+    baro = recording.streams.get("baro")
+    if baro is not None and "pressure" in baro:
+        _check_pressure(recording, baro)
+
+
+def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
+    """The median norm of specific force is near gravity; in poses `gravity = 1` says that g is meant."""
+    gravity = recording.environment.gravity
+    poses = recording.kind == "poses"
+    if poses and gravity is not None and not _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]:
+        return
+    force = float(np.median(np.linalg.norm(stream.array(ACCEL), axis=1)))
+    found = f"accelerometer with a median norm of {force:.4g}"
+    for unit, one in _ACCEL_UNITS:
+        if one / _NEAR_GRAVITY < force < one * _NEAR_GRAVITY:
+            hint = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest"
+            raise InputError(recording.where, f"{found}: looks like {unit}", hint, f"stream {name}")
+    if not poses and force > _HIGHEST_MEDIAN_FORCE:
+        raise InputError(recording.where, f"{found}: looks like raw counts", "m/s^2", f"stream {name}")
+
+
+def _check_time(recording: Recording, imu: Stream) -> None:
+    if recording.kind != "flight" or len(imu) < 10:
+        return
+    step = float(np.median(np.diff(imu.t)))
+    if step >= 1.0:
+        unit = "ms" if step < 1000.0 else "us"
+        found = f"a median step of {step:.4g} between samples: time looks like {unit}"
+        raise InputError(recording.where, found, "seconds", "stream imu")
+
+
+def _check_pressure(recording: Recording, baro: Stream) -> None:
+    pressure = float(np.median(baro["pressure"]))
+    if 300.0 < pressure < 1100.0:
+        found = f"a median pressure of {pressure:.4g}: looks like hPa"
+        raise InputError(recording.where, found, "Pa, about 101325 at sea level", "stream baro")
+
+
+def _check_gyro(recording: Recording, imu: Stream) -> None:
+    """Rates beyond any instrument; rates that turn the field or gravity 57 times too fast; rates at rest."""
+    rate = imu.array(GYRO)
+    peak = float(np.percentile(np.abs(rate), 99.9))
+    if peak > _HIGHEST_RATE:
+        unit = "deg/s" if peak < np.degrees(_HIGHEST_RATE) else "raw counts"
+        raise _gyro_error(recording, f"gyroscope with rates to {peak:.4g}: looks like {unit}")
+    force = imu.array(ACCEL)
+    mag = recording.streams.get("mag")
+    directions = [(imu.t, force)]
+    if mag is not None and mag.has(MAG):
+        directions.append((mag.t, mag.array(MAG)))
+    for t, direction in directions:
+        if _turns_like_degrees(imu.t, rate, t, direction):
+            raise _gyro_error(recording, f"gyroscope with rates to {peak:.4g}: looks like deg/s (what it sees turns 57 "
+                                         "times slower)")  # fmt: skip
+    at_rest = np.all(np.std(force, axis=0) < 0.2) and len(imu) > 1
+    mean_force = force.mean(axis=0)
+    across = np.median(np.linalg.norm(np.cross(rate, mean_force), axis=1)) / max(
+        float(np.linalg.norm(mean_force)), 1e-9
+    )
+    if at_rest and across > _HIGHEST_RATE_AT_REST:
+        raise _gyro_error(recording, f"gyroscope with a rate of {across:.3g} at rest: looks like deg/s")
+
+
+def _gyro_error(recording: Recording, found: str) -> InputError:
+    return InputError(recording.where, found, "rad/s", "stream imu")
+
+
+def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, seen: FloatArray) -> bool:
+    """Whether a direction fixed in the world turns in the body about pi/180 times as fast as the rates say.
+
+    d u / dt = -w x u is integrated over intervals of about 0.3 s and fitted by one scale s, du = s int(-w x u) dt:
+    s = 1 for rad/s, pi/180 for deg/s. Noise of the rates pulls s towards zero, but then explains little of du; a bias of
+    the rates and of the direction is taken off as the mean of each axis.
+    """
+    if len(t) < 50 or len(t_rate) < 50:
+        return False
+    u = seen - (0.5 * (np.max(seen, axis=0) + np.min(seen, axis=0)) if _covers(seen) else 0.0)
+    norm = np.linalg.norm(u, axis=1)
+    if np.median(norm) <= 0.0:
+        return False
+    u = u / np.median(norm)
+    w = np.stack([np.interp(t, t_rate, column) for column in rate.T], axis=-1)
+    turn = -np.cross(w - np.median(w, axis=0), u)
+    step = np.diff(t)[:, None]
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * step * (turn[1:] + turn[:-1]), axis=0)])
+    rows = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], max(0.3, float(np.median(step))))))
+    du, expected = np.diff(u[rows], axis=0).ravel(), np.diff(angle[rows], axis=0).ravel()
+    power, seen_power = float(expected @ expected), float(du @ du)
+    if power <= 0.0 or seen_power <= 0.0:
+        return False
+    scale = float(expected @ du) / power
+    explained = scale * float(expected @ du) / seen_power
+    return explained > _EXPLAINED and 0.5 * _DEGREE < scale < 2.0 * _DEGREE
+
+
+def _covers(seen: FloatArray) -> bool:
+    """Whether the readings turn through so much of the sphere that their middle is their offset."""
+    half = 0.5 * np.ptp(seen, axis=0)
+    return bool(np.min(half) > 0.5 * np.max(half))
