@@ -1,4 +1,4 @@
-"""Least squares with a covariance, singular values, and a sentence for every direction that the data do not determine."""
+"""Least squares with a covariance, singular values, and a sentence for every direction that the data leave open."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def undetermined_directions(
 
 
 def covariance_of(J: FloatArray, plausible: FloatArray, sigma: float) -> FloatArray:
-    """sigma^2 (J'J)^-1 through the singular values; a parameter with a share in a null direction has infinite variance."""
+    """sigma^2 (J'J)^-1 through the singular values; infinite variance for a parameter with a share in a null direction."""
     values, vt = _scaled_svd(J, plausible)
     seen = values > _RANK_TOLERANCE * max(values[0], np.finfo(float).tiny)
     v = vt[seen].T

@@ -1,11 +1,11 @@
 """Information and score of every candidate effect, and the statistics made of them.
 
-A source of evidence (a filter pass, a norm calibration, a set of pseudoranges) gives, for all candidates jointly and block
-of time by block, with everything it fits besides projected out,
+A source of evidence (a filter pass, a norm calibration, a set of pseudoranges) gives, for all candidates jointly and
+block of time by block, with everything it fits besides projected out,
 
     Lambda_k = sum S_beta' S^-1 S_beta,    b_k = sum S_beta' S^-1 nu.
 
-To first order E[b_k] = Lambda_k beta and Cov[b_k] = Lambda_k under the model. What follows is the same for every source.
+To first order E[b_k] = Lambda_k beta and Cov[b_k] = Lambda_k under the model. What follows is the same for any source.
 Source: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108 (generalised likelihood ratio);
 C. R. Rao, "Large sample tests of statistical hypotheses" (1948) (the score test).
 """
@@ -36,6 +36,8 @@ class Evidence:
     information : (blocks, p, p), p the sum of the sizes
     score : (blocks, p)
     plausible : (p,) plausible 1-sigma sizes, the unit in which directions of beta are compared
+    noise_dof : degrees of freedom from which the noise level was estimated, with what the model lacks still in it;
+        infinite where the noise is declared
     """
 
     names: tuple[str, ...]
@@ -43,6 +45,7 @@ class Evidence:
     information: FloatArray
     score: FloatArray
     plausible: FloatArray
+    noise_dof: float = np.inf
 
     def columns(self, *names: str) -> list[int]:
         """Column numbers of the named candidates."""
@@ -68,9 +71,11 @@ class Statistic:
     Attributes
     ----------
     name : of the candidate
-    statistic : b' Lambda^-1 b, chi-square with `dof` under "no effect"
+    statistic : b' Lambda^-1 b, chi-square with `dof` under "no effect"; with an estimated noise level the likelihood
+        ratio nu log(SSE before / SSE after) that becomes it
     dof : number of directions of beta that the data can see
     scatter : of the block scores about one constant beta; 1 for a true effect, above for a wrong one or for colour
+    log_p, log_p_corrected : logarithm of the p-value, as it is and with the evidence divided by max(1, scatter)
     beta, std : (size,) first-order estimate and its 1-sigma (infinite in directions that are not seen)
     detectable_from : (size,) smallest component that could be told from none (lambda = 30), the others free
     """
@@ -79,33 +84,51 @@ class Statistic:
     statistic: float
     dof: int
     scatter: float
+    log_p: float
+    log_p_corrected: float
     beta: FloatArray
     std: FloatArray
     detectable_from: FloatArray
 
     @property
-    def corrected(self) -> float:
-        """The statistic divided by max(1, scatter)."""
-        return self.statistic / max(1.0, self.scatter)
-
-    @property
     def p_value(self) -> float:
         """Of the corrected statistic."""
-        return p_value(self.corrected, self.dof)
+        return float(np.exp(self.log_p_corrected))
 
 
 #: lambda = beta' Lambda beta above which an effect is found almost always (96 % of simulated cases at 30 to 45).
 DETECTABLE_LAMBDA = 30.0
 
 
-def p_value(statistic: float, dof: int) -> float:
-    """Probability that chi-square with `dof` exceeds the statistic; 1 where no direction is seen."""
-    return 1.0 if dof == 0 else float(stats.chi2.sf(statistic, dof))
+def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float = 1.0) -> float:
+    """Logarithm of the p-value of a drop in the weighted sum of squares.
+
+    Declared noise: chi-square(gain / scatter). Estimated noise: F of (gain / dof) / (what is left / its dof) / scatter.
+
+    Parameters
+    ----------
+    gain : drop of the sum of squares in units of the present noise variance
+    dof : parameters that brought it; 0 gives 0 (p = 1)
+    noise_dof : degrees of freedom of the present noise estimate; infinite: declared
+    scatter : divides the evidence where it exceeds 1
+    """
+    scatter = max(1.0, scatter)
+    if dof == 0:
+        return 0.0
+    if not np.isfinite(noise_dof):
+        return float(stats.chi2.logsf(gain / scatter, dof))
+    left = noise_dof - dof
+    if left <= 0.0:
+        return 0.0
+    rest = max(noise_dof - gain, 1e-12 * noise_dof)
+    return float(stats.f.logsf((gain / dof) / (rest / left) / scatter, dof, left))
 
 
-def strength(statistic: float, dof: int) -> float:
-    """-2 log of the p-value: compares candidates with different numbers of parameters."""
-    return 0.0 if dof == 0 else float(-2.0 * stats.chi2.logsf(statistic, dof))
+def likelihood_ratio(gain: float, noise_dof: float) -> float:
+    """The gain as a likelihood ratio: itself with declared noise, nu log(1 / (1 - gain / nu)) with estimated noise."""
+    if not np.isfinite(noise_dof):
+        return gain
+    return float(-noise_dof * np.log(max(1.0 - gain / noise_dof, 1e-12)))
 
 
 def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> Statistic:
@@ -120,7 +143,7 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     size = len(columns)
     if basis.shape[1] == 0:
         unseen = np.full(size, np.inf)
-        return Statistic(name, 0.0, 0, 1.0, np.zeros(size), unseen, unseen)
+        return Statistic(name, 0.0, 0, 1.0, 0.0, 0.0, np.zeros(size), unseen, unseen)
     L = np.einsum("ia,kij,jb->kab", basis, information, basis)
     b = score @ basis
     total, total_score = L.sum(axis=0), b.sum(axis=0)
@@ -129,11 +152,17 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     covariance = basis @ inverse @ basis.T
     lost = 1.0 - np.sum((basis / plausible[:, None]) ** 2, axis=1) > 1e-3  # a share of the component is unseen
     std = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
+    gain, dof, noise_dof = float(total_score @ x), basis.shape[1], evidence.noise_dof
+    scatter = block_scatter(L, b, x)
+    if np.isfinite(noise_dof):  # the noise that is left once the effect is in the model
+        scatter *= max(noise_dof - dof, 1.0) / max(noise_dof - gain, 1e-12 * noise_dof)
     return Statistic(
         name,
-        float(total_score @ x),
-        basis.shape[1],
-        block_scatter(L, b, x),
+        likelihood_ratio(gain, noise_dof),
+        dof,
+        scatter,
+        log_p_value(gain, dof, noise_dof),
+        log_p_value(gain, dof, noise_dof, scatter),
         basis @ x,
         std,
         np.sqrt(DETECTABLE_LAMBDA) * std,
@@ -219,7 +248,7 @@ def overlap(evidence: Evidence, of: str, beta: FloatArray, by: str, given: Seque
 
 
 def predicted_lambda(evidence: Evidence, betas: Mapping[str, FloatArray], name: str) -> float:
-    """beta' Lambda beta of one effect with the other effects in `betas` projected out: what could be found beforehand."""
+    """beta' Lambda beta of one effect with the others in `betas` projected out: what could be found beforehand."""
     information, _ = project_out(evidence, name, [other for other in betas if other != name])
     beta = np.asarray(betas[name])
     return float(beta @ information.sum(axis=0) @ beta)
