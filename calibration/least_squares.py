@@ -103,7 +103,7 @@ def undetermined_directions(
 
 
 def covariance_of(J: FloatArray, plausible: FloatArray, sigma: float) -> FloatArray:
-    """sigma^2 (J'J)^-1 through the singular values; infinite variance for a parameter with a share in a null direction."""
+    """sigma^2 (J'J)^-1 through the singular values; infinite variance where a direction is not seen."""
     values, vt = _scaled_svd(J, plausible)
     seen = values > _RANK_TOLERANCE * max(values[0], np.finfo(float).tiny)
     v = vt[seen].T

@@ -103,7 +103,7 @@ def norm_jacobian(x: FloatArray, readings: FloatArray) -> FloatArray:
     """(n, parameters) of `norm_residual`.
 
     With v = K (reading + b), u = T v and e = u / |u|:
-    d|u|/dK_i = (T'e)_i (reading + b)_i,  d|u|/db_i = (T'e)_i K_i,  d|u|/dT_ij = (R'e)_i v_j with T = R (upper triangle),
+    d|u|/dK_i = (T'e)_i (reading + b)_i,  d|u|/db_i = (T'e)_i K_i,  d|u|/dT_ij = (R'e)_i v_j with T = R (upper),
     d|u|/drotation = u x e, which is zero: the data say by themselves that a rotation leaves no trace.
     """
     shifted = readings + x[3:6]
