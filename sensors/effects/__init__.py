@@ -1,7 +1,156 @@
-"""The catalogue of effects: one file an effect, one line here."""
+"""The catalogue of effects: one file an effect, one line here.
+
+`effect("mag.current")` gives a declaration, `effects_for("flight", ("accel", "mag"))` the candidates. A file is read
+when its effect is first asked for.
+"""
 
 from __future__ import annotations
 
-from sensors.effects.declaration import Effect, Parameter
+from collections.abc import Collection, Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 
-__all__ = ["Effect", "Parameter"]
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.effects.declaration import Effect, Parameter
+from sensors.model import SensorModel
+from sensors.motion import Motion
+
+__all__ = ["CATALOGUE", "Effect", "Parameter", "apply_effects", "effect", "effects_for"]
+
+#: name of the effect -> file, and for a family the stream
+_FILES: dict[str, tuple[str, str | None]] = {
+    "accel.cross_axis": ("accel_cross_axis", None),
+    "accel.scale": ("accel_scale", None),
+    "accel.scale_nonlinearity": ("accel_scale_nonlinearity", None),
+    "accel.temperature": ("accel_temperature", None),
+    "accel.lever_arm": ("accel_lever_arm", None),
+    "accel.vibration": ("accel_vibration", None),
+    "accel.misalignment": ("accel_misalignment", None),
+    "gyro.scale": ("gyro_scale", None),
+    "gyro.cross_axis": ("gyro_cross_axis", None),
+    "gyro.temperature": ("gyro_temperature", None),
+    "gyro.g_sensitivity": ("gyro_g_sensitivity", None),
+    "mag.cross_axis": ("mag_cross_axis", None),
+    "mag.scale": ("mag_scale", None),
+    "mag.current": ("mag_current", None),
+    "mag.temperature": ("mag_temperature", None),
+    "mag.declination": ("mag_declination", None),
+    "mag.misalignment": ("mag_misalignment", None),
+    "baro.airspeed": ("baro_airspeed", None),
+    "baro.temperature": ("baro_temperature", None),
+    "baro.propwash": ("baro_propwash", None),
+    "baro.lag": ("baro_lag", None),
+    "baro.scale": ("baro_scale", None),
+    "sonar.sound_speed": ("sonar_sound_speed", None),
+    "sonar.mount_offset": ("sonar_mount_offset", None),
+    "sonar.beam_cone": ("sonar_beam_cone", None),
+    "sonar.terrain_slope": ("sonar_terrain_slope", None),
+    "laser.boresight": ("laser_boresight", None),
+    "laser.mount_offset": ("laser_mount_offset", None),
+    "laser.scale": ("laser_scale", None),
+    "laser.terrain_slope": ("laser_terrain_slope", None),
+    "gps.lever_arm": ("gps_lever_arm", None),
+    "gps.latency": ("gps_latency", None),
+    "motion.rotor_drag": ("motion_rotor_drag", None),
+    "motion.wind": ("motion_wind", None),
+    **{f"{s}.step": ("step", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
+    **{f"{s}.transient": ("transient", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
+    **{f"{s}.outliers": ("outliers", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
+    **{f"{s}.time_offset": ("time_offset", s) for s in ("mag", "baro", "sonar", "laser")},
+    "pseudorange.earth_rotation": ("pseudorange_earth_rotation", None),
+    "pseudorange.relativity": ("pseudorange_relativity", None),
+    "pseudorange.group_delay": ("pseudorange_group_delay", None),
+    "pseudorange.troposphere": ("pseudorange_troposphere", None),
+    "pseudorange.ionosphere": ("pseudorange_ionosphere", None),
+    "pseudorange.satellite_fault": ("pseudorange_satellite_fault", None),
+}
+_STREAM_OF = {"motion": "level"}  # where the first part of a name is not the stream
+
+
+def _is_there(file: str) -> bool:
+    return find_spec(f"{__name__}.{file}") is not None
+
+
+class _Catalogue(Mapping[str, Effect]):
+    """All effects by name; a file is read when its effect is first asked for."""
+
+    def __getitem__(self, name: str) -> Effect:
+        return effect(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_names())
+
+    def __len__(self) -> int:
+        return len(_names())
+
+
+CATALOGUE: Mapping[str, Effect] = _Catalogue()
+
+
+@cache
+def _names() -> tuple[str, ...]:
+    return tuple(name for name, (file, _) in _FILES.items() if _is_there(file))
+
+
+@cache
+def effect(name: str) -> Effect:
+    """The effect of that name.
+
+    Raises
+    ------
+    KeyError : no such effect; names the nearest ones
+    """
+    if name not in _FILES or not _is_there(_FILES[name][0]):
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, _names(), n=3, cutoff=0.4) or _names()
+        raise KeyError(f"no effect `{name}`; there are {', '.join(near)}")
+    file, stream = _FILES[name]
+    module = import_module(f"{__name__}.{file}")
+    found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
+    return found
+
+
+def effects_for(kind: str, streams: Collection[str], localised: bool = False) -> tuple[Effect, ...]:
+    """The effects that are candidates in a recording of a kind with certain streams.
+
+    Parameters
+    ----------
+    kind : flight or poses (pseudoranges are effects of stream `pseudorange`)
+    streams : sensors that the recording has, as `Effect.stream` names them (`level` where that pseudo-sensor is on)
+    localised : also the time-localised families (step, transient, outliers), whose interval has to be searched
+    """
+    ours = [name for name in CATALOGUE if _STREAM_OF.get(name.split(".")[0], name.split(".")[0]) in streams]
+    return tuple(e for e in map(effect, ours) if kind in e.kinds and (localised or not e.is_local))
+
+
+def apply_effects(
+    plain: FloatArray,
+    effects: Mapping[str, FloatArray] | list[tuple[Effect, FloatArray]],
+    motion: Motion,
+    model: SensorModel,
+) -> FloatArray:
+    """The reading with several effects of one stream in it, each taken of the plain reading.
+
+    reading = plain + sum (effect_i(plain) - plain); with `gps.latency` a lever arm is that of t - b too.
+
+    Parameters
+    ----------
+    plain : (n, size) what the perfect sensor reads
+    effects : beta by name, or pairs of an effect and its beta
+    motion : at the instants of the readings
+    model : of the sensor
+    """
+    pairs = [(effect(n), b) for n, b in effects.items()] if isinstance(effects, Mapping) else list(effects)
+    late = next((float(np.asarray(b)[0]) for e, b in pairs if e.name == "gps.latency"), 0.0)
+    reading = plain.copy()
+    for entry, beta in pairs:
+        if entry.name == "gps.lever_arm" and late != 0.0:
+            earlier = motion.at(motion.t - late)
+            reading += entry.apply(plain, beta, earlier, model) - plain
+        else:
+            reading += entry.apply(plain, beta, motion, model) - plain
+    return reading

@@ -13,8 +13,19 @@ from sensors.motion import Motion
 
 #: (motion) -> (n, stream size, parameters): d reading / d beta at beta = 0, along the plain motion
 Regressor = Callable[[Motion], FloatArray]
+#: (start, end) -> the effect over that interval
+Localised = Callable[[float, float], "Effect"]
 #: (plain reading (n, size), beta, motion, model) -> (n, size): the reading with the effect in it, exactly
 Exact = Callable[[FloatArray, FloatArray, Motion, SensorModel | None], FloatArray]
+
+
+#: What stands in for a quantity that is not known: `m_b` = C_bn m_n, airspeed = |v - wind|, throttle for the current
+_ALTERNATIVES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "m_b": (("q_nb", "m_n"),),
+    "airspeed": (("wind", "v_n"),),
+    "current": (("throttle",),),
+}
+_DIFFERENCE = 1e-4  # of a plausible size: rounding and curvature both stay below 1e-7 of the slope
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,8 @@ class Effect:
     regressor, exact : see above
     scenario : the scenario that shows it
     separates : the manoeuvre that would make it visible, for messages
+    interval, localised : of a time-localised effect: start and end [s], and the same effect over another interval
+    in_field_units : its parameters go with the unit of the magnetic field; `plausible` is for a field of norm one
     """
 
     name: str
@@ -60,6 +73,9 @@ class Effect:
     kinds: frozenset[str] = frozenset({"flight"})
     scenario: str = ""
     separates: str = ""
+    interval: tuple[float, float] | None = None
+    localised: Localised | None = None
+    in_field_units: bool = False
 
     @property
     def size(self) -> int:
@@ -76,9 +92,55 @@ class Effect:
         """(parameters,) plausible 1-sigma sizes."""
         return np.array([parameter.plausible for parameter in self.parameters])
 
+    @property
+    def is_local(self) -> bool:
+        """Whether it is time-localised: its interval, or which readings it hits, has to be searched."""
+        return self.localised is not None or self.name.endswith(".outliers")
+
+    def over(self, t0: float, t1: float) -> Effect:
+        """The time-localised effect over t0 <= t < t1 [s]; a step ends at infinity."""
+        if self.localised is None:
+            raise ValueError(f"`{self.name}` is not time-localised; expected a step or a transient")
+        return self.localised(t0, t1)
+
+    def plausible_in(self, motion: Motion) -> FloatArray:
+        """(parameters,) plausible 1-sigma sizes in the recording's units: the mag's go with the norm of its field."""
+        if not self.in_field_units:
+            return self.plausible
+        known = motion.m_n if motion.has("m_n") else motion.m_b
+        norm = float(np.mean(np.linalg.norm(known, axis=1))) if len(known) else 1.0
+        return self.plausible * norm
+
     def missing(self, motion: Motion) -> tuple[str, ...]:
-        """What of `needs` the motion does not have."""
-        return tuple(name for name in self.needs if not motion.has(name))
+        """What of `needs` the motion has neither itself nor in another form."""
+        return tuple(name for name in self.needs if not (motion.has(name) or _otherwise_known(name, motion)))
+
+    def rows(self, motion: Motion, size: int) -> FloatArray:
+        """(n, size, parameters) the regressor for a stream of that size.
+
+        One row holds for every beam of a scan; a GPS has three rows of position, then three of velocity, which its
+        receiver may lack and an effect may leave alone.
+        """
+        G = self.regressor(motion)
+        if G.shape[1] == 1:
+            return np.broadcast_to(G, (len(motion), size, self.size))
+        missing = max(0, size - G.shape[1])
+        return np.pad(G, ((0, 0), (0, missing), (0, 0)))[:, :size] if missing else G[:, :size]
+
+    def slope(
+        self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
+    ) -> FloatArray:
+        """(n, size, parameters) d reading / d beta at any beta: the regressor, or differences of `exact`."""
+        if self.exact is None:
+            return self.rows(motion, plain.shape[1])
+        columns = []
+        for k, step in enumerate(_DIFFERENCE * self.plausible):
+            ahead, behind = np.array(beta, dtype=np.float64), np.array(beta, dtype=np.float64)
+            ahead[k] += step
+            behind[k] -= step
+            change = self.apply(plain, ahead, motion, model) - self.apply(plain, behind, motion, model)
+            columns.append(change / (2.0 * step))
+        return np.stack(columns, axis=-1)
 
     def apply(
         self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
@@ -95,4 +157,9 @@ class Effect:
         beta = np.asarray(beta, dtype=np.float64)
         if self.exact is not None:
             return self.exact(plain, beta, motion, model)
-        return plain + self.regressor(motion) @ beta
+        return plain + self.rows(motion, plain.shape[1]) @ beta
+
+
+def _otherwise_known(name: str, motion: Motion) -> bool:
+    """Whether what an effect needs can be had from something else that the motion has."""
+    return any(all(motion.has(part) for part in parts) for parts in _ALTERNATIVES.get(name, ()))

@@ -1,0 +1,29 @@
+"""baro.temperature: the barometer's reading drifts with its temperature."""
+
+from __future__ import annotations
+
+from sensors.arrays import FloatArray
+from sensors.effects.algebra import warmth
+from sensors.effects.declaration import Effect, Parameter
+from sensors.motion import Motion
+
+PLAUSIBLE = 0.15  # m/K; BMP280 data sheet BST-BMP280-DS001: offset 1.5 Pa/K, 0.13 m/K
+
+
+def regressor(motion: Motion) -> FloatArray:
+    """(n, 1, 1): height += b (T - T0), T0 = 25 degC."""
+    return warmth(motion)[:, None, None]
+
+
+EFFECT = Effect(
+    name="baro.temperature",
+    stream="baro",
+    summary="The barometer's height follows its own temperature.",
+    physics="height += b (T - 25 degC): what is left of the cell's temperature compensation. Exact in the first order.",
+    source="Bosch BMP280 data sheet BST-BMP280-DS001, table 2 (temperature coefficient of the offset, 1.5 Pa/K)",
+    parameters=(Parameter("b", "m/K", PLAUSIBLE),),
+    needs=("temperature",),
+    regressor=regressor,
+    scenario="warm_up",
+    separates="a change of temperature beside a second height sensor",
+)

@@ -1,0 +1,41 @@
+"""gps.latency: position and velocity are those of an earlier instant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.effects.declaration import Effect, Parameter
+from sensors.model import SensorModel
+from sensors.motion import Motion
+
+PLAUSIBLE = 0.2  # s; u-blox receivers report 0.05 to 0.25 s late over a serial line
+
+
+def regressor(motion: Motion) -> FloatArray:
+    """(n, 6, 1): position -v, velocity -a; the first three rows are a receiver without velocity."""
+    return -np.concatenate([motion.v_n, motion.acceleration_n()], axis=1)[:, :, None]
+
+
+def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
+    """Position and velocity at t - b."""
+    earlier = motion.at(motion.t - beta[0])
+    return np.concatenate([earlier.p_n, earlier.v_n], axis=1)[:, : plain.shape[1]]
+
+
+EFFECT = Effect(
+    name="gps.latency",
+    stream="gps",
+    summary="The GPS reports late.",
+    physics=(
+        "Position and velocity are those of t - b (of the antenna, where there is a lever arm), b > 0: the receiver "
+        "computes and transmits before the log stamps. The state at t - b is used, not its first order."
+    ),
+    source="I. Skog, P. Handel, IEEE Trans. Intelligent Transportation Systems 12, 2011 (time synchronisation errors)",
+    parameters=(Parameter("b", "s", PLAUSIBLE),),
+    needs=("p_n", "v_n", "q_nb", "f_b"),
+    regressor=regressor,
+    exact=exact,
+    scenario="square",
+    separates="accelerations along both horizontal axes",
+)

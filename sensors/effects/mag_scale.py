@@ -1,0 +1,32 @@
+"""mag.scale: each axis of the magnetometer has a gain of its own."""
+
+from __future__ import annotations
+
+from sensors.arrays import FloatArray
+from sensors.effects.algebra import diagonal, field_b
+from sensors.effects.declaration import Effect, Parameter
+from sensors.motion import Motion
+
+PLAUSIBLE = 0.05  # 1; HMC5883L data sheet (rev. E), table 2: gain tolerance +-5 %
+
+
+def regressor(motion: Motion) -> FloatArray:
+    """(n, 3, 3): B_i += b_i B_i."""
+    return diagonal(field_b(motion))
+
+
+EFFECT = Effect(
+    name="mag.scale",
+    stream="mag",
+    summary="The magnetometer's gain is off.",
+    physics=(
+        "B_i += b_i B_i: gain of each axis, and the symmetric part of soft iron along the axes. Exact. Poses have the "
+        "scale in the plain model, so it is a candidate in flight alone."
+    ),
+    source="V. Renaudin, M. H. Afzal, G. Lachapelle, Journal of Sensors 2010, 967245; size: HMC5883L data sheet",
+    parameters=tuple(Parameter(axis, "1", PLAUSIBLE) for axis in "xyz"),
+    needs=("m_b",),
+    regressor=regressor,
+    scenario="yaw_turns",
+    separates="headings all around and large tilts",
+)
