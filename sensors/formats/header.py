@@ -64,7 +64,9 @@ def _origin(table: Table) -> Origin | None:
     for key, value in (("latitude", latitude), ("longitude", longitude), ("height", height)):
         if value is None:
             raise origin.error(key, "no such key", "latitude, longitude [deg] and height [m] of the NED frame")
-    assert latitude is not None and longitude is not None and height is not None
+    assert latitude is not None
+    assert longitude is not None
+    assert height is not None
     return latitude, longitude, height
 
 
@@ -121,8 +123,7 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
 def _effects(table: Table) -> dict[str, tuple[float, ...]]:
     effects: dict[str, tuple[float, ...]] = {}
     for name in table.keys():
-        beta = np.atleast_1d(table.number(name)) if not isinstance(table.get(name), list) else table.vector(name)
-        assert beta is not None
-        effects[name] = tuple(float(value) for value in beta)
+        beta = table.vector(name) if isinstance(table.get(name), list) else table.number(name)
+        effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
     table.done()
     return effects

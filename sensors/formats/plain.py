@@ -1,4 +1,4 @@
-"""The plain recording format: one folder, `recording.toml` and one CSV a stream. Written by hand, read to the last bit."""
+"""The plain recording format: one folder, `recording.toml` and one CSV a stream; read to the last bit."""
 
 from __future__ import annotations
 
