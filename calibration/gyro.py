@@ -144,11 +144,13 @@ class Turns:
     Attributes
     ----------
     predicted : (turns, 3) direction at the end of each turn [m/s^2]
+    rotation : (turns, 3, 3) C': predicted = rotation @ (direction before the turn)
     sensitivity : for each turn (samples, 3, 3): d predicted / d w_k [m/s^2 per rad/s]
     rows : for each turn the slice of the log's rows that its samples are
     """
 
     predicted: FloatArray
+    rotation: FloatArray
     sensitivity: tuple[FloatArray, ...]
     rows: tuple[slice, ...]
 
@@ -162,14 +164,14 @@ class Turns:
 def integrate_turns(log: GyroLog, w: FloatArray) -> Turns:
     """Carry the direction before each turn through the turn.
 
-    C = prod Exp(phi_k), f_end = C' f_start;  with phi_k -> phi_k + d phi_k:  d f_end = [f_end]x sum_k C_k+1..n' J_r d phi_k,
-    d phi_k = h (d w_k + d w_k+1) / 2
+    C = prod Exp(phi_k), f_end = C' f_start;  with phi_k -> phi_k + d phi_k:
+    d f_end = [f_end]x sum_k C_k+1..n' J_r d phi_k,  d phi_k = h (d w_k + d w_k+1) / 2
 
     Parameters
     ----------
     w : (n, 3) angular rate at every row of the log [rad/s]
-    """  # noqa: E501
-    predicted, sensitivity, rows = [], [], []
+    """
+    predicted, rotation, sensitivity, rows = [], [], [], []
     for k, (first, last) in enumerate(zip(*log.turns, strict=True)):
         turn = slice(int(first), int(last) + 1)
         t = log.t[turn]
@@ -184,9 +186,10 @@ def integrate_turns(log: GyroLog, w: FloatArray) -> Turns:
         response[:-1] += half
         response[1:] += half
         predicted.append(f_end)
+        rotation.append(C.T)
         sensitivity.append(response)
         rows.append(turn)
-    return Turns(np.array(predicted), tuple(sensitivity), tuple(rows))
+    return Turns(np.array(predicted), np.array(rotation), tuple(sensitivity), tuple(rows))
 
 
 @dataclass(frozen=True)
@@ -200,6 +203,7 @@ class GyroCalibration:
     offset : (3,) rad/s, minus the bias
     fit : the least-squares solution behind it, in whitened residuals
     log : the poses and turns it was made from
+    weights : (2,) factors (>= 1) by which the residuals of turns and of rests exceed their noise
     sse_before, sse : sum of squared direction residuals of the turns, before and after [(m/s^2)^2]
     """
 
@@ -208,6 +212,7 @@ class GyroCalibration:
     offset: FloatArray
     fit: LeastSquaresFit
     log: GyroLog
+    weights: FloatArray
     sse_before: float
     sse: float
 
@@ -228,18 +233,18 @@ class GyroCalibration:
         return (reading + self.offset) * self.K @ self.T.T
 
 
-def noise_of_turns(log: GyroLog) -> tuple[FloatArray, FloatArray]:
+def noise_of_turns(log: GyroLog, earth_rotation: bool = True) -> tuple[FloatArray, FloatArray]:
     """1-sigma of each component of a turn's direction residual [m/s^2], and of the mean rate at rest [rad/s].
 
     A turn: both directions, and the white noise of the rate integrated over it, g N sqrt(duration). At rest: N / sqrt(time)
-    and the rate of the Earth, whose direction in the body is not known.
+    and, where the log may hold it, the rate of the Earth, whose direction in the body is not known.
     """
     first, last = log.turns
     duration = log.t[last] - log.t[first]
     gyro = log.gravity * log.density * np.sqrt(duration)
     turn = np.sqrt(log.sigma_direction[:-1] ** 2 + log.sigma_direction[1:] ** 2 + gyro**2)
     time = log.t[log.poses.stop - 1] - log.t[log.poses.start]
-    rest = np.hypot(log.density / np.sqrt(time), EARTH_RATE / np.sqrt(3.0))
+    rest = np.hypot(log.density / np.sqrt(time), EARTH_RATE / np.sqrt(3.0) if earth_rotation else 0.0)
     return turn, rest
 
 
@@ -283,7 +288,9 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
         T[entry] = fit.x[6 + k]
     before = _direction_residual(log, log.reading - bias)
     after = _direction_residual(log, (log.reading + fit.x[3:6]) * fit.x[:3] @ T.T)
-    return GyroCalibration(T, fit.x[:3], fit.x[3:6], fit, log, float(np.sum(before**2)), float(np.sum(after**2)))
+    return GyroCalibration(
+        T, fit.x[:3], fit.x[3:6], fit, log, factors, float(np.sum(before**2)), float(np.sum(after**2))
+    )
 
 
 def _direction_residual(log: GyroLog, w: FloatArray) -> FloatArray:
@@ -334,6 +341,10 @@ def _require_radians(log: GyroLog, bias: FloatArray, where: str) -> None:
     tilt = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
     ratio = float(np.median(angle / np.maximum(tilt, 1e-3)))
     if ratio > 20.0:  # a turn's path is a few times its change of tilt at most; degrees make it 57 times
-        raise InputError(where, f"turns {ratio:.0f} times longer than the accelerometer shows", "rad/s (looks like deg/s)")
+        raise InputError(
+            where, f"turns {ratio:.0f} times longer than the accelerometer shows", "rad/s (looks like deg/s)"
+        )
     if ratio < 0.1:
-        raise InputError(where, f"turns {1 / ratio:.0f} times shorter than the accelerometer shows", "gyroscope in rad/s")
+        raise InputError(
+            where, f"turns {1 / ratio:.0f} times shorter than the accelerometer shows", "gyroscope in rad/s"
+        )

@@ -1,0 +1,354 @@
+"""Evidence, refit and residuals of any least-squares problem, for the loop: poses, turns, pseudoranges.
+
+The problem gives whitened residuals and their derivatives; this module fits the nuisance parameters, projects them out
+of the information and the score, and searches the intervals of localised effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy import stats
+
+from estimator.score import Evidence
+from experiments.residual_loop.localise import OffsetScan, find_interval
+from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
+from experiments.residual_loop.term import Term, declaration
+from sensors.arrays import BoolArray, FloatArray
+from sensors.effects import Effect
+from sensors.errors import InputError
+
+_BLOCKS = 20
+_ROWS_A_BLOCK = 8
+#: A reading is called wrong when it leaves its neighbours by this many sigma: one in 5e8 Gaussian readings does; in a
+#: coloured residual also by so many times the residual's own spread.
+_OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
+_LEAST_OUTLIERS = 2
+#: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
+_SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A least-squares problem linearised at one point: r = N d nuisance + S d beta + noise.
+
+    Attributes
+    ----------
+    residual : (rows,) whitened; measurements first, then rows that state a prior
+    nuisance : (rows, m)
+    effects : by key of the term or name of the candidate, (rows, size)
+    offset : (rows, k) derivative by a constant offset of the stream
+    measured : (rows,) false for rows that state a prior
+    raw : (rows,) the residual in physical units, zero for priors
+    """
+
+    residual: FloatArray
+    nuisance: FloatArray
+    effects: Mapping[str, FloatArray]
+    offset: FloatArray
+    measured: BoolArray
+    raw: FloatArray
+
+
+class LinearProblem(Protocol):
+    """What a concrete problem gives to `LeastSquaresSource`."""
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+
+    @property
+    def stream(self) -> str:
+        """The sensor whose readings these are."""
+
+    @property
+    def unit(self) -> str:
+        """Of the raw residual."""
+
+    @property
+    def t(self) -> FloatArray:
+        """(rows,) time of each row [s]."""
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise is declared; else the whitening is up to one common factor."""
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """Effects with a regressor known from the start."""
+
+    @property
+    def covariates(self) -> Mapping[str, FloatArray]:
+        """(rows,) each: what a residual may follow."""
+
+    def start(self) -> FloatArray:
+        """(m,) first guess of the nuisance parameters."""
+
+    def plausible(self, entry: Effect) -> FloatArray:
+        """Plausible sizes of an effect's parameters in this problem's units."""
+
+    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+        """Linearise at a point; `wanted` names the candidates whose derivatives are needed besides the model's own."""
+
+
+@dataclass(frozen=True)
+class _State:
+    nuisance: FloatArray
+    used: BoolArray
+    wrong: BoolArray
+
+
+class LeastSquaresSource:
+    """A `Source` made of a `LinearProblem`."""
+
+    def __init__(self, problem: LinearProblem) -> None:
+        self._problem = problem
+        rows = problem.rows(problem.start(), {}, ())
+        self._measured = rows.measured
+        self._n = int(np.sum(self._measured))
+        order = np.argsort(np.argsort(problem.t[self._measured], kind="stable"), kind="stable")
+        blocks = max(min(_SPLIT_BLOCKS, self._n), 1)
+        held = (order * blocks // max(self._n, 1)) % _SPLIT_EVERY == _SPLIT_EVERY - 1
+        self._held_out = np.zeros(len(self._measured), dtype=bool)
+        self._held_out[self._measured] = held
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self._problem.name
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """Effects with a regressor known from the start."""
+        return self._problem.candidates
+
+    @property
+    def families(self) -> int:
+        """Candidates, and the localised families step, transient, outliers."""
+        return len(self.candidates) + 3
+
+    def effect(self, term: Term) -> Effect:
+        """The declaration behind a term, over its interval where it has one."""
+        return declaration(term)
+
+    # ---- fitting
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        """Gauss-Newton over nuisance parameters and beta, with halved steps where the cost would rise."""
+        beta = {term: np.zeros(self.effect(term).size) for term in terms}
+        beta.update({term: np.asarray(value) for term, value in (start or {}).items() if term in beta})
+        used = self._measured & ~self._held_out if part == "fitting" else self._measured.copy()
+        used |= ~self._measured
+        wrong = np.zeros_like(used)
+        x = self._problem.start()
+        passes = 3 if any(not term.in_mean for term in terms) else 1
+        for _ in range(passes):
+            x, beta, information = self._minimise(x, beta, used & ~wrong)
+            if passes > 1:
+                wrong = self._wrong_rows(x, beta)
+        rows = self._problem.rows(x, beta, ())
+        active = used & ~wrong
+        r = rows.residual[active]
+        freedom = max(int(np.sum(active & self._measured)) - information.shape[0] + int(np.sum(~self._measured)), 1)
+        sse = float(r @ r)
+        noise = 1.0 if self._problem.noise_known else sse / freedom
+        covariance = noise * np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        deviance = sse if self._problem.noise_known else int(np.sum(active & self._measured)) * np.log(max(sse, 1e-300))
+        std = self._standard_deviations(beta, covariance, len(x), wrong)
+        for term in beta:
+            if not term.in_mean:
+                beta[term] = np.array([float(np.mean(wrong[self._measured]))])
+        return Fit(tuple(terms), beta, std, deviance, part, _State(x, used, wrong))
+
+    def _standard_deviations(
+        self, beta: Mapping[Term, FloatArray], covariance: FloatArray, m: int, wrong: BoolArray
+    ) -> dict[Term, FloatArray]:
+        std, column = {}, m
+        for term, value in beta.items():
+            if not term.in_mean:
+                share = float(np.mean(wrong[self._measured]))
+                std[term] = np.array([np.sqrt(max(share * (1 - share), 1e-12) / max(self._n, 1))])
+                continue
+            std[term] = np.sqrt(np.maximum(np.diag(covariance)[column : column + len(value)], 0.0))
+            column += len(value)
+        return std
+
+    def _minimise(
+        self, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
+    ) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
+        """Minimum over nuisance and beta, and the information matrix there (scaled columns are used inside)."""
+        moving = [term for term in beta if term.in_mean]
+        rows = self._problem.rows(x, beta, ())
+        cost = float(np.sum(rows.residual[active] ** 2))
+        for _ in range(50):
+            J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
+            scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
+            step = np.linalg.lstsq(J / scale, rows.residual[active], rcond=1e-10)[0] / scale
+            size = float(np.linalg.norm(J @ step))
+            for _ in range(12):
+                x_new, beta_new = x + step[: len(x)], dict(beta)
+                column = len(x)
+                for term in moving:
+                    beta_new[term] = beta[term] + step[column : column + len(beta[term])]
+                    column += len(beta[term])
+                rows_new = self._problem.rows(x_new, beta_new, ())
+                cost_new = float(np.sum(rows_new.residual[active] ** 2))
+                if np.isfinite(cost_new) and cost_new <= cost * (1 + 1e-12) + 1e-300:
+                    break
+                step = 0.5 * step
+            else:
+                break
+            x, beta, rows, done = x_new, beta_new, rows_new, cost - cost_new <= 1e-10 * max(cost_new, 1e-300)
+            cost = cost_new
+            if done or size**2 <= 1e-10 * max(cost, 1e-300):
+                break
+        J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
+        if not np.all(np.isfinite(J)):
+            raise InputError(self.name, "a fit that does not converge", "readings that the sensor's model can explain")
+        return x, beta, J.T @ J
+
+    # ---- evidence
+
+    def _noise(self, fit: Fit, rows: Rows, columns: int) -> tuple[float, float, BoolArray]:
+        """Noise variance of the whitened rows, its degrees of freedom, and the rows in use."""
+        state = _state(fit)
+        active = state.used & ~state.wrong
+        if self._problem.noise_known:
+            return 1.0, np.inf, active
+        freedom = max(float(np.sum(active) - columns), 1.0)
+        return float(np.sum(rows.residual[active] ** 2)) / freedom, freedom, active
+
+    def evidence(self, fit: Fit) -> Evidence:
+        """Information and score of all candidates and of the fit's own terms, nuisance parameters projected out."""
+        state = _state(fit)
+        wanted = [entry.name for entry in self.candidates]
+        moving = [term for term in fit.terms if term.in_mean]
+        names = [term.key for term in moving] + [n for n in wanted if n not in {term.key for term in moving}]
+        rows = self._problem.rows(state.nuisance, fit.beta, wanted)
+        columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
+        noise, noise_dof, active = self._noise(fit, rows, columns)
+        S = np.hstack([rows.effects[name] for name in names])[active] if names else np.zeros((int(active.sum()), 0))
+        N, r = rows.nuisance[active], rows.residual[active]
+        Q = np.linalg.qr(N / np.maximum(np.linalg.norm(N, axis=0), 1e-300))[0]
+        S = S - Q @ (Q.T @ S)
+        block = self._blocks(active)
+        count = int(block.max()) + 1
+        information = np.zeros((count, S.shape[1], S.shape[1]))
+        score = np.zeros((count, S.shape[1]))
+        for k in range(count):
+            inside = block == k
+            information[k] = S[inside].T @ S[inside] / noise
+            score[k] = S[inside].T @ r[inside] / noise
+        by_name = {entry.name: entry for entry in self.candidates} | {term.key: self.effect(term) for term in moving}
+        sizes = tuple(rows.effects[name].shape[1] for name in names)
+        plausible = [self._problem.plausible(by_name[name]) for name in names]
+        return Evidence(
+            tuple(names), sizes, information, score, np.concatenate(plausible) if plausible else np.zeros(0), noise_dof
+        )
+
+    def _blocks(self, active: BoolArray) -> FloatArray:
+        """Block of time of each active row, blocks of equal numbers of rows."""
+        t = self._problem.t[active]
+        order = np.argsort(np.argsort(t, kind="stable"), kind="stable")
+        blocks = int(np.clip(len(t) // _ROWS_A_BLOCK, 1, _BLOCKS))
+        return order * blocks // len(t)
+
+    # ---- localised effects
+
+    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
+        """The best step, the best transient, and the wrong readings, about the fit."""
+        state = _state(fit)
+        rows = self._problem.rows(state.nuisance, fit.beta, ())
+        moving = [term for term in fit.terms if term.in_mean]
+        columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
+        noise, noise_dof, active = self._noise(fit, rows, columns)
+        scan_rows = np.flatnonzero(active & self._measured)
+        scan_rows = scan_rows[np.argsort(self._problem.t[scan_rows], kind="stable")]
+        everything = np.concatenate([scan_rows, np.flatnonzero(active & ~self._measured)])
+        fitted = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[everything]
+        offset = rows.offset[everything].copy()
+        offset[len(scan_rows) :] = 0.0
+        scan = OffsetScan(rows.residual[everything] / np.sqrt(noise), offset / np.sqrt(noise), fitted / np.sqrt(noise))
+        t = self._problem.t[scan_rows]
+        findings = []
+        for family, to_the_end in (("transient", False), ("step", True)):
+            found = find_interval(scan, to_the_end, noise_dof, shortest=1 if not to_the_end else 3, rows=len(scan_rows))
+            if found is not None:
+                end = float(t[found.last]) if found.last < len(t) else float(t[-1]) + _after(t)
+                term = Term(f"{self._problem.stream}.{family}", (float(t[found.first]), end))
+                findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta))
+        outliers = self._outlier_finding(fit, rows)
+        return [*findings, *([outliers] if outliers else [])]
+
+    def _wrong_rows(self, x: FloatArray, beta: Mapping[Term, FloatArray]) -> BoolArray:
+        rows = self._problem.rows(x, beta, ())
+        wrong = np.zeros(len(rows.residual), dtype=bool)
+        index = np.flatnonzero(self._measured)
+        index = index[np.argsort(self._problem.t[index], kind="stable")]
+        wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None)
+        return wrong
+
+    def _outlier_finding(self, fit: Fit, rows: Rows) -> LocalFinding | None:
+        if any(not term.in_mean for term in fit.terms):
+            return None
+        wrong = self._wrong_rows(_state(fit).nuisance, fit.beta) & _state(fit).used
+        count = int(np.sum(wrong))
+        if count < _LEAST_OUTLIERS:
+            return None
+        chance = 2.0 * stats.norm.sf(_OUTLIER)
+        log_p = float(stats.binom.logsf(count - 1, self._n, chance))
+        statistic = float(np.sum(rows.residual[wrong] ** 2))
+        term = Term(f"{self._problem.stream}.outliers")
+        return LocalFinding(term, statistic, 1, log_p, np.array([count / self._n]))
+
+    # ---- residuals
+
+    def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
+        """What the model leaves on all measured rows; wrong readings that the model names are left out."""
+        state = _state(fit)
+        rows = self._problem.rows(state.nuisance, fit.beta, ())
+        keep = self._measured & ~state.wrong
+        return [
+            StreamResidual(
+                self._problem.stream,
+                self._problem.t[keep],
+                rows.raw[keep][:, None],
+                rows.residual[keep][:, None],
+                self._held_out[keep],
+                self._problem.unit,
+                {name: value[keep] for name, value in self._problem.covariates.items()},
+            )
+        ]
+
+
+def isolated_outliers(residual: FloatArray, sigma: float | None) -> BoolArray:
+    """(n,) whether a residual leaves the median of its neighbours by more than `_OUTLIER` sigma, alone.
+
+    Parameters
+    ----------
+    residual : (n,) in time order
+    sigma : of one residual; None: 1.4826 times the median deviation, or the declared one where that is larger
+    """
+    from scipy.ndimage import median_filter
+
+    if len(residual) < 8:
+        return np.zeros(len(residual), dtype=bool)
+    away = residual - median_filter(residual, size=7, mode="nearest")
+    scale = 1.4826 * float(np.median(np.abs(away)))
+    scale = max(scale, np.finfo(float).tiny) if sigma is None else max(scale, sigma)
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    wrong = np.abs(away) > max(_OUTLIER * scale, _OUTLIER_SPREAD * spread)
+    runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")
+    return np.asarray(wrong & (runs <= 2))
+
+
+def _after(t: FloatArray) -> float:
+    return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+
+
+def _state(fit: Fit) -> _State:
+    assert isinstance(fit.detail, _State)
+    return fit.detail

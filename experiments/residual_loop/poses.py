@@ -1,0 +1,165 @@
+"""Accelerometer or magnetometer poses as a least-squares problem: the norm of the true reading is known.
+
+reading = M u + b(t) + sum of effects(u) + noise,  M = diag(1 + s),  |u| = norm
+
+The plain model is the textbook's diagonal scale and bias. With the model inverted for u, the residual is r = |u| - norm,
+and with e = u / |u|, B = d reading / d u and a = B^-T e:  d r = -a' d(model), so that to first order
+r = a' (d reading / d theta) d theta + a' noise, for every parameter theta of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.triad import calibrate_norm
+from experiments.residual_loop.bias_walk import bias_walk
+from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.term import (
+    Term,
+    declared_terms,
+    derivatives_wanted,
+    effects_in_mean,
+    pose_candidates,
+)
+from sensors.arrays import FloatArray
+from sensors.effects import Effect
+from sensors.motion import Motion
+
+_MOST_PASSES = 25
+_EPSILON = 1e-5  # of the norm, for the derivative of the effects by the true reading
+
+
+class NormPoses:
+    """The `LinearProblem` of a triad whose true reading has a constant norm.
+
+    Parameters
+    ----------
+    name : of the recording
+    sensor : accel or mag
+    t, reading : (n,) s, (n, 3)
+    norm : of the true reading
+    unit : of the norm
+    sigma : (n,) white noise of one reading per axis; None: not declared
+    walk : declared random walk of the bias; None or 0: constant
+    covariates : (n,) or (n, k) each, at the instants of the readings
+    declared : declared effects with their parameters
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: str,
+        t: FloatArray,
+        reading: FloatArray,
+        norm: float,
+        unit: str,
+        sigma: FloatArray | None = None,
+        walk: float | None = None,
+        covariates: Mapping[str, FloatArray] | None = None,
+        declared: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
+        self.name, self.stream, self.unit = name, sensor, unit
+        self.reading, self.norm = reading, norm
+        self._t, self._sigma = t, sigma
+        self._covariates = dict(covariates or {})
+        self._declared = declared_terms(declared or {})
+        self._walk = bias_walk(t, walk if sigma is not None else None)
+        plain = calibrate_norm(sensor, reading, norm, where=name)
+        self._start = np.concatenate([1.0 / plain.K - 1.0, -plain.offset, np.zeros(self._walk.size)])
+        self.per_truth = float(np.mean(np.abs(1.0 / plain.K)))  # reading per true unit
+        self._prior_t = self._walk.prior(np.zeros(self._walk.size))[2]
+        motion = self._motion(np.zeros_like(reading) + norm / np.sqrt(3.0))
+        self._candidates = pose_candidates(sensor, motion, self._declared)
+
+    @property
+    def t(self) -> FloatArray:
+        """(rows,) s."""
+        return np.concatenate([self._t, self._prior_t])
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise is declared."""
+        return self._sigma is not None
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """Effects of the sensor in poses whose covariates the recording has."""
+        return self._candidates
+
+    @property
+    def covariates(self) -> Mapping[str, FloatArray]:
+        """(rows,) each; priors have zero."""
+        pad = np.zeros(len(self._prior_t))
+        return {k: np.concatenate([v, pad]) for k, v in self._covariates.items() if v.ndim == 1}
+
+    def start(self) -> FloatArray:
+        """s, b and the knots of the bias."""
+        return self._start.copy()
+
+    def plausible(self, entry: Effect) -> FloatArray:
+        """Plausible sizes, per unit of reading."""
+        size = entry.plausible * (self.norm if entry.in_field_units else 1.0)
+        return size * self.per_truth
+
+    def true_reading(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Invert the model for u by Newton's method: u (n, 3) and B = d reading / d u (n, 3, 3)."""
+        scale, bias = 1.0 + x[:3], x[3:6] + self._walk.value(self._t, x[6:])
+        y = self.reading - bias
+        u = y / scale
+        B = np.broadcast_to(np.diag(scale), (len(u), 3, 3)).copy()
+        pairs = effects_in_mean(self._declared, model)
+        if not pairs:
+            return u, B
+        for _ in range(_MOST_PASSES):
+            added, slope = self._effects(u, pairs)
+            miss = scale * u + added - y
+            B = np.diag(scale) + slope
+            step = np.linalg.solve(B, miss[..., None])[..., 0]
+            u = u - step
+            if not np.max(np.abs(step)) > 1e-12 * self.norm:
+                break
+        return u, B
+
+    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+        """Whitened residuals of the norm and their derivatives."""
+        u, B = self.true_reading(nuisance, model)
+        length = np.linalg.norm(u, axis=1)
+        e = u / length[:, None]
+        a = np.linalg.solve(np.swapaxes(B, 1, 2), e[..., None])[..., 0]
+        raw = length - self.norm
+        spread = np.ones(len(raw)) if self._sigma is None else self._sigma * np.linalg.norm(a, axis=1)
+        a = a / spread[:, None]
+        motion = self._motion(u)
+        N = np.hstack([a * u, a, self._walk.derivative(self._t, a)])
+        prior_r, prior_N, _ = self._walk.prior(nuisance[6:])
+        m = len(prior_r)
+        columns: dict[str, FloatArray] = {}
+        for key, entry, beta in derivatives_wanted(model, wanted):
+            slope = entry.slope(u, beta, motion)
+            columns[key] = np.vstack([np.einsum("ni,nip->np", a, slope), np.zeros((m, entry.size))])
+        return Rows(
+            residual=np.concatenate([raw / spread, prior_r]),
+            nuisance=np.vstack([N, np.hstack([np.zeros((m, 6)), prior_N])]),
+            effects=columns,
+            offset=np.vstack([a, np.zeros((m, 3))]),
+            measured=np.concatenate([np.ones(len(raw), dtype=bool), np.zeros(m, dtype=bool)]),
+            raw=np.concatenate([raw, np.zeros(m)]),
+        )
+
+    def _effects(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+        """What the effects add to the reading at u, and its derivative by u, by central differences."""
+
+        def added(at: FloatArray) -> FloatArray:
+            motion = self._motion(at)
+            return np.sum([entry.apply(at, beta, motion) - at for entry, beta in pairs], axis=0)
+
+        h = _EPSILON * self.norm
+        slope = np.stack([(added(u + h * d) - added(u - h * d)) / (2 * h) for d in np.eye(3)], axis=-1)
+        return added(u), slope
+
+    def _motion(self, u: FloatArray) -> Motion:
+        if self.stream == "accel":
+            return Motion(t=self._t, f_b=u, covariates=self._covariates)
+        return Motion(t=self._t, m_b=u, covariates=self._covariates)

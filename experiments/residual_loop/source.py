@@ -1,0 +1,137 @@
+"""What the loop asks of a source of information and score, and the records that cross that border.
+
+A source is a recording with a plain model: poses and a norm, turns and a gyroscope, a flight and a filter, pseudoranges
+and a receiver. The loop knows none of them; it sees fits, evidence and residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from estimator.score import Evidence
+from experiments.residual_loop.term import Term
+from sensors.arrays import BoolArray, FloatArray
+from sensors.effects import Effect
+
+Part = Literal["all", "fitting"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model with some effects in it, fitted to a part of the data in the effects' exact form.
+
+    Attributes
+    ----------
+    terms : the effects, in order of discovery
+    beta, std : of each term
+    deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part
+    part : the data that were used
+    detail : what the source needs to go on from here; nobody else looks at it
+    """
+
+    terms: tuple[Term, ...]
+    beta: Mapping[Term, FloatArray]
+    std: Mapping[Term, FloatArray]
+    deviance: float
+    part: Part
+    detail: object
+
+
+@dataclass(frozen=True)
+class LocalFinding:
+    """The best interval of a time-localised family, or the wrong readings of a stream.
+
+    Attributes
+    ----------
+    term : with its interval
+    statistic, dof : of that interval
+    log_p : logarithm of the p-value, corrected for the search over intervals and for the colour of the residual
+    beta : (size,) first-order estimate
+    """
+
+    term: Term
+    statistic: float
+    dof: int
+    log_p: float
+    beta: FloatArray
+
+
+@dataclass(frozen=True)
+class StreamResidual:
+    """Residuals of one stream, one row a measurement.
+
+    Attributes
+    ----------
+    t : (n,) s
+    residual : (n, size) in `unit`
+    whitened : (n, size) divided by the root of its covariance under the model: N(0, 1) where the model is right
+    held_out : (n,) whether the row was kept from the fitting part
+    unit : of `residual`
+    covariates : (n,) each, what the residual may follow
+    """
+
+    stream: str
+    t: FloatArray
+    residual: FloatArray
+    whitened: FloatArray
+    held_out: BoolArray
+    unit: str
+    covariates: Mapping[str, FloatArray]
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean squared residual."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def nis_per_dof(self) -> float:
+        """Mean squared whitened residual."""
+        return float(np.mean(self.whitened**2))
+
+    def rows(self, keep: BoolArray) -> StreamResidual:
+        """The rows of a mask."""
+        covariates = {name: value[keep] for name, value in self.covariates.items()}
+        return StreamResidual(
+            self.stream,
+            self.t[keep],
+            self.residual[keep],
+            self.whitened[keep],
+            self.held_out[keep],
+            self.unit,
+            covariates,
+        )
+
+
+class Source(Protocol):
+    """A recording with a plain model, as the loop sees it."""
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """The effects whose regressor is known from the start: neither localised nor declared already."""
+
+    @property
+    def families(self) -> int:
+        """Number of hypotheses that share the family-wise error: candidates and time-localised families."""
+
+    def effect(self, term: Term) -> Effect:
+        """The declaration behind a term."""
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        """Fit the model with these effects, from `start`, in their exact form."""
+
+    def evidence(self, fit: Fit) -> Evidence:
+        """Information and score, about the fit, of all candidates and of the fit's own terms (by their keys)."""
+
+    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
+        """The best interval of each time-localised family, about the fit."""
+
+    def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
+        """What the model leaves, on all data, with the effects of `fit` and everything else fitted on the fit's part."""

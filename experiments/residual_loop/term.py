@@ -1,0 +1,76 @@
+"""One effect in a model, and the declarations behind the terms of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.effects import Effect, effect, effects_for
+from sensors.motion import Motion
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect in a model: its name; where it is time-localised its interval [s]; its satellite where it has one."""
+
+    name: str
+    interval: tuple[float, float] | None = None
+    satellite: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Name by which the evidence calls the term."""
+        if self.interval is not None:
+            return f"{self.name}@{self.interval[0]:.9g}:{self.interval[1]:.9g}"
+        return f"{self.name}@{self.satellite}" if self.satellite else self.name
+
+    @property
+    def in_mean(self) -> bool:
+        """Whether the effect changes the mean reading; outliers do not: they are left out of the fit instead."""
+        return not self.name.endswith(".outliers")
+
+
+Model = Mapping[Term, FloatArray]
+
+
+def declaration(term: Term) -> Effect:
+    """The declaration behind a term, over its interval where it has one."""
+    entry = effect(term.name)
+    return entry.over(*term.interval) if term.interval is not None and entry.localised is not None else entry
+
+
+def declared_terms(effects: Mapping[str, Sequence[float]]) -> dict[Term, FloatArray]:
+    """The effects that a recording declares, as a model."""
+    return {Term(name): np.asarray(beta, dtype=np.float64) for name, beta in effects.items()}
+
+
+def effects_in_mean(*models: Model) -> list[tuple[Effect, FloatArray]]:
+    """Declaration and beta of everything in the models that changes the mean reading."""
+    return [(declaration(term), beta) for model in models for term, beta in model.items() if term.in_mean]
+
+
+def derivatives_wanted(model: Model, candidates: Iterable[str]) -> list[tuple[str, Effect, FloatArray]]:
+    """Key, declaration and point of linearisation: the model's terms at their beta, then the candidates at zero."""
+    entries = [(term.key, declaration(term), beta) for term, beta in model.items() if term.in_mean]
+    named = {key for key, _, _ in entries}
+    return entries + [(n, effect(n), np.zeros(effect(n).size)) for n in candidates if n not in named]
+
+
+def pose_candidates(sensor: str, motion: Motion, declared: Model) -> tuple[Effect, ...]:
+    """Effects of a sensor in poses that the recording's covariates allow and that it does not declare already.
+
+    A covariate that does not vary makes its effect a bias: no candidate then.
+    """
+
+    def varies(entry: Effect) -> bool:
+        known = [motion.covariates[name] for name in entry.needs if name in motion.covariates]
+        return all(np.ptp(value) > 1e-9 * (1.0 + np.max(np.abs(value))) for value in known)
+
+    return tuple(
+        entry
+        for entry in effects_for("poses", (sensor,))
+        if not entry.missing(motion) and Term(entry.name) not in declared and varies(entry)
+    )

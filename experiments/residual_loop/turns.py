@@ -1,0 +1,210 @@
+"""A gyroscope between static poses as a least-squares problem: turns carry directions, at rest the rate is zero.
+
+reading = w + b(t) + sum of effects(w, f, T) + noise
+
+The plain model is a bias that wanders. With the model inverted for w along the whole log, each turn gives two residuals
+(the direction it carries against the one that the accelerometer shows, across it) and each pose three (the mean rate).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.gyro import GyroLog, calibrate_gyro, integrate_turns, noise_of_turns
+from experiments.residual_loop.bias_walk import bias_walk
+from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.term import (
+    Term,
+    declared_terms,
+    derivatives_wanted,
+    effects_in_mean,
+    pose_candidates,
+)
+from sensors.arrays import FloatArray
+from sensors.effects import Effect
+from sensors.motion import Motion
+
+_MOST_PASSES = 25
+_EPSILON = 1e-4  # rad/s, for the derivative of the effects by the true rate
+_CONVERGED = 1e-12  # rad/s
+
+
+class GyroTurns:
+    """The `LinearProblem` of a gyroscope turned between static poses.
+
+    Parameters
+    ----------
+    name : of the recording
+    log : from `calibration.gyro.read_turns`
+    noise_known : whether the white noise of gyroscope and accelerometer is declared
+    walk : declared random walk of the gyroscope's bias; None or 0: constant
+    covariates : (n,) each, at the rows of the log
+    declared : declared effects with their parameters
+    earth_rotation : the log says that the rate of the Earth is in it
+    """
+
+    stream = "gyro"
+    unit = "rad"
+
+    def __init__(
+        self,
+        name: str,
+        log: GyroLog,
+        noise_known: bool,
+        walk: float | None = None,
+        covariates: Mapping[str, FloatArray] | None = None,
+        declared: Mapping[str, Sequence[float]] | None = None,
+        earth_rotation: bool = False,
+    ) -> None:
+        self.name, self.log, self.noise_known = name, log, noise_known
+        self._covariates = dict(covariates or {})
+        self._declared = declared_terms(declared or {})
+        self._walk = bias_walk(log.poses.t, walk if noise_known else None)
+        self._sigma_turn, self._sigma_rest = noise_of_turns(log, earth_rotation)
+        self._bias = np.median(log.poses.mean[:, 3:], axis=0)
+        if not noise_known:
+            self._scale_noise()
+        first, last = log.turns
+        turn_t = 0.5 * (log.t[first] + log.t[last])
+        self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
+        self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
+        motion = self._motion(log.reading)
+        self._candidates = pose_candidates("gyro", motion, self._declared)
+
+    def _scale_noise(self) -> None:
+        """Undeclared noise: each kind of residual is weighted by what the richest linear model leaves of it."""
+        weights = calibrate_gyro(self.log, "full", self.name).weights
+        self._sigma_turn = self._sigma_turn * weights[0]
+        self._sigma_rest = self._sigma_rest * weights[1]
+
+    @property
+    def t(self) -> FloatArray:
+        """(rows,) s."""
+        return self._t
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """Effects of the gyroscope in poses whose covariates the recording has."""
+        return self._candidates
+
+    @property
+    def covariates(self) -> Mapping[str, FloatArray]:
+        """(rows,) each; interpolated to the rows' times."""
+        return {k: np.interp(self._t, self.log.t, v) for k, v in self._covariates.items() if v.ndim == 1}
+
+    def start(self) -> FloatArray:
+        """b and the knots of its walk."""
+        return np.concatenate([self._bias, np.zeros(self._walk.size)])
+
+    def plausible(self, entry: Effect) -> FloatArray:
+        """Plausible sizes as declared."""
+        return entry.plausible
+
+    def true_rate(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Invert the model for w by Newton's method: w (n, 3) and B = d reading / d w (n, 3, 3)."""
+        y = self.log.reading - x[:3] - self._walk.value(self.log.t, x[3:])
+        pairs = effects_in_mean(self._declared, model)
+        if not pairs:
+            return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
+        w, slope = y, np.zeros((len(y), 3, 3))
+        for k in range(_MOST_PASSES):
+            added = self._added(w, pairs)
+            if k == 0:
+                shifted = [(self._added(w + _EPSILON * d, pairs) - added) / _EPSILON for d in np.eye(3)]
+                slope = np.stack(shifted, axis=-1)
+            step = np.linalg.solve(np.eye(3) + slope, (w + added - y)[..., None])[..., 0]
+            w = w - step
+            if not np.max(np.abs(step)) > _CONVERGED:
+                break
+        return w, np.eye(3) + slope
+
+    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+        """Whitened residuals of turns and rests, and their derivatives."""
+        w, B = self.true_rate(nuisance, model)
+        motion = self._motion(w)
+        by_bias = np.linalg.inv(B)  # -d w / d bias
+        columns = [by_bias, self._walk.derivative(self.log.t, by_bias)]
+        names: list[str] = []
+        for key, entry, beta in derivatives_wanted(model, wanted):
+            columns.append(np.linalg.solve(B, entry.slope(w, beta, motion)))
+            names.append(key)
+        D = np.concatenate(columns, axis=2)
+        residual, J, raw = self._project(w, D)
+        prior_r, prior_N, _ = self._walk.prior(nuisance[3:])
+        m, size = len(prior_r), len(nuisance)
+        priors = np.zeros((m, D.shape[2]))
+        priors[:, 3:size] = prior_N
+        J = np.vstack([J, priors])
+        effects, column = {}, size
+        for key, part in zip(names, columns[2:], strict=True):
+            effects[key] = J[:, column : column + part.shape[2]]
+            column += part.shape[2]
+        offset = J[:, :3].copy()
+        return Rows(
+            residual=np.concatenate([residual, prior_r]),
+            nuisance=J[:, :size],
+            effects=effects,
+            offset=offset,
+            measured=np.concatenate([np.ones(len(residual), dtype=bool), np.zeros(m, dtype=bool)]),
+            raw=np.concatenate([raw, np.zeros(m)]),
+        )
+
+    def _project(self, w: FloatArray, D: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Residuals of the turns across the direction, then of the rests; whitened, with J = -d residual / d theta.
+
+        Neighbouring turns share a pose, whose direction noise enters both: their covariance is block tridiagonal.
+        """
+        turns = integrate_turns(self.log, w)
+        miss = turns.predicted - self.log.direction[1:]
+        across = _tangents(self.log.direction[1:])
+        g = self.log.gravity
+        r_turn = np.einsum("kai,ki->ka", across, miss).ravel()
+        J_turn = np.einsum("kai,kim->kam", across, turns.derivative(D)).reshape(len(r_turn), -1)
+        L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across))
+        poses = self.log.poses
+        r_rest = np.array([w[a:b].mean(axis=0) for a, b in zip(poses.start, poses.stop, strict=True)])
+        J_rest = np.array([D[a:b].mean(axis=0) for a, b in zip(poses.start, poses.stop, strict=True)])
+        sigma = np.repeat(self._sigma_rest, 3)
+        residual = np.concatenate([np.linalg.solve(L, r_turn), r_rest.ravel() / sigma])
+        J = np.concatenate([np.linalg.solve(L, J_turn), J_rest.reshape(len(sigma), -1) / sigma[:, None]])
+        # rests are shown as the angle they would make over their own turn, so that both have one unit
+        time = np.repeat(np.median(np.diff(poses.t)), len(sigma))
+        return residual, J, np.concatenate([r_turn / g, r_rest.ravel() * time])
+
+    def _turn_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
+        """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2]."""
+        n = len(across)
+        shared = self._sigma_shared
+        covariance = np.zeros((n, 2, n, 2))
+        for k in range(n):
+            covariance[k, :, k, :] = np.eye(2) * self._sigma_turn[k] ** 2
+            if k + 1 < n:  # pose k+1 ends turn k (enters with minus) and, turned, begins turn k+1
+                block = -(shared[k + 1] ** 2) * across[k] @ rotation[k + 1] @ across[k + 1].T
+                covariance[k, :, k + 1, :] = block
+                covariance[k + 1, :, k, :] = block.T
+        return covariance.reshape(2 * n, 2 * n)
+
+    @property
+    def _sigma_shared(self) -> FloatArray:
+        """(poses,) direction noise that two turns share, never more than what a turn has in all."""
+        limit = np.concatenate([self._sigma_turn[:1], np.minimum(self._sigma_turn[1:], self._sigma_turn[:-1])])
+        limit = np.concatenate([limit, self._sigma_turn[-1:]])
+        return np.minimum(self.log.sigma_direction, limit / np.sqrt(2.0) * 0.999)
+
+    def _added(self, w: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
+        motion = self._motion(w)
+        return np.sum([entry.apply(w, beta, motion) - w for entry, beta in pairs], axis=0)
+
+    def _motion(self, w: FloatArray) -> Motion:
+        return Motion(t=self.log.t, w_ib_b=w, f_b=self.log.f_b, covariates=self._covariates)
+
+
+def _tangents(direction: FloatArray) -> FloatArray:
+    """(n, 2, 3) two unit vectors across each direction."""
+    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    least = np.eye(3)[np.argmin(np.abs(unit), axis=1)]
+    first = np.cross(unit, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(unit, first)], axis=1)
