@@ -1,1 +1,80 @@
-"""Readers of log formats: each turns one format into a `Recording`."""
+"""Readers of log formats: each turns one format into a `Recording`. `open_log` finds the reader by the content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sensors.errors import InputError
+from sensors.recording import ACCEL, MAG, Recording, Stream
+
+#: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
+POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
+
+
+def open_log(path: Path, map_file: Path | None = None) -> Recording:
+    """Read a log, whatever its format.
+
+    Parameters
+    ----------
+    path : (1) a folder with `recording.toml`, or that file; (2) a log that describes itself (ULog); (3) a MATLAB file
+        with one variable `AccRaw`, `acc`, `MagRaw` or `mag`, 3 x n or n x 3; (4) any other log, with its map
+    map_file : the map that says how to read it
+
+    Raises
+    ------
+    InputError : says what was found and what would do
+    """
+    path = Path(path)
+    if map_file is not None:
+        from sensors.formats.map_file import read_map
+        from sensors.formats.mapped import read_mapped
+
+        return read_mapped(path, read_map(Path(map_file)))
+    from sensors.formats.plain import HEADER_FILE, read_recording
+
+    if path.is_dir() or path.name == HEADER_FILE:
+        return read_recording(path if path.is_dir() else path.parent)
+    if not path.is_file():
+        raise InputError(path, "no such file or folder", "a log")
+    from sensors.formats.columns import content_of
+
+    content = content_of(path)
+    if content == "ulog":
+        from sensors.formats.ulog import read_ulog
+
+        return read_ulog(path)
+    if content == "matlab":
+        return _poses_of_matlab(path)
+    found = {
+        "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
+        "ubx": "a u-blox log", "dataflash": "a text dataflash log", "zip": "a zip", "gzip": "compressed data",
+        "text": "text or unknown data",
+    }[content]  # fmt: skip
+    raise InputError(path, found, "a folder with recording.toml, a ULog, a .mat with one variable "
+                     f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
+
+
+def _poses_of_matlab(path: Path) -> Recording:
+    """Poses of the one variable whose name says what it is; readings as they are, row index as time."""
+    import numpy as np
+
+    from sensors.formats.matlab import columns_of, read_matlab
+    from sensors.formats.plausible import check_units
+
+    arrays = read_matlab(path)
+    known = [name for name in arrays if name in POSE_VARIABLES]
+    if len(known) != 1:
+        names = ", ".join(arrays)
+        found = f"variables {names if len(names) < 200 else names[:200] + ' ...'}"
+        raise InputError(path, found, f"one of {', '.join(POSE_VARIABLES)}, or --map FILE.toml")
+    name, array = known[0], arrays[known[0]]
+    if array.ndim == 1 and len(array) == 3:
+        array = array[:, None]
+    if array.ndim != 2 or 3 not in array.shape:
+        shape = " x ".join(str(n) for n in array.shape)
+        raise InputError(path, f"an array of {shape or 'no size'}", "3 x n or n x 3", f"variable {name}")
+    rows = array.T if array.shape[0] == 3 else array
+    stream = Stream(np.arange(len(rows), dtype=np.float64), dict(zip(POSE_VARIABLES[name], np.ascontiguousarray(rows.T), strict=True)))
+    recording = Recording(path.stem, "poses", {"poses": stream}, source=str(path))
+    check_units(recording)
+    return recording

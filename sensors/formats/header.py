@@ -122,7 +122,7 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
 
 def _effects(table: Table) -> dict[str, tuple[float, ...]]:
     effects: dict[str, tuple[float, ...]] = {}
-    for name in table.keys():
+    for name in table.names():
         beta = table.vector(name) if isinstance(table.get(name), list) else table.number(name)
         effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
     table.done()

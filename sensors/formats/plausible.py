@@ -115,8 +115,8 @@ def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, see
     """Whether a direction fixed in the world turns in the body about pi/180 times as fast as the rates say.
 
     d u / dt = -w x u is integrated over intervals of about 0.3 s and fitted by one scale s, du = s int(-w x u) dt:
-    s = 1 for rad/s, pi/180 for deg/s. Noise of the rates pulls s towards zero, but then explains little of du. A bias of
-    the rates is taken off as their median; that of a direction that goes all round, as its middle.
+    s = 1 for rad/s, pi/180 for deg/s. Noise of the rates pulls s towards zero, but then explains little of du. A bias
+    of the rates is taken off as their median; that of a direction that goes all round, as its middle.
     """
     if len(t) < 50 or len(t_rate) < 50:
         return False

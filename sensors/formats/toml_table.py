@@ -51,7 +51,7 @@ class Table:
         self._ask(key)
         return key in self.data
 
-    def keys(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """The keys that are there."""
         return tuple(self.data)
 

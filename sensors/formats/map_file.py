@@ -1,0 +1,433 @@
+"""The map: a TOML file that says how a log is to be read, and nothing else. `docs/formats.md` is its manual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.formats.columns import DELIMITERS, FileOptions
+from sensors.formats.header import Header, read_header
+from sensors.formats.records import TYPES, RecordLayout
+from sensors.formats.toml_table import Table, load_toml
+from sensors.formats.units import COUNT, UNITS
+from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Kind
+
+#: What a stream may hold: the columns that a quantity becomes, and what it is (a key of `UNITS`).
+QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
+    "imu": {"accel": (ACCEL, "acceleration"), "gyro": (GYRO, "rate"), "temperature": (("temperature",), "temperature")},
+    "mag": {"mag": (MAG, "field"), "temperature": (("temperature",), "temperature")},
+    "baro": {
+        "height": (("height",), "length"),
+        "pressure": (("pressure",), "pressure"),
+        "temperature": (("temperature",), "temperature"),
+    },
+    "sonar": {"range": (("range",), "length"), "temperature": (("temperature",), "temperature")},
+    "laser": {"range": (("range",), "length")},
+    "gps": {
+        "latitude": (("latitude",), "degrees"),
+        "longitude": (("longitude",), "degrees"),
+        "height": (("height",), "length"),
+        "position": (POSITION, "length"),
+        "velocity": (VELOCITY, "speed"),
+    },
+    "power": {"current": (("current",), "current"), "voltage": (("voltage",), "voltage")},
+    "motors": {"motor": ((), "ratio")},
+    "air": {
+        "airspeed": (("airspeed",), "speed"),
+        "wind": (("wind_north", "wind_east"), "speed"),
+        "temperature": (("temperature",), "temperature"),
+    },
+    "poses": {
+        "accel": (ACCEL, "acceleration"),
+        "mag": (MAG, "field"),
+        "temperature": (("temperature",), "temperature"),
+    },
+}
+REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
+    **QUANTITIES["gps"],
+    "quaternion": (("qw", "qx", "qy", "qz"), "number"),
+    "roll_pitch_yaw": (("roll", "pitch", "yaw"), "angle"),
+    "roll_pitch": (("roll", "pitch"), "angle"),
+}
+DROPS = ("repeated time", "held value", "not finite", "zeros")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where the time of a stream comes from.
+
+    Attributes
+    ----------
+    column : of the time; empty: the rows are counted
+    rate : of the counted rows [Hz]
+    unit : of the column, a key of `UNITS["time"]`
+    zero : what the log's clock shows at t = 0, in its own unit
+    wrap : the value at which the log's clock starts again from 0, in its own unit; None: never
+    """
+
+    column: str = ""
+    rate: float = 1.0
+    unit: str = "s"
+    zero: float = 0.0
+    wrap: float | None = None
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Some columns of a log that are one measured quantity, and the way to its SI value in the body's axes.
+
+    value = axes @ (unit * ((reading + offset) / scale - zero) / per_unit), with undo = {offset, scale}, counts =
+    {zero, per_unit}.
+
+    Attributes
+    ----------
+    outputs : the columns of the stream that it becomes
+    columns : of the log, as many as outputs
+    file : of the map that holds them; empty: the stream's
+    factor, shift : to SI
+    undo_offset, undo_scale, zero, per_unit : see above, each one number or one a column
+    axes : (3, 3) or None
+    polar : columns are speed, course [deg] and down: velocity in NED
+    enu : a vector in east, north, up; a quaternion into east-north-up
+    inverse : a quaternion from the world into the sensor, to be turned round
+    """
+
+    outputs: tuple[str, ...]
+    columns: tuple[str, ...]
+    file: str = ""
+    factor: float = 1.0
+    shift: float = 0.0
+    undo_offset: FloatArray = field(default_factory=lambda: np.zeros(1))
+    undo_scale: FloatArray = field(default_factory=lambda: np.ones(1))
+    zero: FloatArray = field(default_factory=lambda: np.zeros(1))
+    per_unit: FloatArray = field(default_factory=lambda: np.ones(1))
+    axes: FloatArray | None = None
+    polar: bool = False
+    enu: bool = False
+    inverse: bool = False
+
+
+@dataclass(frozen=True)
+class Keep:
+    """Which rows count: those where a column lies strictly between two bounds, or equals a value."""
+
+    column: str
+    above: float = -np.inf
+    below: float = np.inf
+    equals: float | None = None
+
+
+@dataclass(frozen=True)
+class StreamMap:
+    """One stream of the recording.
+
+    Attributes
+    ----------
+    name : of the stream, or "reference"
+    file : that holds it
+    clock : its time
+    quantities : what it measures, by name
+    keep : rows that count; all conditions have to hold
+    drop : what is left out, of `DROPS`
+    skip_rows : at the beginning
+    align : "rows" where quantities of several files share their rows, "interpolate" where they are brought to the rows of
+        the first
+    """
+
+    name: str
+    file: str
+    clock: Clock
+    quantities: Mapping[str, Quantity]
+    keep: tuple[Keep, ...] = ()
+    drop: tuple[str, ...] = ()
+    skip_rows: int = 0
+    align: str = "rows"
+
+
+@dataclass(frozen=True)
+class Map:
+    """How a log is read.
+
+    Attributes
+    ----------
+    path : of the map, for messages
+    kind, name : of the recording; an empty name is the log's
+    header : what the map declares of origin, environment and noise
+    files : by name; the log itself is `""`
+    streams : of the recording
+    reference : what the recording may be scored against; never part of it
+    notes : for the recording's
+    """
+
+    path: Path
+    kind: Kind
+    name: str
+    header: Header
+    files: Mapping[str, FileOptions]
+    streams: tuple[StreamMap, ...]
+    reference: StreamMap | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_map(path: Path) -> Map:
+    """Read a map.
+
+    Raises
+    ------
+    InputError : names the key, what was found, what was expected
+    """
+    table = load_toml(path)
+    kind = table.text("kind", ("flight", "poses"))
+    if kind is None:
+        raise table.error("kind", "no such key", '"flight" or "poses"')
+    name, note = table.text("name") or "", table.text("note")
+    header = read_header(table)
+    if header.effects:
+        raise table.error("effects", "effects", "a map that says how to read, and declares none")
+    files = _files(table)
+    streams_table = table.table("streams")
+    streams = tuple(
+        _stream(streams_table.table(stream), stream, QUANTITIES.get(stream, QUANTITIES["gps"]), files)
+        for stream in [*QUANTITIES, "base"]
+        if stream in streams_table
+    )
+    streams_table.done()
+    reference = None
+    if "reference" in table:
+        reference = _stream(table.table("reference"), "reference", REFERENCE_QUANTITIES, files)
+    table.done()
+    if not streams:
+        raise table.error("streams", "no stream", "at least one of " + ", ".join(f"[streams.{s}]" for s in QUANTITIES))
+    return Map(path, cast(Kind, kind), name, header, files, streams, reference, (note,) if note else ())
+
+
+def _files(table: Table) -> dict[str, FileOptions]:
+    files = {"": _file(table.table("file"))}
+    several = table.table("files")
+    for name in several.names():
+        files[name] = _file(several.table(name))
+    several.done()
+    return files
+
+
+def _file(table: Table) -> FileOptions:
+    columns = _names(table, "columns") if "columns" in table else ()
+    options = FileOptions(
+        path=table.text("path") or "",
+        member=table.text("member") or "",
+        columns=columns,
+        delimiter=table.text("delimiter", tuple(DELIMITERS)) or "",
+        skip_lines=table.whole("skip_lines") or 0,
+        skip_end=table.whole("skip_end") or 0,
+        header=table.flag("header") or False,
+        records=_records(table.table("records")) if "records" in table else None,
+    )
+    table.done()
+    if options.header and columns:
+        raise table.error("columns", "columns beside header = true", "one of the two")
+    return options
+
+
+def _records(table: Table) -> RecordLayout:
+    fields, tail = _fields(table, "fields"), _fields(table, "tail")
+    tail_if = table.text("tail_if") or ""
+    layout = RecordLayout(fields, table.whole("magic"), tail, tail_if, table.flag("big_endian") or False)
+    table.done()
+    if not fields:
+        raise table.error("fields", "no such key", 'a list of [name, type], as [["x", "int16"], ...]')
+    if bool(tail) != bool(tail_if) or (tail_if and tail_if not in {name for name, _ in fields}):
+        raise table.error("tail_if", repr(tail_if), "the field that says whether `tail` follows")
+    return layout
+
+
+def _fields(table: Table, key: str) -> tuple[tuple[str, str], ...]:
+    value = table.get(key)
+    if value is None:
+        return ()
+    expected = f"a list of [name, type], types {', '.join(TYPES)}, every name once"
+    if not isinstance(value, list):
+        raise table.wrong(key, expected)
+    pairs = [tuple(entry) if isinstance(entry, list) else () for entry in value]
+    good = all(len(pair) == 2 and isinstance(pair[0], str) and pair[1] in TYPES for pair in pairs)
+    if not good or len({pair[0] for pair in pairs}) < len(pairs):
+        raise table.wrong(key, expected)
+    return tuple((str(name), str(kind)) for name, kind in pairs)
+
+
+def _stream(
+    table: Table, name: str, quantities: Mapping[str, tuple[tuple[str, ...], str]], files: Mapping[str, FileOptions]
+) -> StreamMap:
+    file = _file_name(table, files)
+    stream = StreamMap(
+        name=name,
+        file=file,
+        clock=_clock(table, name),
+        quantities={
+            key: _quantity(table, key, outputs, dimension, files)
+            for key, (outputs, dimension) in quantities.items()
+            if key in table
+        }
+        | _covariates(table.table("covariates")),
+        keep=tuple(_keep(entry) for entry in _tables(table, "keep")),
+        drop=_drops(table),
+        skip_rows=table.whole("skip_rows") or 0,
+        align=table.text("align", ("rows", "interpolate")) or "rows",
+    )
+    table.done()
+    if not stream.quantities:
+        raise table.error("quantities", "none", f"at least one of {', '.join(quantities)}")
+    return stream
+
+
+def _covariates(table: Table) -> dict[str, Quantity]:
+    found = {name: Quantity((name,), _names(table, name, 1)) for name in table.names()}
+    table.done()
+    return found
+
+
+def _file_name(table: Table, files: Mapping[str, FileOptions]) -> str:
+    name = table.text("file")
+    if name is not None and name not in files:
+        raise table.wrong("file", "a name of [files]: " + (", ".join(filter(None, files)) or "there is none"))
+    return name or ""
+
+
+def _clock(table: Table, name: str) -> Clock:
+    value = table.get("time")
+    if isinstance(value, str | int) and not isinstance(value, bool):
+        return Clock(column=str(value))
+    if value is None:
+        if name == "poses":
+            return Clock()
+        raise table.error("time", "no such key", 'the column of the time, as "t" or {column = "t", unit = "ms"}, or {rate = 100}')
+    clock = table.table("time")
+    column = _names(clock, "column", 1)[0] if "column" in clock else ""
+    rate = clock.number("rate", above=0.0)
+    unit = clock.text("unit", tuple(UNITS["time"])) or "s"
+    result = Clock(column, rate or 1.0, unit, clock.number("zero") or 0.0, clock.number("wrap", above=0.0))
+    clock.done()
+    if bool(column) == (rate is not None):
+        raise table.wrong("time", "either a column or a rate [Hz]")
+    return result
+
+
+def _quantity(
+    table: Table, key: str, outputs: tuple[str, ...], dimension: str, files: Mapping[str, FileOptions]
+) -> Quantity:
+    if not isinstance(table.get(key), dict):
+        columns = _names(table, key, len(outputs) or None)
+        return Quantity(outputs or _numbered(key, columns), columns)
+    entry = table.table(key)
+    if "polar" in entry:
+        result = Quantity(outputs, _names(entry, "polar", 3), polar=True)
+        entry.done()
+        return result
+    columns = _names(entry, "columns", len(outputs) or None)
+    unit = entry.text("unit", (*UNITS[dimension], COUNT)) or ""
+    factor, shift = UNITS[dimension].get(unit, (1.0, 0.0))
+    undo, counts = entry.table("undo"), entry.table("counts")
+    result = Quantity(
+        outputs=outputs or _numbered(key, columns),
+        columns=columns,
+        file=_file_name(entry, files),
+        factor=factor,
+        shift=shift,
+        undo_offset=_each(undo, "offset", len(columns), 0.0),
+        undo_scale=_each(undo, "scale", len(columns), 1.0),
+        zero=_each(counts, "zero", len(columns), 0.0),
+        per_unit=_each(counts, "per_unit", len(columns), 1.0),
+        axes=_axes(entry) if len(outputs) == 3 or key == "quaternion" else None,
+        enu=entry.flag("enu") or False if key in ("quaternion", "position", "velocity") else False,
+        inverse=entry.flag("inverse") or False if key == "quaternion" else False,
+    )
+    for part in (undo, counts, entry):
+        part.done()
+    return result
+
+
+def _numbered(key: str, columns: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{key}_{k + 1}" for k in range(len(columns)))
+
+
+def _names(table: Table, key: str, size: int | None = None) -> tuple[str, ...]:
+    """The names or numbers of columns; a single name stands for a variable with that many columns."""
+    value = table.get(key)
+    entries = value if isinstance(value, list) else [value]
+    expected = "names or numbers of columns" if size is None else f"{size} names or numbers of columns"
+    if not entries or any(isinstance(entry, bool) or not isinstance(entry, str | int) for entry in entries):
+        raise table.wrong(key, expected)
+    names = tuple(str(entry) for entry in entries)
+    if size is not None and len(names) == 1 and size > 1 and isinstance(value, str):
+        return tuple(f"{names[0]}.{k + 1}" for k in range(size))
+    if size is not None and len(names) != size:
+        raise table.wrong(key, expected)
+    return names
+
+
+def _each(table: Table, key: str, size: int, default: float) -> FloatArray:
+    """One number, or one a column; what divides must not be zero."""
+    value = table.vector(key, size) if isinstance(table.get(key), list) else table.number(key)
+    result = np.atleast_1d(np.asarray(default if value is None else value, dtype=np.float64))
+    if key in ("scale", "per_unit") and np.any(result == 0.0):
+        raise table.wrong(key, "numbers that are not zero")
+    return result
+
+
+def _axes(table: Table) -> FloatArray | None:
+    """(3, 3) body = axes @ reading, from rows of numbers or from names as ["y", "x", "-z"]."""
+    value = table.get("axes")
+    if value is None:
+        return None
+    expected = 'three of x, y, z with a sign, as ["y", "x", "-z"], or three rows of three numbers, that can be turned back'
+    if not isinstance(value, list) or len(value) != 3:
+        raise table.wrong("axes", expected)
+    rows = [_axis(entry) if isinstance(entry, str) else entry for entry in value]
+    try:
+        axes = np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise table.wrong("axes", expected) from None
+    if axes.shape != (3, 3) or not np.all(np.isfinite(axes)) or abs(np.linalg.det(axes)) < 1e-6:
+        raise table.wrong("axes", expected)
+    return axes
+
+
+def _axis(text: str) -> list[float]:
+    letter, sign = text.removeprefix("-").removeprefix("+"), -1.0 if text.startswith("-") else 1.0
+    return [sign * (letter == name) for name in "xyz"]
+
+
+def _tables(table: Table, key: str) -> list[Table]:
+    value = table.get(key)
+    if value is None:
+        return []
+    entries = value if isinstance(value, list) else [value]
+    if not all(isinstance(entry, dict) for entry in entries):
+        raise table.wrong(key, 'a table or a list of tables, as {column = "fix", equals = 3}')
+    return [Table(table.path, entry, f"{table.name}.{key}") for entry in entries]
+
+
+def _keep(table: Table) -> Keep:
+    if "column" not in table:
+        raise table.error("column", "no such key", "the column that decides")
+    above, below = table.number("above"), table.number("below")
+    keep = Keep(
+        column=_names(table, "column", 1)[0],
+        above=-np.inf if above is None else above,
+        below=np.inf if below is None else below,
+        equals=table.number("equals"),
+    )
+    table.done()
+    return keep
+
+
+def _drops(table: Table) -> tuple[str, ...]:
+    value = table.get("drop")
+    entries = value if isinstance(value, list) else [value]
+    if value is not None and any(entry not in DROPS for entry in entries):
+        raise table.wrong("drop", "some of " + ", ".join(f'"{drop}"' for drop in DROPS))
+    return tuple(str(entry) for entry in entries) if value is not None else ()

@@ -1,0 +1,98 @@
+"""Binary logs of fixed records, as many hobby loggers write them: what a record holds is said by the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+
+#: The names of the types, as in a data sheet.
+TYPES = {
+    "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2", "uint32": "u4", "int32": "i4", "uint64": "u8",
+    "int64": "i8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RecordLayout:
+    """What a record holds.
+
+    Attributes
+    ----------
+    fields : (name, type) in order
+    magic : value of the first field in every record; None: not checked
+    tail : (name, type) of fields that follow only where the field `tail_if` is not zero
+    tail_if : see `tail`
+    big_endian : byte order
+    """
+
+    fields: tuple[tuple[str, str], ...]
+    magic: int | None = None
+    tail: tuple[tuple[str, str], ...] = ()
+    tail_if: str = ""
+    big_endian: bool = False
+
+    def dtype(self, fields: tuple[tuple[str, str], ...]) -> np.dtype[np.void]:
+        """The numpy type of some of the fields."""
+        order = ">" if self.big_endian else "<"
+        return np.dtype([(name, order + TYPES[kind]) for name, kind in fields])
+
+
+def read_records(path: Path, layout: RecordLayout) -> dict[str, FloatArray]:
+    """The fields of all records by name, each (n,); `row` counts the records, `tail.row` those with a tail.
+
+    Raises
+    ------
+    InputError : a record without its magic (names the byte), a last record that is cut off, no record
+    """
+    data = path.read_bytes()
+    head = layout.dtype(layout.fields)
+    tail = layout.dtype(layout.tail)
+    starts, tails = _starts(path, data, layout, head, tail)
+    raw = np.frombuffer(data, np.uint8)
+    columns = _fields(raw, np.array(starts, dtype=np.int64), head)
+    with_tail = np.array(tails, dtype=np.int64)
+    columns["row"] = np.arange(len(starts), dtype=np.float64)
+    if layout.tail:
+        first = np.asarray(starts)[with_tail] + head.itemsize
+        columns.update({f"tail.{name}": values for name, values in _fields(raw, first, tail).items()})
+        columns["tail.row"] = with_tail.astype(np.float64)
+    return columns
+
+
+def _starts(
+    path: Path, data: bytes, layout: RecordLayout, head: np.dtype[np.void], tail: np.dtype[np.void]
+) -> tuple[list[int], list[int]]:
+    """The byte at which each record starts, and the indices of those that have a tail."""
+    starts: list[int] = []
+    tails: list[int] = []
+    position = 0
+    while position < len(data):
+        place = f"byte {position}, record {len(starts) + 1}"
+        if position + head.itemsize > len(data):
+            raise InputError(path, f"a record cut off after {len(data) - position} bytes", f"{head.itemsize}", place)
+        record = np.frombuffer(data, head, count=1, offset=position)[0]
+        if layout.magic is not None and int(record[0]) != layout.magic:
+            raise InputError(path, f"0x{int(record[0]):x} at the start of a record", f"0x{layout.magic:x}", place)
+        starts.append(position)
+        position += head.itemsize
+        if layout.tail_if and record[layout.tail_if] != 0:
+            if position + tail.itemsize > len(data):
+                raise InputError(path, "a record whose tail is cut off", f"{tail.itemsize} bytes of it", place)
+            tails.append(len(starts) - 1)
+            position += tail.itemsize
+    if not starts:
+        raise InputError(path, "no record", "at least one", "byte 0")
+    return starts, tails
+
+
+def _fields(raw: np.ndarray, starts: np.ndarray, dtype: np.dtype[np.void]) -> dict[str, FloatArray]:
+    if dtype.itemsize == 0:
+        return {}
+    rows = raw[starts[:, None] + np.arange(dtype.itemsize)]
+    records = np.ascontiguousarray(rows).view(dtype)[:, 0] if len(starts) else np.empty(0, dtype)
+    return {name: records[name].astype(np.float64) for name in dtype.names or ()}

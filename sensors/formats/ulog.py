@@ -1,0 +1,158 @@
+"""PX4's ULog, which describes itself: read through pyulog (`pip install "sinan-nav[ulog]"`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+from sensors.recording import Recording, Stream
+
+MAGIC = b"ULog\x01\x12\x35"
+
+_MICROSECOND = 1e-6
+#: `distance_sensor.type` and `.orientation` of PX4's message definition: 0 laser, 1 ultrasound; 25 looks down.
+_LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
+
+
+def read_topics(path: Path) -> dict[str, FloatArray]:
+    """All topics as columns `topic.field`; a further instance k of a topic is `topic#k.field`. Times are in us.
+
+    Raises
+    ------
+    InputError : pyulog is not installed; the log is damaged or holds no data
+    """
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise InputError(path, "a ULog", 'pyulog to read it with: pip install "sinan-nav[ulog]"') from None
+    try:
+        log = ULog(str(path), disable_str_exceptions=True)
+    except Exception as error:  # pyulog raises whatever its parser meets in a damaged file
+        raise InputError(path, f"{type(error).__name__}: {error}", "a whole ULog") from None
+    if log.file_corruption:
+        raise InputError(path, "damaged or cut-off messages", "a whole ULog")
+    columns: dict[str, FloatArray] = {}
+    for topic in log.data_list:
+        name = topic.name if topic.multi_id == 0 else f"{topic.name}#{topic.multi_id}"
+        columns.update({f"{name}.{field}": np.asarray(values, np.float64) for field, values in topic.data.items()})
+    if not columns:
+        raise InputError(path, "no topic", "a log with data")
+    return columns
+
+
+def read_ulog(path: Path) -> Recording:
+    """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
+
+    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. What the vehicle's
+    own estimator says is not read.
+
+    Raises
+    ------
+    InputError : no accelerometer and gyroscope; what `read_topics` and `Recording` find wrong
+    """
+    from sensors.formats.geodetic import to_ned
+    from sensors.formats.plausible import check_units
+
+    topics = read_topics(path)
+    found = {
+        "imu": _imu(topics), "mag": _mag(topics), "baro": _baro(topics), "laser": _range(topics, _LASER),
+        "sonar": _range(topics, _ULTRASOUND), "gps": _gps(topics), "power": _power(topics), "motors": _motors(topics),
+        "air": _columns(topics, "airspeed", {"airspeed": "true_airspeed_m_s"}),
+    }  # fmt: skip
+    streams = {name: stream for name, stream in found.items() if stream is not None and len(stream) > 0}
+    if "imu" not in streams:
+        names = ", ".join(sorted({name.split(".")[0] for name in topics}))
+        raise InputError(path, f"no sensor_combined among the topics ({names})", "a log of accelerometer and gyroscope")
+    start = min(float(stream.t[0]) for stream in streams.values())
+    streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
+    streams, origin, notes = to_ned(path, streams, None)
+    recording = Recording(path.stem, "flight", streams, origin=origin, source=str(path), notes=notes)
+    check_units(recording)
+    return recording
+
+
+def reference_ulog(path: Path) -> Stream | None:
+    """The attitude of the vehicle's own estimator, for scoring alone; on the clock of `read_ulog`."""
+    topics = read_topics(path)
+    if "vehicle_attitude.q[0]" not in topics:
+        return None
+    names = {column: f"q[{k}]" for k, column in enumerate(("qw", "qx", "qy", "qz"))}
+    stream = _columns(topics, "vehicle_attitude", names)
+    recording_start = min(float(s.t[0]) for s in (_imu(topics), _mag(topics), _baro(topics), _gps(topics)) if s is not None)
+    return None if stream is None else Stream(stream.t - recording_start, stream.columns)
+
+
+def _columns(topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str], clock: str = "timestamp") -> Stream | None:
+    """Some fields of a topic as a stream; None where one is missing. A repeated time stamp counts once."""
+    wanted = [f"{topic}.{field}" for field in (clock, *names.values())]
+    if any(name not in topics for name in wanted):
+        return None
+    t = topics[wanted[0]] * _MICROSECOND
+    first = np.concatenate([[True], np.diff(t) > 0.0]) if len(t) else np.empty(0, dtype=bool)
+    return Stream(t[first], {name: topics[f"{topic}.{field}"][first] for name, field in names.items()})
+
+
+def _imu(topics: Mapping[str, FloatArray]) -> Stream | None:
+    names = {f"accel_{axis}": f"accelerometer_m_s2[{k}]" for k, axis in enumerate("xyz")}
+    names |= {f"gyro_{axis}": f"gyro_rad[{k}]" for k, axis in enumerate("xyz")}
+    return _columns(topics, "sensor_combined", names)
+
+
+def _mag(topics: Mapping[str, FloatArray]) -> Stream | None:
+    names = {f"mag_{axis}": f"magnetometer_ga[{k}]" for k, axis in enumerate("xyz")}
+    return _columns(topics, "vehicle_magnetometer", names)
+
+
+def _baro(topics: Mapping[str, FloatArray]) -> Stream | None:
+    names = {"height": "baro_alt_meter", "pressure": "baro_pressure_pa", "temperature": "baro_temp_celcius"}
+    return _columns(topics, "vehicle_air_data", names)
+
+
+def _range(topics: Mapping[str, FloatArray], kind: int) -> Stream | None:
+    """Downward ranges of one kind of sensor within its own limits: beyond them there was no echo."""
+    names = {"range": "current_distance", "low": "min_distance", "high": "max_distance", "kind": "type", "facing": "orientation"}
+    stream = _columns(topics, "distance_sensor", names)
+    if stream is None:
+        return None
+    inside = (stream["range"] > stream["low"]) & (stream["range"] < stream["high"])
+    keep = (stream["kind"] == kind) & (stream["facing"] == _DOWNWARD) & inside
+    return Stream(stream.t[keep], {"range": stream["range"][keep]})
+
+
+def _gps(topics: Mapping[str, FloatArray]) -> Stream | None:
+    """Fixes in three dimensions: geodetic, with velocity. Older logs have integers of 1e-7 deg and mm, newer ones floats."""
+    topic = next((name for name in ("vehicle_gps_position", "sensor_gps") if f"{name}.timestamp" in topics), "")
+    old = f"{topic}.lat" in topics
+    fields = ("lat", "lon", "alt_ellipsoid") if old else ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m")
+    names = dict(zip(("latitude", "longitude", "height"), fields, strict=True))
+    names |= {f"vel_{axis}": f"vel_{axis[0]}_m_s" for axis in ("north", "east", "down")} | {"fix": "fix_type"}
+    stream = _columns(topics, topic, names)
+    if stream is None:
+        return None
+    good = stream["fix"] >= 3
+    units = (1e-7, 1e-7, 1e-3) if old else (1.0, 1.0, 1.0)
+    columns = {name: values[good] for name, values in stream.columns.items() if name != "fix"}
+    for name, unit in zip(("latitude", "longitude", "height"), units, strict=True):
+        columns[name] = columns[name] * unit
+    return Stream(stream.t[good], columns)
+
+
+def _power(topics: Mapping[str, FloatArray]) -> Stream | None:
+    return _columns(topics, "battery_status", {"current": "current_a", "voltage": "voltage_v"})
+
+
+def _motors(topics: Mapping[str, FloatArray]) -> Stream | None:
+    """Motor speeds over the largest of the log: 0 to 1, proportional to the speed."""
+    count = topics.get("esc_status.esc_count")
+    if count is None or len(count) == 0 or not 1 <= count[0] <= 16:
+        return None
+    names = {f"motor_{k + 1}": f"esc[{k}].esc_rpm" for k in range(int(count[0]))}
+    stream = _columns(topics, "esc_status", names)
+    if stream is None or len(stream) == 0:
+        return None
+    top = max(1.0, max(float(np.max(np.abs(values))) for values in stream.columns.values()))
+    return Stream(stream.t, {name: np.abs(values) / top for name, values in stream.columns.items()})
