@@ -26,7 +26,11 @@ _ROWS_A_BLOCK = 8
 #: A reading is called wrong when it leaves its neighbours by this many sigma: one in 5e8 Gaussian readings does; in a
 #: coloured residual also by so many times the residual's own spread.
 _OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
+#: A single reading so many sigma off is kept out of the search for intervals.
+_SUSPECT = 4.0
 _LEAST_OUTLIERS = 2
+#: Rows of the shortest disturbance: fewer are wrong readings.
+_SHORTEST = 3
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
 
@@ -265,7 +269,8 @@ class LeastSquaresSource:
         moving = [term for term in fit.terms if term.in_mean]
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
-        scan_rows = np.flatnonzero(active & self._measured)
+        wrong = self._wrong_rows(state.nuisance, fit.beta, _SUSPECT)  # an interval must not live on one wrong reading
+        scan_rows = np.flatnonzero(active & self._measured & ~wrong)
         scan_rows = scan_rows[np.argsort(self._problem.t[scan_rows], kind="stable")]
         everything = np.concatenate([scan_rows, np.flatnonzero(active & ~self._measured)])
         fitted = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[everything]
@@ -275,7 +280,7 @@ class LeastSquaresSource:
         t = self._problem.t[scan_rows]
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
-            found = find_interval(scan, to_the_end, noise_dof, shortest=1 if not to_the_end else 3, rows=len(scan_rows))
+            found = find_interval(scan, to_the_end, noise_dof, _SHORTEST, len(scan_rows))
             if found is not None:
                 end = float(t[found.last]) if found.last < len(t) else float(t[-1]) + _after(t)
                 term = Term(f"{self._problem.stream}.{family}", (float(t[found.first]), end))
@@ -283,12 +288,14 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(self, x: FloatArray, beta: Mapping[Term, FloatArray]) -> BoolArray:
+    def _wrong_rows(
+        self, x: FloatArray, beta: Mapping[Term, FloatArray], threshold: float = _OUTLIER
+    ) -> BoolArray:
         rows = self._problem.rows(x, beta, ())
         wrong = np.zeros(len(rows.residual), dtype=bool)
         index = np.flatnonzero(self._measured)
         index = index[np.argsort(self._problem.t[index], kind="stable")]
-        wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None)
+        wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None, threshold)
         return wrong
 
     def _outlier_finding(self, fit: Fit, rows: Rows) -> LocalFinding | None:
@@ -324,8 +331,8 @@ class LeastSquaresSource:
         ]
 
 
-def isolated_outliers(residual: FloatArray, sigma: float | None) -> BoolArray:
-    """(n,) whether a residual leaves the median of its neighbours by more than `_OUTLIER` sigma, alone.
+def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: float = _OUTLIER) -> BoolArray:
+    """(n,) whether a residual leaves the median of its neighbours by more than `threshold` sigma, alone.
 
     Parameters
     ----------
@@ -340,7 +347,7 @@ def isolated_outliers(residual: FloatArray, sigma: float | None) -> BoolArray:
     scale = 1.4826 * float(np.median(np.abs(away)))
     scale = max(scale, np.finfo(float).tiny) if sigma is None else max(scale, sigma)
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    wrong = np.abs(away) > max(_OUTLIER * scale, _OUTLIER_SPREAD * spread)
+    wrong = np.abs(away) > max(threshold * scale, _OUTLIER_SPREAD * spread)
     runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")
     return np.asarray(wrong & (runs <= 2))
 

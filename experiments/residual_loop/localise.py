@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from estimator.score import likelihood_ratio, log_p_value
+from estimator.whiteness import whiteness
 from sensors.arrays import FloatArray, IntArray
 
 #: Boundaries of the coarse grid; a row is the finest step of the refinement.
@@ -77,6 +78,11 @@ class OffsetScan:
         beta = np.einsum("mij,mj->mi", vectors, projected * inverse)
         return gain, seen.sum(axis=1), beta
 
+    def is_coloured(self, rows: int) -> bool:
+        """Whether the first `rows` rows of the residual fail the test of whiteness (at one in a thousand)."""
+        result = whiteness(self._parts[0][:rows, None])
+        return result is not None and result[1] < 1e-3
+
     def without(self, first: int, last: int) -> OffsetScan:
         """The scan of what is left once an offset in this interval is fitted too."""
         residual, offset, fitted = self._parts
@@ -117,8 +123,11 @@ def find_interval(scan: OffsetScan, to_the_end: bool, noise_dof: float, shortest
             continue  # not even without the colour
         a, b = _refine(scan, int(first[k]), int(last[k]), to_the_end, shortest, step, rows)
         one_gain, one_dof, beta = scan.gain(np.array([a]), np.array([b]))
-        colour = _colour(scan.without(a, b), a, b, peers)
-        log_p = min(float(_log_p(one_gain[0] / colour, one_dof[0], noise_dof)) + float(np.log(searched)), 0.0)
+        log_p = _log_p(one_gain[0], one_dof[0], noise_dof)
+        left = scan.without(a, b)
+        if left.is_coloured(rows):
+            log_p = max(log_p, _log_p_among_peers(left, float(one_gain[0]), int(one_dof[0]), a, b, peers, rows))
+        log_p = min(log_p + float(np.log(searched)), 0.0)
         if best is None or log_p < best.log_p:
             statistic = likelihood_ratio(float(one_gain[0]), noise_dof)
             best = Interval(a, b, float(one_gain[0]), statistic, int(one_dof[0]), log_p, beta[0])
@@ -154,11 +163,13 @@ def _log_p(gain: float, dof: int, noise_dof: float) -> float:
     return log_p_value(float(gain), int(dof), noise_dof)
 
 
-def _colour(left: OffsetScan, a: int, b: int, peers: list[tuple[IntArray, IntArray]]) -> float:
-    """Factor (>= 1) by which offsets in intervals of about this length exceed those of white noise.
+def _log_p_among_peers(
+    left: OffsetScan, gain: float, dof: int, a: int, b: int, peers: list[tuple[IntArray, IntArray]], rows: int
+) -> float:
+    """Log p of an offset in a coloured residual, by comparison with other intervals of about its length.
 
     Peers that do not overlap the interval, where there are enough of them, else all; the longest intervals that have
-    enough peers stand for longer ones.
+    enough peers stand for longer ones. About rows / length - 1 of them are independent: F with that many times `dof`.
     """
     factor = 1.0
     for first, last in peers:
@@ -166,12 +177,13 @@ def _colour(left: OffsetScan, a: int, b: int, peers: list[tuple[IntArray, IntArr
         if np.sum(apart) < _LEAST_PEERS:
             apart = np.ones(len(first), dtype=bool)
         if np.sum(apart) >= _LEAST_PEERS:
-            gain, dof, _ = left.gain(first[apart], last[apart])
-            if np.any(dof > 0):
-                factor = float(np.median(gain[dof > 0] / stats.chi2.median(dof[dof > 0])))
+            peer_gain, peer_dof, _ = left.gain(first[apart], last[apart])
+            if np.any(peer_dof > 0):
+                factor = float(np.median(peer_gain[peer_dof > 0] / stats.chi2.median(peer_dof[peer_dof > 0])))
             if np.median(last - first) >= b - a:
                 break
-    return max(factor, 1.0)
+    independent = max(rows / min(b - a, rows - (b - a)) - 1.0, 1.0)
+    return float(stats.f.logsf(gain / dof / max(factor, 1.0), dof, dof * independent)) if dof else 0.0
 
 
 def _refine(scan: OffsetScan, a: int, b: int, to_the_end: bool, shortest: int, step: int, rows: int) -> tuple[int, int]:

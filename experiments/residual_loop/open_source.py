@@ -1,0 +1,169 @@
+"""From a recording to the source that the loop asks: which plain model, which sensor, which noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.gyro import read_turns
+from calibration.segments import find_poses
+from experiments.residual_loop.least_squares_source import LeastSquaresSource
+from experiments.residual_loop.poses import NormPoses
+from experiments.residual_loop.turns import GyroTurns
+from sensors.arrays import FloatArray
+from sensors.constants import STANDARD_GRAVITY
+from sensors.covariates import covariates_for
+from sensors.errors import InputError
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+
+
+#: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
+_FULL_RATE_STEP = 0.1
+
+
+@dataclass(frozen=True)
+class TriadReadings:
+    """Static or slowly turned readings of one three-axis sensor, as a calibration by norm needs them.
+
+    Attributes
+    ----------
+    t, reading : (n,) s, (n, 3) divided by `normalised_by`
+    norm, unit : of the true reading
+    sigma : (n,) declared noise per axis, or None
+    walk : declared random walk of the bias, or None
+    normalised_by : what the readings were divided by
+    covariates : (n,) each
+    """
+
+    sensor: str
+    t: FloatArray
+    reading: FloatArray
+    norm: float
+    unit: str
+    sigma: FloatArray | None
+    walk: float | None
+    normalised_by: float
+    covariates: dict[str, FloatArray]
+
+
+def sensors_in_poses(recording: Recording) -> tuple[str, ...]:
+    """The sensors that a poses recording can calibrate."""
+    columns = {name: stream.columns for name, stream in recording.streams.items()}
+    rows = columns.get("poses", {})
+    found = []
+    if "accel_x" in rows or "imu" in columns:
+        found.append("accel")
+    if "imu" in columns:
+        found.append("gyro")
+    if "mag_x" in rows or "mag" in columns:
+        found.append("mag")
+    return tuple(found)
+
+
+def choose_sensor(recording: Recording, sensor: str | None) -> str:
+    """The sensor asked for, or the only one there is.
+
+    Raises
+    ------
+    InputError : not there, or several and none named
+    """
+    there = sensors_in_poses(recording)
+    if sensor is None:
+        if len(there) == 1:
+            return there[0]
+        raise InputError(recording.where, f"sensors {', '.join(there)}", "one of them: pass --sensor")
+    if sensor not in there:
+        raise InputError(recording.where, f"no {sensor} (there are {', '.join(there) or 'none'})", "a sensor that is there")
+    return sensor
+
+
+def require_kind(recording: Recording, kind: str, command: str, instead: str) -> None:
+    """Raise unless the recording is of a kind, naming the command that fits."""
+    if recording.kind != kind:
+        raise InputError(recording.where, f'kind = "{recording.kind}"', f'"{kind}" for {command}; {instead} fits')
+
+
+def triad_readings(recording: Recording, sensor: str, gravity: float | None = None) -> TriadReadings:
+    """The readings of an accelerometer or magnetometer in a poses recording, and the norm they are aimed at.
+
+    An accelerometer's full-rate log is averaged over its static poses; rows of `poses.csv` and readings of a slowly turned
+    magnetometer are taken as they are. Norm: accel `gravity`, else what the recording declares, else 9.80665; mag the
+    declared field's, else 1 with the readings divided by their mean norm.
+    """
+    if sensor == "accel":
+        t, reading, sigma = _accel_readings(recording)
+        norm = gravity or recording.environment.gravity or STANDARD_GRAVITY
+        unit, divisor = "m/s^2", 1.0
+    else:
+        t, reading, sigma = _mag_readings(recording)
+        field = recording.environment.magnetic_field
+        norm = 1.0 if field is None else float(np.linalg.norm(field))
+        divisor = float(np.mean(np.linalg.norm(reading, axis=1))) if field is None else 1.0
+        unit = "1"
+    spec = recording.spec(sensor)
+    walk = None if spec.bias_walk is None else spec.bias_walk / divisor
+    return TriadReadings(
+        sensor,
+        t,
+        reading / divisor,
+        norm,
+        unit,
+        None if sigma is None else sigma / divisor,
+        walk,
+        divisor,
+        covariates_for(recording, sensor, t),
+    )
+
+
+def _accel_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    spec = recording.spec("accel")
+    poses = recording.streams.get("poses")
+    stream = recording.streams["imu"] if poses is None or not poses.has(ACCEL) else poses
+    if stream is poses and np.median(np.diff(poses.t)) >= _FULL_RATE_STEP:
+        return poses.t, poses.array(ACCEL), _row_sigma(spec.noise_std, len(poses))
+    gyro = stream.array(GYRO) if stream.has(GYRO) else None
+    still = find_poses(stream.t, stream.array(ACCEL), gyro, where=recording.where, at_least=6)
+    sigma = None
+    if spec.noise_density is not None:
+        sigma = spec.noise_density / np.sqrt(stream.t[still.stop - 1] - stream.t[still.start])
+    return still.t, still.mean[:, :3], sigma
+
+
+def _mag_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    stream: Stream = recording.streams["mag"] if "mag" in recording.streams else recording.streams["poses"]
+    return stream.t, stream.array(MAG), _row_sigma(recording.spec("mag").noise_std, len(stream))
+
+
+def _row_sigma(noise_std: float | None, n: int) -> FloatArray | None:
+    return None if not noise_std else np.full(n, noise_std)
+
+
+def pose_source(recording: Recording, sensor: str | None = None, gravity: float | None = None) -> LeastSquaresSource:
+    """The source of a poses recording."""
+    sensor = choose_sensor(recording, sensor)
+    declared = {name: beta for name, beta in recording.effects.items() if name.startswith(f"{sensor}.")}
+    if sensor == "gyro":
+        return LeastSquaresSource(_turns(recording, gravity, declared))
+    r = triad_readings(recording, sensor, gravity)
+    return LeastSquaresSource(
+        NormPoses(recording.name, sensor, r.t, r.reading, r.norm, r.unit, r.sigma, r.walk, r.covariates, declared)
+    )
+
+
+def _turns(recording: Recording, gravity: float | None, declared: dict[str, tuple[float, ...]]) -> GyroTurns:
+    imu = recording.streams["imu"]
+    gyro, accel = recording.spec("gyro"), recording.spec("accel")
+    known = gyro.noise_density is not None and accel.noise_density is not None
+    log = read_turns(
+        imu.t,
+        imu.array(ACCEL),
+        imu.array(GYRO),
+        gravity or recording.environment.gravity or STANDARD_GRAVITY,
+        gyro.noise_density,
+        accel.noise_density,
+        recording.where,
+    )
+    covariates = covariates_for(recording, "gyro", imu.t)
+    earth = recording.environment.earth_rotation
+    return GyroTurns(recording.name, log, known, gyro.bias_walk, covariates, declared, earth)

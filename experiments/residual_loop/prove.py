@@ -1,0 +1,204 @@
+"""Prove a selection: errors on data that took no part in the fit, rollback, and what remains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from estimator.whiteness import whiteness
+from experiments.residual_loop.select import Option, Selection
+from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+
+_RESAMPLES = 1000
+_BOOTSTRAP_BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Residuals of one model on one part of the data.
+
+    Attributes
+    ----------
+    rms, unit : of the stream in question
+    nis_per_dof : over all streams
+    interval : 95 % interval of the rms by block bootstrap
+    sse : sum of squares of the stream in question
+    """
+
+    rms: float
+    unit: str
+    nis_per_dof: float
+    interval: tuple[float, float]
+    sse: float
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """Something left in the residual.
+
+    Attributes
+    ----------
+    kind : "variance", "colour" or "local"
+    excess : relative size: of the variance over 1, largest autocorrelation, or offset over sigma
+    follows : "time", "place" or the name of a covariate
+    in_mean : whether it is structure of the mean, which the catalogue should explain
+    """
+
+    stream: str
+    kind: str
+    excess: float
+    follows: str
+    p_value: float
+    in_mean: bool
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Errors before and after on held-out data.
+
+    Attributes
+    ----------
+    stream : whose errors are compared
+    before, after : held out
+    in_sample_before, in_sample_after : on all data, fitted on all data
+    nis_before, nis_after : per degree of freedom over all streams and all data
+    untested : effects that act on no held-out reading, so that only the evidence speaks for them
+    """
+
+    stream: str
+    before: Errors
+    after: Errors
+    in_sample_before: Errors
+    in_sample_after: Errors
+    nis_before: float
+    nis_after: float
+    untested: tuple[Term, ...]
+
+
+def stream_in_question(source: Source, selection: Selection) -> str:
+    """The stream that the first effect enters, if it has residuals; else the one with the largest NIS."""
+    residuals = source.residuals(selection.plain)
+    names = {r.stream for r in residuals}
+    if selection.findings:
+        entered = source.effect(selection.findings[0].term).stream
+        if entered in names:
+            return entered
+    return max(residuals, key=lambda r: r.nis_per_dof).stream
+
+
+def errors_of(residuals: Sequence[StreamResidual], stream: str, rng: np.random.Generator, noise: float = 1.0) -> Errors:
+    """Errors of a set of residuals; `noise` is the variance by which undeclared noise is normalised."""
+    one = next(r for r in residuals if r.stream == stream)
+    squares = np.concatenate([r.whitened.ravel() ** 2 for r in residuals])
+    row_squares = np.mean(one.residual**2, axis=1)
+    return Errors(
+        one.rms, one.unit, float(np.mean(squares)) / noise, rms_interval(row_squares, rng), float(np.sum(one.residual**2))
+    )
+
+
+def rms_interval(squares: FloatArray, rng: np.random.Generator) -> tuple[float, float]:
+    """95 % interval of the root mean of `squares` (n,) in time order, by resampling contiguous blocks."""
+    blocks = np.array_split(squares, min(_BOOTSTRAP_BLOCKS, len(squares)))
+    sums, counts = np.array([b.sum() for b in blocks]), np.array([len(b) for b in blocks])
+    draw = rng.integers(0, len(blocks), (_RESAMPLES, len(blocks)))
+    rms = np.sqrt(sums[draw].sum(axis=1) / counts[draw].sum(axis=1))
+    low, high = np.quantile(rms, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
+    """The held-out rows of each stream that has any."""
+    return [r.rows(r.held_out) for r in residuals if np.any(r.held_out)]
+
+
+def acts_on_held_out(source: Source, selection: Selection, term: Term) -> bool:
+    """Whether an effect touches held-out readings: a localised one may lie in the fitting part alone, or the reverse."""
+    if term.interval is None:
+        return term.in_mean
+    t0, t1 = term.interval
+    stream = source.effect(term).stream
+    rows = [r for r in source.residuals(selection.plain) if r.stream == stream] or source.residuals(selection.plain)
+    inside = [(r.t >= t0) & (r.t < t1) for r in rows]
+    kept = sum(int(np.sum(i & r.held_out)) for i, r in zip(inside, rows, strict=True))
+    fitted = sum(int(np.sum(i & ~r.held_out)) for i, r in zip(inside, rows, strict=True))
+    return kept > 0 and fitted > 0
+
+
+def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
+    """Fit on the fitting part, count on the held-out part, before and after; and the same in sample."""
+    stream = stream_in_question(source, selection)
+    tested = [f.term for f in selection.findings if not f.term.in_mean or acts_on_held_out(source, selection, f.term)]
+    untested = tuple(f.term for f in selection.findings if f.term not in tested)
+    fitting = source.fit(
+        [t for t in selection.final.terms if t in tested], {t: selection.final.beta[t] for t in tested}, "fitting"
+    )
+    plain = source.fit((), part="fitting")
+    noise = _noise(source, selection.final)
+    before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
+    all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
+    errors = [errors_of(r, stream, rng, noise) for r in (before, after, all_before, all_after)]
+    return Proof(stream, *errors, errors[2].nis_per_dof, errors[3].nis_per_dof, untested)
+
+
+def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
+    """Effects that do not improve the error on held-out data they act on, in order of discovery."""
+    kept: list[Term] = []
+    dropped: list[Term] = []
+    previous = _held_out_squares(source, source.fit((), part="fitting"))
+    for finding in selection.findings:
+        term = finding.term
+        if not acts_on_held_out(source, selection, term):
+            if term.in_mean is False:
+                kept.append(term)
+            continue
+        trial = source.fit([*kept, term], {t: selection.final.beta[t] for t in [*kept, term]}, "fitting")
+        squares = _held_out_squares(source, trial)
+        if squares < previous:
+            kept.append(term)
+            previous = squares
+        else:
+            dropped.append(term)
+    return tuple(dropped)
+
+
+def _held_out_squares(source: Source, fit: Fit) -> float:
+    return float(sum(np.sum(r.whitened**2) for r in held_out(source.residuals(fit))))
+
+
+def _noise(source: Source, fit: Fit) -> float:
+    """Variance of the whitened residual where the noise is not declared: that of the final model; else 1."""
+    if np.isfinite(source.evidence(fit).noise_dof):
+        return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
+    return 1.0
+
+
+def remaining(source: Source, fit: Fit, left: Sequence[Option], alpha: float) -> list[Remaining]:
+    """What the final model leaves, by stream: variance off the declared noise, colour, local offsets, covariates followed.
+
+    Structure in the mean is what passes the same tests as an effect would; variance and stationary colour do not count
+    as such.
+    """
+    found: list[Remaining] = []
+    known = not np.isfinite(source.evidence(fit).noise_dof)
+    for r in source.residuals(fit):
+        z = r.whitened
+        if known:
+            n = z.size
+            total = float(np.sum(z**2))
+            p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
+            if p < alpha:
+                found.append(Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), False))
+        colour = whiteness(z)
+        if colour is not None and colour[1] < alpha:
+            found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
+    for option in left:
+        if option.term.interval is not None:
+            p = float(np.exp(option.log_p))
+            size = float(np.sqrt(option.statistic / max(option.dof, 1)))
+            found.append(Remaining(source.effect(option.term).stream, "local", size, "time", p, True))
+    return found

@@ -1,0 +1,249 @@
+"""Decide which effects the evidence calls for: forward selection with exact refits, one effect at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.score import Evidence, Statistic, log_p_value, statistic_of
+from experiments.residual_loop.source import Fit, LocalFinding, Part, Source
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+
+#: Effects beyond this number are not looked for: what then remains is reported as unexplained.
+MOST_EFFECTS = 6
+#: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after it.
+SHORTLIST, SHORTLIST_SHARE = 6, 0.25
+#: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
+CONFUSED = 10.0
+#: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
+#: sold, and ten of them is another instrument.
+IMPLAUSIBLE = 10.0
+
+
+@dataclass(frozen=True)
+class Option:
+    """A candidate at one step of the selection: evidence on the first pass, before any refit.
+
+    Attributes
+    ----------
+    term : the effect
+    statistic, dof : chi-square and its degrees of freedom
+    log_p : corrected for colour and search; `log_p_raw` without the scatter
+    search : what the search over intervals and the colour add to the logarithm of the p-value
+    beta : first-order estimate
+    """
+
+    term: Term
+    statistic: float
+    dof: int
+    log_p: float
+    log_p_raw: float
+    search: float
+    beta: FloatArray
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect that was accepted.
+
+    Attributes
+    ----------
+    term, beta, std : the effect and its estimate in the final model
+    log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
+    gain : drop of -2 log L that it brought
+    information : beta' Lambda beta, the others projected out
+    confused_with : names of effects that explain the data as well
+    """
+
+    term: Term
+    beta: FloatArray
+    std: FloatArray
+    log_p: float
+    gain: float
+    information: float
+    confused_with: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The path from the plain model to the final one.
+
+    Attributes
+    ----------
+    plain, final : the first and the last fit
+    findings : what was accepted, in order of discovery
+    plain_statistics : of every candidate, about the plain model
+    final_statistics : of every candidate that was not accepted, about the final model
+    left : options that pass the test about the final model but were not accepted, strongest first
+    """
+
+    plain: Fit
+    final: Fit
+    findings: tuple[Finding, ...]
+    plain_statistics: tuple[Statistic, ...]
+    final_statistics: tuple[Statistic, ...]
+    left: tuple[Option, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects found, each once."""
+        return tuple(dict.fromkeys(finding.term.name for finding in self.findings))
+
+
+def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection:
+    """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
+
+    1. All candidates are scored about the present fit, the effects already in it projected out.
+    2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate each
+       other's scatter, those that pass without it are tried, and have to pass with it after the refit.
+    3. The shortlist is refitted in exact form; the strongest plausible one is accepted.
+    4. An effect that another has made superfluous is dropped.
+
+    Parameters
+    ----------
+    alpha : family-wise error over all candidates
+    part : the data that may be used
+    """
+    threshold = float(np.log(alpha / max(source.families, 1)))
+    fit = source.fit((), part=part)
+    plain = fit
+    evidence = source.evidence(fit)
+    plain_statistics = tuple(statistic_of(evidence, entry.name) for entry in source.candidates)
+    findings: list[Finding] = []
+    refused: set[str] = set()
+    options: list[Option] = []
+    while True:
+        options = _options(source, fit, evidence)
+        if len(findings) >= MOST_EFFECTS:
+            break
+        accepted = _best(source, fit, options, threshold, refused)
+        if accepted is None:
+            break
+        fit, finding = accepted
+        findings.append(finding)
+        fit, findings = _prune(source, fit, findings, threshold)
+        evidence = source.evidence(fit)
+    findings = [_updated(finding, fit, evidence) for finding in findings]
+    given = [term.key for term in fit.terms if term.in_mean]
+    names = {term.name for term in fit.terms}
+    final_statistics = tuple(
+        statistic_of(evidence, entry.name, given) for entry in source.candidates if entry.name not in names
+    )
+    left = tuple(sorted((o for o in options if o.log_p < threshold), key=lambda o: o.log_p))
+    return Selection(plain, fit, tuple(findings), plain_statistics, final_statistics, left)
+
+
+def _options(source: Source, fit: Fit, evidence: Evidence) -> list[Option]:
+    """Every candidate that is not in the model yet, and the best interval of each localised family."""
+    given = [term.key for term in fit.terms if term.in_mean]
+    names = {term.name for term in fit.terms}
+    options = []
+    for entry in source.candidates:
+        if entry.name not in names:
+            s = statistic_of(evidence, entry.name, given)
+            options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, s.beta))
+    for found in source.local_findings(fit):
+        options.append(_local_option(found, evidence.noise_dof))
+    return options
+
+
+def _local_option(found: LocalFinding, noise_dof: float) -> Option:
+    gain = found.statistic
+    if np.isfinite(noise_dof):
+        gain = noise_dof * (1.0 - np.exp(-found.statistic / noise_dof))
+    plain = log_p_value(gain, found.dof, noise_dof)
+    return Option(
+        found.term, found.statistic, found.dof, found.log_p, found.log_p, found.log_p - max(plain, -1e300), found.beta
+    )
+
+
+def _best(
+    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: set[str]
+) -> tuple[Fit, Finding] | None:
+    """Refit the shortlist and take the strongest that is plausible and passes; None where nothing does."""
+    passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
+    tentative = not passing
+    if tentative:
+        passing = [o for o in options if o.log_p_raw < threshold and o.term.key not in refused]
+    if not passing:
+        return None
+    passing.sort(key=lambda o: o.log_p_raw if tentative else o.log_p)
+    best = passing[0].statistic
+    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:SHORTLIST]
+    trials = [_trial(source, fit, option) for option in shortlist]
+    trials = [t for t in trials if t is not None and t[1].log_p < threshold]
+    if not trials:
+        refused.update(option.term.key for option in shortlist)
+        return _best(source, fit, options, threshold, refused)
+    trials.sort(key=lambda trial: trial[1].log_p)
+    chosen, finding = trials[0]
+    rivals = tuple(
+        other.term.name
+        for rival, other in trials[1:]
+        if rival.deviance < chosen.deviance + CONFUSED and other.term.name != finding.term.name
+    )
+    return chosen, replace(finding, confused_with=rivals)
+
+
+def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
+    """Refit with one more effect; None where the estimate is far outside its plausible size or nothing is gained."""
+    term = option.term
+    refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+    gain = fit.deviance - refit.deviance
+    if not term.in_mean:
+        return refit, Finding(term, refit.beta[term], refit.std[term], option.log_p, gain, option.statistic, ())
+    evidence = source.evidence(refit)
+    beta, std = refit.beta[term], refit.std[term]
+    plausible = evidence.plausible[evidence.columns(term.key)]
+    if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
+        return None
+    others = [t.key for t in refit.terms if t.in_mean and t is not term]
+    scatter = statistic_of(evidence, term.key, others).scatter
+    log_p = _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter if option.search == 0.0 else 1.0) + option.search
+    finding = Finding(term, beta, std, min(log_p, 0.0), gain, _lambda(evidence, term, others, beta), ())
+    return refit, finding
+
+
+def _log_p_of_gain(deviance_gain: float, dof: int, noise_dof: float, scatter: float) -> float:
+    """Log p of a drop in -2 log L; with estimated noise the deviance is n log SSE, and `noise_dof` is that after."""
+    if deviance_gain <= 0.0:
+        return 0.0
+    if not np.isfinite(noise_dof):
+        return log_p_value(deviance_gain, dof, noise_dof, scatter)
+    before = noise_dof + dof
+    return log_p_value(before * (1.0 - np.exp(-deviance_gain / before)), dof, before, scatter)
+
+
+def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
+    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
+    for finding in findings[:-1]:
+        if not finding.term.in_mean:
+            continue
+        rest = [term for term in fit.terms if term != finding.term]
+        without = source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
+        noise_dof = source.evidence(fit).noise_dof
+        dof = len(finding.beta)
+        if _log_p_of_gain(without.deviance - fit.deviance, dof, noise_dof, 1.0) > threshold:
+            return _prune(source, without, [f for f in findings if f.term != finding.term], threshold)
+    return fit, findings
+
+
+def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
+    """The finding with its estimate in the final model."""
+    term = finding.term
+    beta = fit.beta[term]
+    information = finding.information
+    if term.in_mean:
+        others = [t.key for t in fit.terms if t.in_mean and t != term]
+        information = _lambda(evidence, term, others, beta)
+    return replace(finding, beta=beta, std=fit.std[term], information=information)
+
+
+def _lambda(evidence: Evidence, term: Term, others: Sequence[str], beta: FloatArray) -> float:
+    from estimator.score import project_out
+
+    information, _ = project_out(evidence, term.key, others)
+    return float(beta @ information.sum(axis=0) @ beta)

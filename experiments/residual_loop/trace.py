@@ -1,0 +1,192 @@
+"""The loop from beginning to end, and its report: detect, trace, decide, add, prove."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.score import Statistic
+from experiments.residual_loop.prove import Errors, Proof, Remaining, prove, remaining, rolled_back
+from experiments.residual_loop.select import Finding, Selection, select
+from experiments.residual_loop.source import Fit, Source
+from experiments.residual_loop.term import Term
+
+#: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
+Score = Callable[[Fit], Mapping[str, float]]
+
+_BOOTSTRAP_SEED = 20170707  # of the intervals' resampling; any other gives the same to a per cent
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What the loop found in one recording.
+
+    Attributes
+    ----------
+    recording, alpha : name, family-wise error
+    verdict : no_effect, effects, ambiguous or unexplained
+    selection : the effects and the evidence
+    proof : errors before and after
+    same_names : whether the fitting part alone chooses the same names
+    rolled_back : effects that passed the test but did not improve the held-out error
+    remaining : what the final model leaves
+    truth : errors against a reference, plain and final; None without one
+    separates : for an ambiguous verdict, the manoeuvre that would decide
+    """
+
+    recording: str
+    alpha: float
+    verdict: str
+    selection: Selection
+    proof: Proof
+    same_names: bool
+    rolled_back: tuple[str, ...]
+    remaining: tuple[Remaining, ...]
+    truth: tuple[Mapping[str, float], Mapping[str, float]] | None
+    separates: str
+
+
+def trace(source: Source, alpha: float = 0.01, score: Score | None = None) -> Trace:
+    """Run the loop on a source.
+
+    Parameters
+    ----------
+    alpha : family-wise error over all candidates
+    score : errors of a fit against a reference; called after the decision
+    """
+    selection = select(source, alpha)
+    dropped: tuple[Term, ...] = ()
+    if selection.findings:
+        dropped = rolled_back(source, selection)
+        if dropped:
+            selection = _without(source, selection, dropped)
+    proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
+    on_fitting = select(source, alpha, "fitting")
+    left = remaining(source, selection.final, selection.left, alpha)
+    truth = (score(selection.plain), score(selection.final)) if score is not None else None
+    return Trace(
+        source.name,
+        alpha,
+        verdict_of(selection, left),
+        selection,
+        proof,
+        set(on_fitting.names) == set(selection.names),
+        tuple(term.name for term in dropped),
+        tuple(left),
+        truth,
+        _separating_manoeuvre(source, selection),
+    )
+
+
+def verdict_of(selection: Selection, left: list[Remaining]) -> str:
+    """The first that applies: ambiguous, unexplained, effects, no_effect."""
+    if selection.findings and selection.findings[0].confused_with:
+        return "ambiguous"
+    if any(item.in_mean for item in left):
+        return "unexplained"
+    return "effects" if selection.findings else "no_effect"
+
+
+def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) -> Selection:
+    terms = [term for term in selection.final.terms if term not in dropped]
+    final = source.fit(terms, {term: selection.final.beta[term] for term in terms})
+    findings = tuple(
+        replace(f, beta=final.beta[f.term], std=final.std[f.term])
+        for f in selection.findings
+        if f.term not in dropped
+    )
+    return replace(selection, final=final, findings=findings)
+
+
+def _separating_manoeuvre(source: Source, selection: Selection) -> str:
+    if not selection.findings or not selection.findings[0].confused_with:
+        return ""
+    return source.effect(selection.findings[0].term).separates
+
+
+# ---- the report
+
+
+def report(source: Source, result: Trace) -> dict[str, object]:
+    """The trace as the JSON of the report."""
+    proof = result.proof
+    error: dict[str, object] = {
+        "held_out": True,
+        "stream": proof.stream,
+        "same_names_on_fitting_part": result.same_names,
+        "before": _errors(proof.before),
+        "after": _errors(proof.after),
+        "in_sample": {
+            "before": {"sse": proof.in_sample_before.sse, "rms": proof.in_sample_before.rms},
+            "after": {"sse": proof.in_sample_after.sse, "rms": proof.in_sample_after.rms},
+        },
+        "untested": [term.name for term in proof.untested],
+    }
+    error["truth"] = None if result.truth is None else {"before": dict(result.truth[0]), "after": dict(result.truth[1])}
+    colour = any(item.kind == "colour" for item in result.remaining)
+    return {
+        "format": 1,
+        "recording": result.recording,
+        "alpha": result.alpha,
+        "verdict": result.verdict,
+        "effects": [_effect(source, finding) for finding in result.selection.findings],
+        "error": error,
+        "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
+        "candidates": [_candidate(s) for s in _candidates(result.selection)],
+        "remaining": [
+            {"stream": r.stream, "kind": r.kind, "excess": _number(r.excess), "follows": r.follows, "p_value": r.p_value}
+            for r in result.remaining
+        ],
+        "rolled_back": list(result.rolled_back),
+        "separates": result.separates,
+    }
+
+
+def _candidates(selection: Selection) -> list[Statistic]:
+    """Statistics about the plain model; the detectable size of what was not found, about the final one."""
+    final = {s.name: s for s in selection.final_statistics}
+    return [replace(s, detectable_from=final.get(s.name, s).detectable_from) for s in selection.plain_statistics]
+
+
+def _effect(source: Source, finding: Finding) -> dict[str, object]:
+    entry = source.effect(finding.term)
+    interval = finding.term.interval
+    return {
+        "name": finding.term.name,
+        "beta": [float(b) for b in finding.beta],
+        "std": [_number(s) for s in finding.std],
+        "unit": list(entry.units),
+        "p_value": float(np.exp(finding.log_p)),
+        "log10_p_value": finding.log_p / float(np.log(10.0)),
+        "lambda": max(finding.information, 0.0),
+        "confused_with": list(finding.confused_with),
+        "interval": None if interval is None else [float(interval[0]), float(interval[1])],
+        "satellite": finding.term.satellite,
+        "summary": entry.summary,
+    }
+
+
+def _errors(errors: Errors) -> dict[str, object]:
+    return {
+        "rms": errors.rms,
+        "unit": errors.unit,
+        "nis_per_dof": errors.nis_per_dof,
+        "interval": list(errors.interval),
+    }
+
+
+def _candidate(s: Statistic) -> dict[str, object]:
+    return {
+        "name": s.name,
+        "statistic": s.statistic,
+        "dof": s.dof,
+        "p_value": s.p_value,
+        "scatter": s.scatter,
+        "detectable_from": [_number(d) for d in s.detectable_from],
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
