@@ -288,9 +288,7 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(
-        self, x: FloatArray, beta: Mapping[Term, FloatArray], threshold: float = _OUTLIER
-    ) -> BoolArray:
+    def _wrong_rows(self, x: FloatArray, beta: Mapping[Term, FloatArray], threshold: float = _OUTLIER) -> BoolArray:
         rows = self._problem.rows(x, beta, ())
         wrong = np.zeros(len(rows.residual), dtype=bool)
         index = np.flatnonzero(self._measured)
@@ -329,6 +327,20 @@ class LeastSquaresSource:
                 {name: value[keep] for name, value in self._problem.covariates.items()},
             )
         ]
+
+    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
+        """What an effect predicts for the plain residuals, as far as the nuisance parameters do not take it up."""
+        if not term.in_mean:
+            return None
+        state = _state(plain)
+        model = {**plain.beta, term: np.zeros(len(beta))}
+        rows = self._problem.rows(state.nuisance, model, ())
+        active = state.used & ~state.wrong
+        S, N = rows.effects[term.key][active] @ beta, rows.nuisance[active]
+        predicted = S - N @ np.linalg.lstsq(N, S, rcond=1e-10)[0]
+        size = rows.raw[active] / np.where(rows.residual[active] == 0.0, np.inf, rows.residual[active])
+        measured = self._measured[active]
+        return (predicted * size)[measured], rows.raw[active][measured], self._problem.unit
 
 
 def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: float = _OUTLIER) -> BoolArray:

@@ -13,7 +13,8 @@ from sensors.arrays import FloatArray, IntArray
 
 #: Boundaries of the coarse grid; a row is the finest step of the refinement.
 _GRID = 96
-#: A disturbance from the first row on is a start-up transient up to this share of the rows, the bias before a step above.
+#: A disturbance from the first row on is a start-up transient up to this share of the rows, the bias before a step
+#: above.
 _START_UP = 0.1
 #: An interval's evidence is compared with that of its peers, other intervals of about its length; at least so many.
 _LEAST_PEERS = 6
@@ -95,8 +96,8 @@ class OffsetScan:
 def find_interval(scan: OffsetScan, to_the_end: bool, noise_dof: float, shortest: int, rows: int) -> Interval | None:
     """The interval with the strongest evidence for an offset.
 
-    A coarse search runs over a grid, length by length; a refinement moves either end row by row. The p-value is multiplied
-    by the number of intervals searched (Bonferroni). A coloured residual has offsets everywhere, a disturbance stands out:
+    A coarse search runs over a grid, length by length; a refinement moves either end row by row. The p-value is
+    multiplied by the number of intervals searched (Bonferroni). A coloured residual has offsets everywhere, a disturbance stands out:
     the evidence is divided by that of the interval's peers, other intervals of its length, looked at once the
     interval itself is explained, where they exceed what white noise gives.
 

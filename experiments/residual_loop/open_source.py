@@ -17,7 +17,6 @@ from sensors.covariates import covariates_for
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
-
 #: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
 _FULL_RATE_STEP = 0.1
 
@@ -74,7 +73,9 @@ def choose_sensor(recording: Recording, sensor: str | None) -> str:
             return there[0]
         raise InputError(recording.where, f"sensors {', '.join(there)}", "one of them: pass --sensor")
     if sensor not in there:
-        raise InputError(recording.where, f"no {sensor} (there are {', '.join(there) or 'none'})", "a sensor that is there")
+        raise InputError(
+            recording.where, f"no {sensor} (there are {', '.join(there) or 'none'})", "a sensor that is there"
+        )
     return sensor
 
 
@@ -87,9 +88,9 @@ def require_kind(recording: Recording, kind: str, command: str, instead: str) ->
 def triad_readings(recording: Recording, sensor: str, gravity: float | None = None) -> TriadReadings:
     """The readings of an accelerometer or magnetometer in a poses recording, and the norm they are aimed at.
 
-    An accelerometer's full-rate log is averaged over its static poses; rows of `poses.csv` and readings of a slowly turned
-    magnetometer are taken as they are. Norm: accel `gravity`, else what the recording declares, else 9.80665; mag the
-    declared field's, else 1 with the readings divided by their mean norm.
+    An accelerometer's full-rate log is averaged over its static poses; rows of `poses.csv` and readings of a slowly
+    turned magnetometer are taken as they are. Norm: accel `gravity`, else what the recording declares, else 9.80665;
+    mag the declared field's, else 1 with the readings divided by their mean norm.
     """
     if sensor == "accel":
         t, reading, sigma = _accel_readings(recording)

@@ -97,7 +97,11 @@ def errors_of(residuals: Sequence[StreamResidual], stream: str, rng: np.random.G
     squares = np.concatenate([r.whitened.ravel() ** 2 for r in residuals])
     row_squares = np.mean(one.residual**2, axis=1)
     return Errors(
-        one.rms, one.unit, float(np.mean(squares)) / noise, rms_interval(row_squares, rng), float(np.sum(one.residual**2))
+        one.rms,
+        one.unit,
+        float(np.mean(squares)) / noise,
+        rms_interval(row_squares, rng),
+        float(np.sum(one.residual**2)),
     )
 
 
@@ -117,7 +121,7 @@ def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
 
 
 def acts_on_held_out(source: Source, selection: Selection, term: Term) -> bool:
-    """Whether an effect touches held-out readings: a localised one may lie in the fitting part alone, or the reverse."""
+    """Whether an effect touches held-out and fitted readings: a localised one may lie in one part alone."""
     if term.interval is None:
         return term.in_mean
     t0, t1 = term.interval
@@ -178,7 +182,8 @@ def _noise(source: Source, fit: Fit) -> float:
 
 
 def remaining(source: Source, fit: Fit, left: Sequence[Option], alpha: float) -> list[Remaining]:
-    """What the final model leaves, by stream: variance off the declared noise, colour, local offsets, covariates followed.
+    """What the final model leaves, by stream: variance off the declared noise, colour, local offsets, covariates
+    followed.
 
     Structure in the mean is what passes the same tests as an effect would; variance and stationary colour do not count
     as such.

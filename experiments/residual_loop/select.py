@@ -14,7 +14,8 @@ from sensors.arrays import FloatArray
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
-#: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after it.
+#: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
+#: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
 CONFUSED = 10.0
@@ -97,7 +98,8 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
 
     1. All candidates are scored about the present fit, the effects already in it projected out.
-    2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate each
+    2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
+    each
        other's scatter, those that pass without it are tried, and have to pass with it after the refit.
     3. The shortlist is refitted in exact form; the strongest plausible one is accepted.
     4. An effect that another has made superfluous is dropped.
@@ -202,7 +204,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
     scatter = statistic_of(evidence, term.key, others).scatter
-    log_p = _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter if option.search == 0.0 else 1.0) + option.search
+    log_p = (
+        _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter if option.search == 0.0 else 1.0) + option.search
+    )
     finding = Finding(term, beta, std, min(log_p, 0.0), gain, _lambda(evidence, term, others, beta), ())
     return refit, finding
 

@@ -134,4 +134,7 @@ class Source(Protocol):
         """The best interval of each time-localised family, about the fit."""
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
-        """What the model leaves, on all data, with the effects of `fit` and everything else fitted on the fit's part."""
+        """What the model leaves on all data, everything in it fitted on the fit's part."""
+
+    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
+        """What an effect predicts for the plain residuals of its stream, those residuals, and their unit: a figure."""

@@ -93,9 +93,7 @@ def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) ->
     terms = [term for term in selection.final.terms if term not in dropped]
     final = source.fit(terms, {term: selection.final.beta[term] for term in terms})
     findings = tuple(
-        replace(f, beta=final.beta[f.term], std=final.std[f.term])
-        for f in selection.findings
-        if f.term not in dropped
+        replace(f, beta=final.beta[f.term], std=final.std[f.term]) for f in selection.findings if f.term not in dropped
     )
     return replace(selection, final=final, findings=findings)
 
@@ -136,7 +134,13 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
         "candidates": [_candidate(s) for s in _candidates(result.selection)],
         "remaining": [
-            {"stream": r.stream, "kind": r.kind, "excess": _number(r.excess), "follows": r.follows, "p_value": r.p_value}
+            {
+                "stream": r.stream,
+                "kind": r.kind,
+                "excess": _number(r.excess),
+                "follows": r.follows,
+                "p_value": r.p_value,
+            }
             for r in result.remaining
         ],
         "rolled_back": list(result.rolled_back),

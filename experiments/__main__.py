@@ -1,0 +1,5 @@
+"""`python -m experiments` is `sinan`."""
+
+from experiments.cli import main
+
+main()

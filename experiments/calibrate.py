@@ -1,0 +1,125 @@
+"""`sinan calibrate`: a recording of poses -> T, K, b with their uncertainty, as text, JSON and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
+from calibration.triad import Axes, Calibration, calibrate_norm
+from experiments.datasets import resolve
+from experiments.report.files import write_json
+from experiments.residual_loop.open_source import TriadReadings, choose_sensor, require_kind, triad_readings
+from sensors.arrays import FloatArray
+from sensors.constants import STANDARD_GRAVITY
+from sensors.recording import ACCEL, GYRO, Recording
+
+
+def run(
+    sensor: str,
+    input: str,
+    axes: str | None,
+    gravity: float | None,
+    map_file: Path | None,
+    json: Path | None,
+    html: Path | None,
+) -> str:
+    """Calibrate, write what is asked for, return the summary for the terminal."""
+    recording = resolve(input, map_file)
+    require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace`")
+    choose_sensor(recording, sensor)
+    readings = None
+    if sensor == "gyro":
+        result: Calibration | GyroCalibration = calibrate_turns(recording, axes or "full", gravity)
+    else:
+        readings = triad_readings(recording, sensor, gravity)
+        result = calibrate_triad(recording, readings, axes or "none")
+    document = as_json(sensor, result)
+    if json is not None:
+        write_json(json, document)
+    if html is not None:
+        from experiments.report.calibration_page import calibration_page
+
+        shown = () if readings is None else (readings.reading, readings.norm, readings.unit)
+        calibration_page(html, recording.name, sensor, result, document, *shown)
+    return summary(sensor, document)
+
+
+def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) -> Calibration:
+    """Calibrate an accelerometer or magnetometer by the norm of its readings."""
+    form: Axes = axes  # type: ignore[assignment]
+    return calibrate_norm(
+        readings.sensor,
+        readings.reading,
+        readings.norm,
+        form,
+        normalised_by=readings.normalised_by,
+        where=recording.where,
+    )
+
+
+def calibrate_turns(recording: Recording, axes: str, gravity: float | None) -> GyroCalibration:
+    """Calibrate a gyroscope by turns between static poses."""
+    imu = recording.streams["imu"]
+    g = gravity or recording.environment.gravity or STANDARD_GRAVITY
+    log = read_turns(
+        imu.t,
+        imu.array(ACCEL),
+        imu.array(GYRO),
+        g,
+        recording.spec("gyro").noise_density,
+        recording.spec("accel").noise_density,
+        recording.where,
+    )
+    return calibrate_gyro(log, axes, recording.where)
+
+
+def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, object]:
+    """The calibration as the JSON of the report; what the data do not determine is null."""
+    std = result.std()
+    norm = isinstance(result, Calibration)
+    document: dict[str, object] = {
+        "format": 1,
+        "sensor": sensor,
+        "T": _plain(result.T),
+        "K": _plain(result.K),
+        "b": _plain(result.offset),
+        "normalised_by": result.normalised_by if isinstance(result, Calibration) else 1.0,
+        "std": {name: _plain(value) for name, value in std.items()},
+        "n": result.n if isinstance(result, Calibration) else len(result.log.poses),
+        "sse_before": result.fit.sse_before if norm else result.sse_before,  # type: ignore[union-attr]
+        "sse": result.fit.sse if norm else result.sse,  # type: ignore[union-attr]
+        "undetermined": list(result.undetermined),
+        "singular_values": _plain(result.fit.singular_values),
+    }
+    if isinstance(result, Calibration) and np.any(np.isnan(result.T)):
+        document["T_without_rotation"] = _plain(result.T_seen)
+    return document
+
+
+def _plain(values: FloatArray) -> object:
+    """Nested lists with null for what is not finite."""
+    if values.ndim > 0:
+        return [_plain(row) for row in values]
+    return float(values) if np.isfinite(values) else None
+
+
+def summary(sensor: str, document: dict[str, object]) -> str:
+    """The result in a few lines."""
+
+    def numbers(values: object) -> str:
+        return "  ".join("  undetermined" if v is None else f"{v:+10.4f}" for v in values)  # type: ignore[attr-defined]
+
+    T: list[object] = document["T"]  # type: ignore[assignment]
+    lines = [
+        f"{sensor}: calibrated = T K (reading + b), {document['n']} readings",
+        *(f"  T  {numbers(row)}" for row in T),
+        f"  K  {numbers(document['K'])}",
+        f"  b  {numbers(document['b'])}",
+        f"  sum of squared residuals {document['sse_before']:.4g} -> {document['sse']:.4g}",
+    ]
+    if document["normalised_by"] != 1.0:
+        lines.append(f"  readings divided by their mean norm {document['normalised_by']:.6g}")
+    lines += [f"  {sentence}" for sentence in document["undetermined"]]  # type: ignore[attr-defined]
+    return "\n".join(lines)

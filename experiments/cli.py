@@ -1,0 +1,151 @@
+"""The command line: one function a command, each imports what it needs when it runs."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="sinan",
+    help="Multi-sensor state estimation that traces a residual to the effect a model lacks.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+class Sensor(StrEnum):
+    """The three-axis sensors."""
+
+    accel = "accel"
+    gyro = "gyro"
+    mag = "mag"
+
+
+class AxesForm(StrEnum):
+    """Forms of the axes matrix T."""
+
+    none = "none"
+    triangular = "triangular"
+    full = "full"
+
+
+Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
+Map = Annotated[Path | None, typer.Option("--map", help="TOML file that says how to read the log")]
+Json = Annotated[Path | None, typer.Option("--json", help="write the result as JSON")]
+Html = Annotated[Path | None, typer.Option("--html", help="write a self-contained page")]
+Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2")]
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Argument(help="folder for the page and the figures")] = Path("sinan-demo"),
+) -> None:
+    """The whole loop on an embedded recording with an effect that it does not declare; writes a page."""
+    from experiments.demo import run
+
+    run(out)
+
+
+@app.command()
+def fetch(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="data sets; all if none is named", metavar="[NAME]...")
+    ] = None,
+) -> None:
+    """Get measured data sets into the cache, checksummed; SINAN_DATA=DIR reads a local mirror."""
+    from experiments.datasets.fetch import fetch as fetch_sets
+    from experiments.report.console import progress
+
+    with progress("fetching") as step:
+        for line in fetch_sets(names or [], step):
+            typer.echo(line)
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
+    out: Annotated[Path, typer.Argument(help="folder of the recording")],
+    effect: Annotated[
+        list[str] | None, typer.Option("--effect", help="NAME=B0[,B1...][@T0[:T1]]; may be given again")
+    ] = None,
+    declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+) -> None:
+    """Simulate a scenario into a plain recording with truth."""
+    from experiments.scenarios import run
+
+    for line in run(scenario, out, effect or [], declare, seed):
+        typer.echo(line)
+
+
+@app.command()
+def convert(
+    input: Input, out: Annotated[Path, typer.Argument(help="folder of the recording")], map: Map = None
+) -> None:
+    """Any readable log -> plain recording."""
+    from experiments.datasets.convert import convert as convert_log
+
+    typer.echo(convert_log(input, out, map))
+
+
+@app.command()
+def calibrate(
+    sensor: Annotated[Sensor, typer.Argument()],
+    input: Input,
+    axes: Annotated[AxesForm | None, typer.Option(help="form of T; default none, gyro full")] = None,
+    gravity: Gravity = None,
+    map: Map = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Calibrate a three-axis sensor from poses: T K (reading + b)."""
+    from experiments.calibrate import run
+
+    typer.echo(run(sensor.value, input, axes.value if axes else None, gravity, map, json, html))
+
+
+@app.command()
+def estimate(
+    input: Input,
+    engine: Annotated[str, typer.Option(help="numba, filterpy or auto")] = "auto",
+    states: Annotated[Path | None, typer.Option(help="write the states as CSV")] = None,
+    map: Map = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Run the filter on a flight."""
+    from experiments.estimate_command import run
+
+    typer.echo(run(input, engine, states, map, json, html))
+
+
+@app.command()
+def trace(
+    input: Input,
+    sensor: Annotated[Sensor | None, typer.Option(help="of a poses recording with several")] = None,
+    alpha: Annotated[float, typer.Option(help="family-wise error", min=1e-6, max=0.5)] = 0.01,
+    gravity: Gravity = None,
+    map: Map = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Find the effect that the model lacks, add it, and report the error before and after."""
+    from experiments.trace_command import run
+
+    typer.echo(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html))
+
+
+def main() -> None:
+    """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
+    from sensors.errors import InputError
+
+    try:
+        app()
+    except InputError as error:
+        sys.stderr.write(f"sinan: {error}\n")
+        raise SystemExit(1) from None

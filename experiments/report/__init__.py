@@ -1,0 +1,1 @@
+"""Tables, figures, pages: formats what the experiments computed, and computes nothing itself."""

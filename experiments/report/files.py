@@ -1,0 +1,31 @@
+"""Writing a result to a file, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from sensors.errors import InputError
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file by way of a temporary one beside it, so that a killed run leaves no half of it.
+
+    Raises
+    ------
+    InputError : the folder cannot be made or written
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.name}.{os.getpid()}")
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None
+
+
+def write_json(path: Path, document: Mapping[str, object]) -> None:
+    """Write a JSON document; numbers that are not finite are an error, not `NaN`."""
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -1,0 +1,100 @@
+"""Results in sentences that a student understands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+_VERDICTS = {
+    "no_effect": "The plain model explains the data: no effect is missing.",
+    "effects": "The data show what the plain model lacks.",
+    "ambiguous": "Something is missing, but the data cannot tell which of several effects it is.",
+    "unexplained": "Structure remains in the residual that no effect of the catalogue explains.",
+}
+_SENSORS = {
+    "accel": "accelerometer",
+    "gyro": "gyroscope",
+    "mag": "magnetometer",
+    "baro": "barometer",
+    "gps": "GPS",
+}
+
+
+def number(value: float) -> str:
+    """Three significant digits without exponents where that is readable."""
+    return f"{value:.3g}"
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """A number with its unit; a pure number has none."""
+    if value is None:
+        return "-"
+    return number(value) if unit in ("1", "") else f"{number(value)} {unit}"
+
+
+def effect_sentence(effect: Mapping[str, Any]) -> str:
+    """What an effect is, its size with uncertainty, and when it acted."""
+    parts = [
+        f"{number(beta)}" + (f" +- {number(std)}" if std is not None else "")
+        for beta, std in zip(effect["beta"], effect["std"], strict=True)
+    ]
+    units = dict.fromkeys(unit for unit in effect["unit"] if unit != "1")
+    text = f"{effect['summary']} ({', '.join(parts)}{' ' + ', '.join(units) if units else ''})"
+    if effect.get("interval"):
+        start, end = effect["interval"]
+        text += f", from {number(start)} s to {number(end)} s"
+    if effect.get("satellite"):
+        text += f", satellite {effect['satellite']}"
+    return text
+
+
+def error_sentence(error: Mapping[str, Any]) -> str:
+    """The error before and after on held-out data."""
+    before, after = error["before"], error["after"]
+    sensor = _SENSORS.get(error["stream"], error["stream"])
+    unit = before["unit"]
+    share = 100.0 * (1.0 - after["rms"] / before["rms"]) if before["rms"] > 0 else 0.0
+    low, high = after["interval"]
+    return (
+        f"RMS of the {sensor} residual on data that took no part in the fit: {quantity(before['rms'], unit)} -> "
+        f"{quantity(after['rms'], unit)} (95 % interval {number(low)} to {number(high)}; {share:.0f} % less)"
+    )
+
+
+def verdict_sentence(document: Mapping[str, Any]) -> str:
+    """The verdict with the effects it names."""
+    text = _VERDICTS[document["verdict"]]
+    if document["verdict"] == "ambiguous":
+        first = document["effects"][0]
+        text += f" {first['name']} or {', '.join(first['confused_with'])}."
+        if document.get("separates"):
+            text += f" What would decide: {document['separates']}."
+    return text
+
+
+def trace_summary(document: Mapping[str, Any]) -> str:
+    """The trace in a few lines for the terminal."""
+    lines = [f"{document['recording']}: {document['verdict']}", f"  {verdict_sentence(document)}"]
+    for effect in document["effects"]:
+        p = effect["log10_p_value"]
+        lines.append(f"  {effect['name']}: {effect_sentence(effect)}; p = 10^{p:.0f}")
+    if document["effects"]:
+        lines.append(f"  {error_sentence(document['error'])}")
+        same = "chooses the same names" if document["error"]["same_names_on_fitting_part"] else "chooses other names"
+        lines.append(f"  The fitting part alone {same}.")
+    else:
+        sizes = [detectable_sentence(c) for c in document["candidates"]]
+        lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
+    for item in document["remaining"]:
+        lines.append(
+            f"  remains: {item['kind']} in {item['stream']} ({number(item['excess'])}, follows {item['follows']})"
+        )
+    return "\n".join(lines)
+
+
+def detectable_sentence(candidate: Mapping[str, Any]) -> str:
+    """The smallest size of an effect that the data would have shown."""
+    sizes = [s for s in candidate["detectable_from"] if s is not None]
+    if not sizes:
+        return f"{candidate['name']}: not visible in these data"
+    return f"{candidate['name']}: from {', '.join(number(s) for s in sizes)}"

@@ -1,0 +1,43 @@
+"""`sinan trace`: a recording -> the effect that its plain model lacks, as text, JSON and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.datasets import resolve
+from experiments.report.files import write_json
+from experiments.report.words import trace_summary
+from experiments.residual_loop.open_source import pose_source
+from experiments.residual_loop.source import Source
+from experiments.residual_loop.trace import Trace, report, trace
+from sensors.recording import Recording
+
+
+def run(
+    input: str,
+    sensor: str | None,
+    alpha: float,
+    gravity: float | None,
+    map_file: Path | None,
+    json: Path | None,
+    html: Path | None,
+) -> str:
+    """Trace, write what is asked for, return the summary for the terminal."""
+    recording = resolve(input, map_file)
+    source, result = trace_recording(recording, sensor, alpha, gravity)
+    document = report(source, result)
+    if json is not None:
+        write_json(json, document)
+    if html is not None:
+        from experiments.report.trace_page import trace_page
+
+        trace_page(html, source, result, document)
+    return trace_summary(document)
+
+
+def trace_recording(
+    recording: Recording, sensor: str | None = None, alpha: float = 0.01, gravity: float | None = None
+) -> tuple[Source, Trace]:
+    """The loop on a recording of either kind."""
+    source = pose_source(recording, sensor, gravity)
+    return source, trace(source, alpha)
