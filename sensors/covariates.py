@@ -1,60 +1,94 @@
-"""What the effects need besides the motion, taken from a recording's streams at given instants."""
+"""What a recording knows beside the readings: the covariates that effects need, at given instants."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from sensors.arrays import FloatArray
-from sensors.recording import Recording, Stream
+from sensors.noise import sample_std
+from sensors.recording import ACCEL, Recording, Stream
 
-#: Where the temperature of a sensor's own element is, in order of preference.
-_TEMPERATURE = {
+#: Where the temperature of a sensor is looked for, in order: its own chip first, then the board it sits on
+_THERMOMETERS: dict[str, tuple[str, ...]] = {
     "accel": ("imu", "poses"),
     "gyro": ("imu", "poses"),
-    "mag": ("mag", "imu", "poses"),
+    "mag": ("mag", "poses", "imu"),
     "baro": ("baro",),
-    "sonar": ("air",),
-    "laser": (),
+    "sonar": ("sonar", "air"),
+    "laser": ("laser",),
 }
+#: Effects whose declared size other effects need as a covariate
+_DECLARED = {"rotor_drag": "motion.rotor_drag"}
 
 
-def covariates_for(recording: Recording, sensor: str, t: FloatArray) -> dict[str, FloatArray]:
-    """The covariates of one sensor's readings, by the names of `sensors.motion.Motion`.
-
-    Linear in between, the last value beyond the ends of a stream. `temperature` is that of the sensor's own stream (a
-    magnetometer without one takes the IMU's), `current` the supply current, `throttle` the mean motor command,
-    `airspeed` and `wind` what the air stream has. Poses have them as columns of their own.
+def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str, FloatArray]:
+    """The covariates of a stream's effects at the instants t, linear between the readings; unknown ones are left out.
 
     Parameters
     ----------
-    sensor : accel, gyro, mag, baro, sonar, laser, gps
+    recording : whose streams are looked at
+    stream : the sensor, as `Effect.stream` names it
     t : (n,) s
 
     Returns
     -------
-    (n,) each; `wind` (n, 2)
+    by the names in `Motion.covariates`:
+    `temperature` [degC] of the sensor's own chip (a magnetometer without one: the IMU's), `current` [A] of `power`,
+    `throttle` = mean of the columns of `motors`, `airspeed` [m/s] and `wind` (n, 2) [m/s] of `air`, `vibration` (n, 3)
+    [(m/s^2)^2] of the IMU, `rotor_drag` [1/s] where it is declared, `angles` (n, beams) [rad] of a laser scan.
+    Columns of `poses` or of the stream itself go before those of the other streams.
     """
     found: dict[str, FloatArray] = {}
-    for name in _TEMPERATURE.get(sensor, ()):
-        stream = recording.streams.get(name)
-        if stream is not None and "temperature" in stream:
-            found["temperature"] = np.interp(t, stream.t, stream["temperature"])
-            break
-    poses = recording.streams.get("poses")
-    for name, stream in (("current", recording.streams.get("power")), ("airspeed", recording.streams.get("air"))):
-        for source in (stream, poses):
-            if source is not None and name in source and name not in found:
-                found[name] = np.interp(t, source.t, source[name])
-    air = recording.streams.get("air")
-    if air is not None and air.has(("wind_north", "wind_east")):
-        found["wind"] = np.stack([np.interp(t, air.t, air[c]) for c in ("wind_north", "wind_east")], axis=-1)
+    own = recording.streams.get("poses") or recording.streams.get(stream)
+    for name, columns in (
+        ("current", ("current",)),
+        ("airspeed", ("airspeed",)),
+        ("wind", ("wind_north", "wind_east")),
+    ):
+        source = _with_columns(columns, own, recording.streams.get("power"), recording.streams.get("air"))
+        if source is not None:
+            values = _at(t, source, columns)
+            found[name] = values if len(columns) > 1 else values[:, 0]
+    thermometer = _with_columns(("temperature",), *(recording.streams.get(s) for s in _THERMOMETERS.get(stream, ())))
+    if thermometer is not None:
+        found["temperature"] = _at(t, thermometer, ("temperature",))[:, 0]
     motors = recording.streams.get("motors")
     if motors is not None:
-        found["throttle"] = np.interp(t, motors.t, mean_throttle(motors))
+        columns = tuple(name for name in motors.columns if name.startswith("motor_"))
+        found["throttle"] = np.mean(_at(t, motors, columns), axis=1)
+    for name, effect in _DECLARED.items():
+        if effect in recording.effects:
+            found[name] = np.full(len(t), recording.effects[effect][0])
+    angles = recording.spec("laser").angles
+    if stream == "laser" and angles is not None:
+        found["angles"] = np.tile(angles, (len(t), 1))
+    if stream == "accel" and "imu" in recording.streams:
+        found["vibration"] = _vibration(recording, t)
     return found
 
 
-def mean_throttle(motors: Stream) -> FloatArray:
-    """(n,) mean of the motor commands, 0 to 1."""
-    columns = [motors[name] for name in motors.columns if name.startswith("motor_")]
-    return np.asarray(np.mean(columns, axis=0))
+def _with_columns(columns: Sequence[str], *streams: Stream | None) -> Stream | None:
+    """The first of the streams that has the columns."""
+    return next((stream for stream in streams if stream is not None and stream.has(columns)), None)
+
+
+def _at(t: FloatArray, stream: Stream, columns: Sequence[str]) -> FloatArray:
+    """(n, k) the columns at the instants t, linear in between; beyond the ends the last value holds."""
+    if len(stream) == len(t) and np.array_equal(stream.t, t):
+        return stream.array(columns)
+    return np.stack([np.interp(t, stream.t, stream[name]) for name in columns], axis=-1)
+
+
+def _vibration(recording: Recording, t: FloatArray) -> FloatArray:
+    """(n, 3) vibration of the IMU at the instants t, with the declared noise taken off."""
+    from sensors.vibration import vibration_power
+
+    imu = recording.streams["imu"]
+    spec = recording.spec("accel")
+    noise = spec.noise_std
+    if spec.noise_density is not None and len(imu) > 1:
+        noise = sample_std(spec.noise_density, 1.0 / float(np.median(np.diff(imu.t))))
+    power = vibration_power(imu.t, imu.array(ACCEL), noise)
+    return np.stack([np.interp(t, imu.t, column) for column in power.T], axis=-1)

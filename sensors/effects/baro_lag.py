@@ -57,6 +57,7 @@ EFFECT = Effect(
     needs=("p_n", "v_n"),
     regressor=regressor,
     exact=exact,
+    other_instants=True,
     scenario="climb_descent",
     separates="quick changes of climb rate",
 )

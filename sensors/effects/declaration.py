@@ -58,6 +58,7 @@ class Effect:
     scenario : the scenario that shows it
     separates : the manoeuvre that would make it visible, for messages
     interval, localised : of a time-localised effect: start and end [s], and the same effect over another interval
+    other_instants : its exact form reads the motion at other instants than that of the reading
     in_field_units : its parameters go with the unit of the magnetic field; `plausible` is for a field of norm one
     """
 
@@ -75,6 +76,7 @@ class Effect:
     separates: str = ""
     interval: tuple[float, float] | None = None
     localised: Localised | None = None
+    other_instants: bool = False
     in_field_units: bool = False
 
     @property

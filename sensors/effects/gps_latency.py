@@ -36,6 +36,7 @@ EFFECT = Effect(
     needs=("p_n", "v_n", "q_nb", "f_b"),
     regressor=regressor,
     exact=exact,
+    other_instants=True,
     scenario="square",
     separates="accelerations along both horizontal axes",
 )

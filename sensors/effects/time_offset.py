@@ -79,6 +79,7 @@ def for_stream(stream: str) -> Effect:
         needs=NEEDS[stream],
         regressor=regressor,
         exact=exact,
+        other_instants=True,
         scenario=SCENARIO[stream],
         separates="quick changes of what the sensor reads",
     )

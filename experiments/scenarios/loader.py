@@ -1,0 +1,277 @@
+"""A scenario from its TOML file. docs/scenarios.md has the keys."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from datetime import date
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from sensors.earth import normal_gravity
+from sensors.errors import InputError
+from sensors.formats.header import SENSOR_KEYS
+from sensors.formats.toml_table import Table
+from sensors.geomagnetism import earth_field
+from sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
+from sensors.recording import SensorSpec
+from sensors.scenario import Air, Instrument, Scenario, Supply, Turns, Vibration, Warming
+
+FOLDER = Path(__file__).parent
+SENSORS = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")
+#: what a tesla is in the unit in which the field is declared; "norm": divided by its own norm
+UNITS = {"norm": None, "T": 1.0, "uT": 1e6, "nT": 1e9}
+MAX_LIKE = 8  # scenarios deep; more is a circle
+_RECORDS = {"warming": Warming, "baro_warming": Warming, "supply": Supply}
+
+
+def scenario_names() -> tuple[str, ...]:
+    """The scenarios that are shipped."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """A scenario by its name or its file.
+
+    Raises
+    ------
+    InputError : no such scenario, or a key that is wrong; names it
+    """
+    path = Path(name) if str(name).endswith(".toml") else FOLDER / f"{name}.toml"
+    if not path.is_file():
+        found = "no such file" if str(name).endswith(".toml") else "no such scenario"
+        raise InputError(str(name), found, "a TOML file or one of " + ", ".join(scenario_names()))
+    return _scenario(Table(path, merged(path)), path.stem)
+
+
+def merged(path: Path, depth: int = 0) -> dict[str, Any]:
+    """The tables of a file laid over those of the scenario that it is `like`; sensors that it is `without` left out."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(path, str(error), "a readable TOML file") from None
+    like = data.pop("like", None)
+    if like is None:
+        return data
+    base = path.parent / f"{like}.toml"
+    base = base if base.is_file() else FOLDER / f"{like}.toml"
+    if not isinstance(like, str) or not base.is_file() or depth > MAX_LIKE:
+        raise InputError(path, repr(like), "the name of another scenario", "key like")
+    below = merged(base, depth + 1)
+    without = data.pop("without", [])
+    if not isinstance(without, list) or not all(name in SENSORS for name in without):
+        raise InputError(path, repr(without), "a list of " + ", ".join(SENSORS), "key without")
+    below["sensors"] = {name: spec for name, spec in below.get("sensors", {}).items() if name not in without}
+    if "turns" in data:
+        below.pop("manoeuvre", None)
+    if "manoeuvre" in data:
+        below.pop("turns", None)
+    return _laid_over(below, data)
+
+
+def _laid_over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """`above` where it says something, table by table; the word "none" takes a key away."""
+    for key, value in above.items():
+        if isinstance(value, dict) and isinstance(below.get(key), dict):
+            _laid_over(below[key], value)
+        elif value == "none":
+            below.pop(key, None)
+        else:
+            below[key] = value
+    return below
+
+
+def _scenario(table: Table, name: str) -> Scenario:
+    origin, gravity, field = _place(table)
+    turns = _turns(table)
+    start = table.vector("start", 4)
+    start = np.zeros(4) if start is None else start
+    scenario = Scenario(
+        name=table.text("name") or name,
+        summary=table.text("summary") or "",
+        kind="poses" if table.text("kind", ("flight", "poses")) == "poses" else "flight",
+        sensors=_sensors(table),
+        manoeuvres=_manoeuvres(table, turns is not None),
+        turns=turns,
+        static=table.flag("static") or False,
+        start=(start[0], start[1], start[2], float(np.deg2rad(start[3])), 0.0 if table.flag("on_ground") else 1.0),
+        smoothing=_or(table.number("smoothing", at_least=0.05, at_most=2.0), 0.25),
+        origin=origin,
+        gravity=gravity,
+        magnetic_field=field,
+        ground_down=table.table("environment").number("ground_down") or 0.0,
+        air=_air(table.table("air")),
+        vibration=_vibration(table.table("vibration")),
+        covariate_rate=_or(table.number("covariate_rate", at_least=0.0), 50.0),
+        truth_rate=_or(table.number("truth_rate", at_least=0.0), 50.0),
+        initial=_initial(table.table("initial")),
+        **{key: _record(table.table(key), kind) for key, kind in _RECORDS.items()},
+    )
+    for key in ("origin", "environment", "initial", "air", "vibration", "turns", "sensors", "manoeuvre", *_RECORDS):
+        table.get(key)
+    table.done()
+    return scenario
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tuple[float, float, float]]:
+    """Origin, gravity there, and the magnetic field there on the date; `[environment]` may say both instead."""
+    environment, place = table.table("environment"), table.table("origin")
+    gravity, field = environment.number("gravity", above=0.0), environment.vector("magnetic_field", 3)
+    unit = environment.text("magnetic_unit", tuple(UNITS)) or "norm"
+    environment.get("ground_down")
+    environment.done()
+    origin = None
+    if "origin" in table:
+        values = [
+            place.number("latitude", at_least=-90.0, at_most=90.0),
+            place.number("longitude"),
+            place.number("height"),
+        ]
+        if None in values:
+            raise place.error("latitude", "a part is missing", "latitude, longitude [deg] and height [m]")
+        latitude, longitude, height = (float(value) for value in values if value is not None)
+        origin = (latitude, longitude, height)
+        gravity = normal_gravity(float(np.deg2rad(latitude)), height) if gravity is None else gravity
+        day = place.get("date")
+        if field is None and not isinstance(day, date):
+            raise place.error("date", repr(day), "a date such as 2026-06-01, for the Earth's magnetic field")
+        if field is None:
+            tesla = earth_field(latitude, longitude, height, cast(date, day))
+            scale = UNITS[unit]
+            field = tesla / np.linalg.norm(tesla) if scale is None else tesla * scale
+        place.done()
+    default = Scenario("", {})
+    gravity = default.gravity if gravity is None else gravity
+    return origin, gravity, default.magnetic_field if field is None else (field[0], field[1], field[2])
+
+
+def _air(table: Table) -> Air:
+    wind = table.vector("wind", 2)
+    air = Air(
+        drag=table.number("drag", at_least=0.0) or 0.0,
+        wind=(0.0, 0.0) if wind is None else (wind[0], wind[1]),
+        wind_known=table.flag("wind_known") or False,
+    )
+    table.done()
+    return air
+
+
+def _vibration(table: Table) -> Vibration:
+    amplitude = table.vector("amplitude", 3)
+    frequency = _or(table.number("frequency", above=0.0), Vibration().frequency)
+    table.done()
+    return Vibration() if amplitude is None else Vibration((amplitude[0], amplitude[1], amplitude[2]), frequency)
+
+
+def _record(table: Table, kind: type[Any]) -> Any:
+    """A record of plain numbers; what is not given keeps the record's default."""
+    given = {entry.name: table.number(entry.name) for entry in fields(kind)}
+    table.done()
+    return kind(**{key: value for key, value in given.items() if value is not None})
+
+
+def _initial(table: Table) -> tuple[float, float, float] | None:
+    stds = [table.number(key, at_least=0.0) for key in ("position_std", "velocity_std", "attitude_std")]
+    declared = table.flag("declared")
+    table.done()
+    if declared is False:
+        return None
+    position, velocity, attitude = (_or(value, default) for value, default in zip(stds, (1.0, 0.2, 0.02), strict=True))
+    return position, velocity, attitude
+
+
+def _turns(table: Table) -> Turns | None:
+    if "turns" not in table:
+        return None
+    turns = table.table("turns")
+    default = Turns()
+    result = Turns(
+        kind=turns.text("kind", ("poses", "sweep", "hand")) or default.kind,
+        duration=_or(turns.number("duration", above=0.0), default.duration),
+        poses=turns.whole("poses", at_least=2) or default.poses,
+        hold=_or(turns.number("hold", above=0.0), default.hold),
+        turn=_or(turns.number("turn", above=0.0), default.turn),
+        sway=_or(turns.number("sway", at_least=0.0), default.sway),
+    )
+    turns.done()
+    return result
+
+
+def _manoeuvres(table: Table, turned: bool) -> tuple[Manoeuvre, ...]:
+    entries = table.get("manoeuvre")
+    if turned:
+        return ()
+    if not isinstance(entries, list) or not entries:
+        raise table.error("manoeuvre", "none", "at least one [[manoeuvre]], or [turns]")
+    return tuple(_manoeuvre(Table(table.path, entry, f"manoeuvre {k + 1}")) for k, entry in enumerate(entries))
+
+
+def _manoeuvre(table: Table) -> Manoeuvre:
+    kind = table.text("kind", tuple(KINDS))
+    duration = table.number("duration", above=0.0)
+    if kind is None or duration is None:
+        raise table.error("kind", "kind or duration is missing", "both")
+    keys = {key: table.number(key) for key in DEFAULTS[kind]}
+    table.done()
+    return Manoeuvre(kind, duration, {key: value for key, value in keys.items() if value is not None})
+
+
+def _sensors(table: Table) -> dict[str, Instrument]:
+    sensors = table.table("sensors")
+    found = {name: _instrument(sensors.table(name), name) for name in SENSORS if name in sensors}
+    sensors.done()
+    if not found:
+        raise table.error("sensors", "no sensor", "at least one of " + ", ".join(SENSORS))
+    if "gyro" in found and "accel" not in found:
+        raise table.error("sensors", "gyro without accel", "both: they share the clock of the accelerometer")
+    return found
+
+
+def _instrument(table: Table, name: str) -> Instrument:
+    spec: dict[str, object] = {}
+    for key in SENSOR_KEYS[name]:
+        if key in ("angles", "base_position"):
+            spec[key] = table.vector(key)
+        elif key != "imu_samples":
+            spec[key] = table.number(key, at_least=0.0)
+    place = table.vector("place", 3)
+    intervals = table.get("dropouts") or []
+    rate = table.number("rate", above=0.0)
+    if rate is None and name != "gyro":
+        raise table.error("rate", "no such key", "readings a second [Hz]")
+    instrument = Instrument(
+        spec=SensorSpec(**{key: value for key, value in spec.items() if value is not None}),  # type: ignore[arg-type]
+        rate=_or(rate, 200.0),
+        offset=_or(table.number("offset", at_least=0.0), 0.0),
+        jitter=_or(table.number("jitter", at_least=0.0), 0.0),
+        loss=_or(table.number("loss", at_least=0.0, at_most=1.0), 0.0),
+        dropouts=_intervals(table, intervals),
+        minimum=_or(table.number("minimum", at_least=0.0), 0.0),
+        maximum=_or(table.number("maximum", above=0.0), np.inf),
+        beam_angle=float(np.deg2rad(_or(table.number("beam_angle", above=0.0, at_most=90.0), 90.0))),
+        scale_std=_or(table.number("scale_std", at_least=0.0), 0.0),
+        velocity=name != "gps" or "velocity_noise_std" in table,
+        place=(100.0, 50.0, 0.0) if place is None else (place[0], place[1], place[2]),
+    )
+    table.done()
+    return instrument
+
+
+def _intervals(table: Table, intervals: object) -> tuple[tuple[float, float], ...]:
+    right = isinstance(intervals, list) and all(
+        isinstance(pair, list)
+        and len(pair) == 2
+        and all(isinstance(value, int | float) for value in pair)
+        and pair[0] < pair[1]
+        for pair in intervals
+    )
+    if not right:
+        raise table.error("dropouts", repr(intervals), "a list of [start, end] in s")
+    return tuple((float(pair[0]), float(pair[1])) for pair in cast(list[list[float]], intervals))
