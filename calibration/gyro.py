@@ -1,13 +1,14 @@
 """Calibration of a gyroscope by turns between static poses: T K (reading + b). The course, section 2.
 
 Between two poses the calibrated rate is integrated to a rotation, which must carry the direction that the calibrated
-accelerometer showed before the turn into the one it shows after; at rest the calibrated rate must be zero. The direction
-is that of specific force (up), the opposite of the course's g (-sin pitch, ...); the residual only changes its sign.
+accelerometer showed before the turn into the one it shows after; at rest the calibrated rate must be zero. The
+direction is that of specific force (up), the opposite of the course's g (-sin pitch, ...); the residual only changes
+its sign.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from calibration.least_squares import LeastSquaresFit, solve
 from calibration.segments import Poses, find_poses
 from calibration.triad import calibrate_norm
-from sensors.arrays import FloatArray, IntArray
+from sensors.arrays import FloatArray
 from sensors.constants import EARTH_RATE
 from sensors.errors import InputError
 from sensors.rotation import (
@@ -58,9 +59,14 @@ class GyroLog:
     gravity: float
 
     @property
-    def turns(self) -> tuple[IntArray, IntArray]:
-        """First and last row of each turn: from the last row at rest to the first row at rest again."""
-        return self.poses.stop[:-1] - 1, self.poses.start[1:]
+    def turns(self) -> tuple[slice, ...]:
+        """Rows of each turn: from the last row at rest to the first row at rest again."""
+        return tuple(slice(int(a) - 1, int(b) + 1) for a, b in zip(self.poses.stop[:-1], self.poses.start[1:], strict=True))
+
+    @property
+    def turn_times(self) -> tuple[FloatArray, FloatArray]:
+        """(turns,) start and end of each turn [s]."""
+        return self.t[self.poses.stop[:-1] - 1], self.t[self.poses.start[1:]]
 
 
 def read_turns(
@@ -161,7 +167,7 @@ class Turns:
         ).reshape(len(self.rows), 3, D.shape[2])
 
 
-def integrate_turns(log: GyroLog, w: FloatArray) -> Turns:
+def integrate_turns(t: FloatArray, rows: Sequence[slice], direction: FloatArray, w: FloatArray) -> Turns:
     """Carry the direction before each turn through the turn.
 
     C = prod Exp(phi_k), f_end = C' f_start;  with phi_k -> phi_k + d phi_k:
@@ -169,26 +175,28 @@ def integrate_turns(log: GyroLog, w: FloatArray) -> Turns:
 
     Parameters
     ----------
-    w : (n, 3) angular rate at every row of the log [rad/s]
+    t : (n,) s
+    rows : the rows of each turn
+    direction : (turns, 3) before each turn [m/s^2]
+    w : (n, 3) angular rate [rad/s]
     """
-    predicted, rotation, sensitivity, rows = [], [], [], []
-    for k, (first, last) in enumerate(zip(*log.turns, strict=True)):
-        turn = slice(int(first), int(last) + 1)
-        t = log.t[turn]
-        p = rotation_increments(t, w[turn])
-        q = running_product(p)
-        C = matrix_from_quaternion(q[-1])
-        f_end = C.T @ log.direction[k]
-        rest = matrix_from_quaternion(quaternion_multiply(quaternion_conjugate(q), q[-1:]))  # C_k+1..n
-        step = np.swapaxes(rest, 1, 2) @ right_jacobian(quaternion_log(p)) * np.diff(t)[:, None, None]
-        half = 0.5 * skew(f_end) @ step
-        response = np.zeros((len(t), 3, 3))
+    increments = rotation_increments(t, w)
+    q = running_product(increments)  # through everything; a turn is what lies between its ends
+    step = right_jacobian(quaternion_log(increments)) * np.diff(t)[:, None, None]
+    predicted, rotation, sensitivity = [], [], []
+    for turn, before in zip(rows, direction, strict=True):
+        steps = slice(turn.start, turn.stop - 1)
+        start = q[turn.start - 1] if turn.start > 0 else np.array([1.0, 0.0, 0.0, 0.0])
+        C = matrix_from_quaternion(quaternion_multiply(quaternion_conjugate(start), q[turn.stop - 2]))
+        f_end = C.T @ before
+        rest = matrix_from_quaternion(quaternion_multiply(quaternion_conjugate(q[steps]), q[turn.stop - 2]))  # C_k+1..n
+        half = 0.5 * skew(f_end) @ np.swapaxes(rest, 1, 2) @ step[steps]
+        response = np.zeros((turn.stop - turn.start, 3, 3))
         response[:-1] += half
         response[1:] += half
         predicted.append(f_end)
         rotation.append(C.T)
         sensitivity.append(response)
-        rows.append(turn)
     return Turns(np.array(predicted), np.array(rotation), tuple(sensitivity), tuple(rows))
 
 
@@ -236,11 +244,11 @@ class GyroCalibration:
 def noise_of_turns(log: GyroLog, earth_rotation: bool = True) -> tuple[FloatArray, FloatArray]:
     """1-sigma of each component of a turn's direction residual [m/s^2], and of the mean rate at rest [rad/s].
 
-    A turn: both directions, and the white noise of the rate integrated over it, g N sqrt(duration). At rest: N / sqrt(time)
-    and, where the log may hold it, the rate of the Earth, whose direction in the body is not known.
+    A turn: both directions, and the white noise of the rate integrated over it, g N sqrt(duration). At rest: N /
+    sqrt(time) and, where the log may hold it, the rate of the Earth, whose direction in the body is not known.
     """
-    first, last = log.turns
-    duration = log.t[last] - log.t[first]
+    begin, end = log.turn_times
+    duration = end - begin
     gyro = log.gravity * log.density * np.sqrt(duration)
     turn = np.sqrt(log.sigma_direction[:-1] ** 2 + log.sigma_direction[1:] ** 2 + gyro**2)
     time = log.t[log.poses.stop - 1] - log.t[log.poses.start]
@@ -258,10 +266,12 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
     Parameters
     ----------
     log : from `read_turns`
-    axes : "none": T = I; "triangular": the three entries above the diagonal; "full": all six (needs turns about all axes)
+    axes : "none": T = I; "triangular": the three entries above the diagonal; "full": all six (needs turns about all
+    axes)
     where : how messages call the log
 
-    Neglects gyro.g_sensitivity, gyro.temperature, a bias that wanders during the log, and the rate of the Earth in turns.
+    Neglects gyro.g_sensitivity, gyro.temperature, a bias that wanders during the log, and the rate of the Earth in
+    turns.
 
     Raises
     ------
@@ -278,7 +288,7 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
     for _ in range(4):  # the two scatters settle within a per cent after two or three
         residual, jacobian = _whitened(log, entries, sigma_turn * factors[0], sigma_rest * factors[1])
         fit = solve(residual, jacobian, start, names, plausible, sigma=1.0)
-        turns = 3 * len(log.turns[0])
+        turns = 3 * len(log.turns)
         freedom = max(1.0 - len(start) / len(fit.residual), 0.1)
         groups = fit.residual[:turns], fit.residual[turns:]
         factors = np.maximum(factors * [np.sqrt(np.mean(g**2) / freedom) for g in groups], 1.0)
@@ -294,7 +304,7 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
 
 
 def _direction_residual(log: GyroLog, w: FloatArray) -> FloatArray:
-    return integrate_turns(log, w).predicted - log.direction[1:]
+    return integrate_turns(log.t, log.turns, log.direction[:-1], w).predicted - log.direction[1:]
 
 
 def _whitened(
@@ -321,7 +331,7 @@ def _whitened(
 
     def jacobian(x: FloatArray) -> FloatArray:
         w, D = rate(x, log.reading)
-        turns = integrate_turns(log, w).derivative(D) / sigma_turn[:, None, None]
+        turns = integrate_turns(log.t, log.turns, log.direction[:-1], w).derivative(D) / sigma_turn[:, None, None]
         rest = rate(x, log.poses.mean[:, 3:])[1] / sigma_rest[:, None, None]
         return np.concatenate([turns.reshape(-1, len(x)), rest.reshape(-1, len(x))])
 
@@ -330,13 +340,8 @@ def _whitened(
 
 def _require_radians(log: GyroLog, bias: FloatArray, where: str) -> None:
     """Compare the turns as the gyroscope and as the accelerometer saw them: degrees come out 57 times too long."""
-    first, last = log.turns
-    angle = np.array(
-        [
-            np.sum(np.linalg.norm(log.reading[a:b] - bias, axis=1) * np.diff(log.t[a : b + 1]))
-            for a, b in zip(first, last, strict=True)
-        ]
-    )
+    speed = np.linalg.norm(log.reading - bias, axis=1)
+    angle = np.array([np.sum(speed[turn][:-1] * np.diff(log.t[turn])) for turn in log.turns])
     unit = log.direction / log.gravity
     tilt = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
     ratio = float(np.median(angle / np.maximum(tilt, 1e-3)))

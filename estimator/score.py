@@ -116,12 +116,15 @@ def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float
     if dof == 0:
         return 0.0
     if not np.isfinite(noise_dof):
-        return float(stats.chi2.logsf(gain / scatter, dof))
+        log_p = float(stats.chi2.logsf(gain / scatter, dof))
+        return log_p if np.isfinite(log_p) else -0.5 * gain / scatter
     left = noise_dof - dof
     if left <= 0.0:
         return 0.0
     rest = max(noise_dof - gain, 1e-12 * noise_dof)
-    return float(stats.f.logsf((gain / dof) / (rest / left) / scatter, dof, left))
+    F = (gain / dof) / (rest / left) / scatter
+    log_p = float(stats.f.logsf(F, dof, left))
+    return log_p if np.isfinite(log_p) else -0.5 * left * float(np.log1p(dof * F / left))  # the tail's leading term
 
 
 def likelihood_ratio(gain: float, noise_dof: float) -> float:

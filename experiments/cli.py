@@ -77,10 +77,10 @@ def simulate(
     seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
 ) -> None:
     """Simulate a scenario into a plain recording with truth."""
-    from experiments.scenarios import run
+    from experiments.scenarios import simulate_to_folder
 
-    for line in run(scenario, out, effect or [], declare, seed):
-        typer.echo(line)
+    answer = simulate_to_folder(scenario, out, effect or [], declare, seed)
+    typer.echo(f"recording: {out}\nanswer: {answer}")
 
 
 @app.command()

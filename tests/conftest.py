@@ -1,4 +1,4 @@
-"""Shared fixtures: where the measured data are."""
+"""Shared fixtures: where the measured data are, and how many tests went without them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+NO_DATA = "no measured data: set SINAN_DATA, or run `sinan fetch`"
 
 
 def _measured_root() -> Path | None:
@@ -20,8 +21,17 @@ def _measured_root() -> Path | None:
 
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
-    """Root folder of the measured data sets, or skip."""
+    """Root folder of the measured data sets. Without them: skip, or fail where SINAN_REQUIRE_DATA is set."""
     root = _measured_root()
     if root is None:
-        pytest.skip("no measured data: set SINAN_DATA or run `sinan fetch`")
+        if os.environ.get("SINAN_REQUIRE_DATA"):
+            pytest.fail(NO_DATA)
+        pytest.skip(NO_DATA)
     return root
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests had no data."""
+    skipped = [r for r in terminalreporter.stats.get("skipped", []) if NO_DATA in str(r.longrepr)]
+    if skipped:
+        terminalreporter.write_line(f"{len(skipped)} measured tests were skipped: {NO_DATA}")

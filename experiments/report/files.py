@@ -11,6 +11,11 @@ from sensors.errors import InputError
 
 
 def write_text(path: Path, text: str) -> None:
+    """Write a text file, UTF-8, whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Write a file by way of a temporary one beside it, so that a killed run leaves no half of it.
 
     Raises
@@ -20,7 +25,7 @@ def write_text(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}")
-        partial.write_text(text, encoding="utf-8")
+        partial.write_bytes(content)
         partial.replace(path)
     except OSError as error:
         raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None

@@ -358,6 +358,8 @@ def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: floa
     away = residual - median_filter(residual, size=7, mode="nearest")
     scale = 1.4826 * float(np.median(np.abs(away)))
     scale = max(scale, np.finfo(float).tiny) if sigma is None else max(scale, sigma)
+    # heavy tails are no outliers: the scale is at least that of the ninth decile, which outliers hardly reach
+    scale = max(scale, float(np.quantile(np.abs(away), 0.9)) / float(stats.norm.isf(0.05)))
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     wrong = np.abs(away) > max(threshold * scale, _OUTLIER_SPREAD * spread)
     runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")

@@ -59,19 +59,34 @@ class GyroTurns:
         earth_rotation: bool = False,
     ) -> None:
         self.name, self.log, self.noise_known = name, log, noise_known
-        self._covariates = dict(covariates or {})
         self._declared = declared_terms(declared or {})
         self._walk = bias_walk(log.poses.t, walk if noise_known else None)
+        self._take_rows(covariates or {})
         self._sigma_turn, self._sigma_rest = noise_of_turns(log, earth_rotation)
         self._bias = np.median(log.poses.mean[:, 3:], axis=0)
         if not noise_known:
             self._scale_noise()
-        first, last = log.turns
-        turn_t = 0.5 * (log.t[first] + log.t[last])
+        turn_t = 0.5 * sum(log.turn_times)
         self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
         self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
-        motion = self._motion(log.reading)
+        motion = self._motion(self._reading)
         self._candidates = pose_candidates("gyro", motion, self._declared)
+
+    def _take_rows(self, covariates: Mapping[str, FloatArray]) -> None:
+        """Keep the rows of the turns, one turn after the other, then one mean row a pose: all that the residuals use."""
+        log = self.log
+        turns = log.turns
+        ends = np.cumsum([turn.stop - turn.start for turn in turns])
+        self._turn_rows = tuple(slice(int(b - (t.stop - t.start)), int(b)) for t, b in zip(turns, ends, strict=True))
+        self._n_turning = int(ends[-1])
+
+        def kept(values: FloatArray) -> FloatArray:
+            rests = [values[a:b].mean(axis=0)[None] for a, b in zip(log.poses.start, log.poses.stop, strict=True)]
+            return np.concatenate([*(values[turn] for turn in turns), *rests])
+
+        self._row_t, self._reading, self._f_b = kept(log.t), kept(log.reading), kept(log.f_b)
+        self._covariates = {name: kept(value) for name, value in covariates.items()}
+        self._log_covariates = {name: value for name, value in covariates.items() if value.ndim == 1}
 
     def _scale_noise(self) -> None:
         """Undeclared noise: each kind of residual is weighted by what the richest linear model leaves of it."""
@@ -92,7 +107,7 @@ class GyroTurns:
     @property
     def covariates(self) -> Mapping[str, FloatArray]:
         """(rows,) each; interpolated to the rows' times."""
-        return {k: np.interp(self._t, self.log.t, v) for k, v in self._covariates.items() if v.ndim == 1}
+        return {name: np.interp(self._t, self.log.t, value) for name, value in self._log_covariates.items()}
 
     def start(self) -> FloatArray:
         """b and the knots of its walk."""
@@ -104,17 +119,18 @@ class GyroTurns:
 
     def true_rate(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Invert the model for w by Newton's method: w (n, 3) and B = d reading / d w (n, 3, 3)."""
-        y = self.log.reading - x[:3] - self._walk.value(self.log.t, x[3:])
+        y = self._reading - x[:3] - self._walk.value(self._row_t, x[3:])
         pairs = effects_in_mean(self._declared, model)
         if not pairs:
             return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
-        w, slope = y, np.zeros((len(y), 3, 3))
+        w, slope, back = y, np.zeros((len(y), 3, 3)), np.zeros((len(y), 3, 3))
         for k in range(_MOST_PASSES):
             added = self._added(w, pairs)
             if k == 0:
                 shifted = [(self._added(w + _EPSILON * d, pairs) - added) / _EPSILON for d in np.eye(3)]
                 slope = np.stack(shifted, axis=-1)
-            step = np.linalg.solve(np.eye(3) + slope, (w + added - y)[..., None])[..., 0]
+                back = inverse(np.eye(3) + slope)
+            step = np.einsum("nij,nj->ni", back, w + added - y)
             w = w - step
             if not np.max(np.abs(step)) > _CONVERGED:
                 break
@@ -124,11 +140,11 @@ class GyroTurns:
         """Whitened residuals of turns and rests, and their derivatives."""
         w, B = self.true_rate(nuisance, model)
         motion = self._motion(w)
-        by_bias = np.linalg.inv(B)  # -d w / d bias
-        columns = [by_bias, self._walk.derivative(self.log.t, by_bias)]
+        by_bias = inverse(B)  # -d w / d bias
+        columns = [by_bias, self._walk.derivative(self._row_t, by_bias)]
         names: list[str] = []
         for key, entry, beta in derivatives_wanted(model, wanted):
-            columns.append(np.linalg.solve(B, entry.slope(w, beta, motion)))
+            columns.append(by_bias @ entry.slope(w, beta, motion))
             names.append(key)
         D = np.concatenate(columns, axis=2)
         residual, J, raw = self._project(w, D)
@@ -156,7 +172,7 @@ class GyroTurns:
 
         Neighbouring turns share a pose, whose direction noise enters both: their covariance is block tridiagonal.
         """
-        turns = integrate_turns(self.log, w)
+        turns = integrate_turns(self._row_t, self._turn_rows, self.log.direction[:-1], w)
         miss = turns.predicted - self.log.direction[1:]
         across = _tangents(self.log.direction[1:])
         g = self.log.gravity
@@ -164,8 +180,7 @@ class GyroTurns:
         J_turn = np.einsum("kai,kim->kam", across, turns.derivative(D)).reshape(len(r_turn), -1)
         L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across))
         poses = self.log.poses
-        r_rest = np.array([w[a:b].mean(axis=0) for a, b in zip(poses.start, poses.stop, strict=True)])
-        J_rest = np.array([D[a:b].mean(axis=0) for a, b in zip(poses.start, poses.stop, strict=True)])
+        r_rest, J_rest = w[self._n_turning :], D[self._n_turning :]
         sigma = np.repeat(self._sigma_rest, 3)
         residual = np.concatenate([np.linalg.solve(L, r_turn), r_rest.ravel() / sigma])
         J = np.concatenate([np.linalg.solve(L, J_turn), J_rest.reshape(len(sigma), -1) / sigma[:, None]])
@@ -198,7 +213,13 @@ class GyroTurns:
         return np.sum([entry.apply(w, beta, motion) - w for entry, beta in pairs], axis=0)
 
     def _motion(self, w: FloatArray) -> Motion:
-        return Motion(t=self.log.t, w_ib_b=w, f_b=self.log.f_b, covariates=self._covariates)
+        return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)
+
+
+def inverse(B: FloatArray) -> FloatArray:
+    """(n, 3, 3) inverse of each matrix by its cofactors."""
+    rows = np.cross(B[:, [1, 2, 0]], B[:, [2, 0, 1]])
+    return np.swapaxes(rows, 1, 2) / np.einsum("ni,ni->n", B[:, 0], rows[:, 0])[:, None, None]
 
 
 def _tangents(direction: FloatArray) -> FloatArray:

@@ -1,0 +1,65 @@
+"""`sinan demo`: the whole loop on an embedded recording with an effect that it does not declare, and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.calibrate import as_json, calibrate_triad, summary
+from experiments.report.files import write_bytes, write_json
+from experiments.report.page import png
+from experiments.report.trace_page import trace_figures, trace_page
+from experiments.report.words import trace_summary
+from experiments.residual_loop.open_source import pose_source, triad_readings
+from experiments.residual_loop.trace import report, trace
+from experiments.scenarios.loader import load_scenario
+from sensors.formats.plain import write_recording
+from sensors.recording import Recording
+from sensors.simulate import simulate
+
+SCENARIO, SEED = "mag_poses", 7
+#: What the demonstration hides: soft iron and a current loop, in the sizes of a hobby quadrotor.
+HIDDEN: Mapping[str, tuple[float, ...]] = {"mag.cross_axis": (0.04, -0.015, 0.02), "mag.current": (0.0015, 0.0, -0.001)}
+MEASURED = "rfly_course/MagRaw.mat"
+
+
+def run(out: Path, say: Callable[[str], None] = print) -> None:
+    """Simulate, calibrate, trace, draw; then the same on the course's measured magnetometer where it is at hand."""
+    recording, truth = simulate(load_scenario(SCENARIO), np.random.default_rng(SEED), HIDDEN)
+    write_recording(recording, out / "recording", truth)
+    say(f"1. A recording, simulated: {recording.name}. Hidden in it: {', '.join(HIDDEN)}; its own files do not say so.")
+    demonstrate(recording, out, "simulated", say)
+    measured = measured_recording()
+    if measured is None:
+        say("\nThe course's measured magnetometer: `sinan fetch rfly_course`, then run the demonstration again.")
+    else:
+        say("\n2. The course's own magnetometer, measured.")
+        demonstrate(measured, out, "measured", say)
+    say(f"\nPages and figures: {out.resolve()}")
+
+
+def demonstrate(recording: Recording, out: Path, name: str, say: Callable[[str], None]) -> Mapping[str, Any]:
+    """Calibrate with the plain model, trace its residual, write page, figures and report."""
+    readings = triad_readings(recording, "mag")
+    say("\nThe textbook's model, a scale and an offset on each axis:")
+    say(summary("mag", as_json("mag", calibrate_triad(recording, readings, "none"))))
+    source = pose_source(recording, "mag")
+    result = trace(source)
+    document = report(source, result)
+    say("\nIts residual, traced:")
+    say(trace_summary(document))
+    trace_page(out / f"{name}.html", source, result, document)
+    for figure, (drawing, _) in trace_figures(source, result, document).items():
+        write_bytes(out / f"{name}_{figure}.png", png(drawing))
+    write_json(out / f"{name}.json", document)
+    return document
+
+
+def measured_recording() -> Recording | None:
+    """The course's magnetometer readings, if the data set is on this machine; nothing is downloaded."""
+    from experiments.datasets import find, resolve
+
+    return resolve(MEASURED) if find(MEASURED) is not None else None
