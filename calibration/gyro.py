@@ -61,7 +61,9 @@ class GyroLog:
     @property
     def turns(self) -> tuple[slice, ...]:
         """Rows of each turn: from the last row at rest to the first row at rest again."""
-        return tuple(slice(int(a) - 1, int(b) + 1) for a, b in zip(self.poses.stop[:-1], self.poses.start[1:], strict=True))
+        return tuple(
+            slice(int(a) - 1, int(b) + 1) for a, b in zip(self.poses.stop[:-1], self.poses.start[1:], strict=True)
+        )
 
     @property
     def turn_times(self) -> tuple[FloatArray, FloatArray]:

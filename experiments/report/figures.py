@@ -54,7 +54,7 @@ def candidates_bars(candidates: Sequence[Mapping[str, Any]], found: Sequence[str
     """-log10 p of every candidate about the plain model; found ones in colour, the threshold as a line."""
     rows = sorted(candidates, key=lambda c: c["p_value"], reverse=True)
     values = [min(-np.log10(max(c["p_value"], 1e-300)), 300.0) for c in rows]
-    figure, axes = new_figure(1, 1, max(0.24 * len(rows) + 0.9, 1.6))
+    figure, axes = new_figure(1, 1, 0.26 * len(rows) + 0.9)
     one = axes[0, 0]
     colours = [AFTER if c["name"] in found else SOFT for c in rows]
     one.barh([c["name"] for c in rows], values, color=colours, height=0.65)

@@ -58,7 +58,7 @@ def trace_figures(source: Source, result: Trace, document: Mapping[str, Any]) ->
 
 def trace_page(path: Path, source: Source, result: Trace, document: Mapping[str, Any]) -> None:
     """Write the page of a trace."""
-    page = Page(f"{document['recording']}: {_headline(document)}", words.verdict_sentence(document))
+    page = Page(words.headline(document), f"{document['recording']}. {words.verdict_sentence(document)}")
     error = document["error"]
     if document["effects"]:
         page.numbers(
@@ -84,13 +84,6 @@ def trace_page(path: Path, source: Source, result: Trace, document: Mapping[str,
     page.write(path)
 
 
-def _headline(document: Mapping[str, Any]) -> str:
-    names = ", ".join(e["name"] for e in document["effects"])
-    return {"no_effect": "no effect", "ambiguous": f"ambiguous ({names})"}.get(
-        document["verdict"], names or document["verdict"]
-    )
-
-
 def _truth_numbers(truth: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if not truth:
         return []
@@ -108,7 +101,13 @@ def _candidate_table(page: Page, document: Mapping[str, Any]) -> None:
     rows = []
     for c in sorted(document["candidates"], key=lambda c: c["p_value"]):
         sizes = [s for s in c["detectable_from"] if s is not None]
-        size = ", ".join(words.number(s) for s in sizes) if sizes else "not visible here"
+        size = (
+            ", ".join(words.number(s) for s in sizes)
+            if sizes
+            else "searched"
+            if "interval" in c
+            else "not visible here"
+        )
         rows.append([c["name"], words.number(c["statistic"]), str(c["dof"]), f"{c['p_value']:.2g}", size])
     page.table(["effect", "statistic", "dof", "p", "would be seen from"], rows, numeric=(1, 2, 3))
 

@@ -35,7 +35,7 @@ def quantity(value: float | None, unit: str) -> str:
 def effect_sentence(effect: Mapping[str, Any]) -> str:
     """What an effect is, its size with uncertainty, and when it acted."""
     parts = [
-        f"{number(beta)}" + (f" +- {number(std)}" if std is not None else "")
+        f"{number(beta)}" + (f" ± {number(std)}" if std is not None else "")
         for beta, std in zip(effect["beta"], effect["std"], strict=True)
     ]
     units = dict.fromkeys(unit for unit in effect["unit"] if unit != "1")
@@ -72,6 +72,15 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
     return text
 
 
+def headline(document: Mapping[str, Any]) -> str:
+    """The page's title: what the instrument does wrong and what adding it brings, or that nothing is missing."""
+    if not document["effects"]:
+        return "Nothing is missing" if document["verdict"] == "no_effect" else "Something is missing that has no name"
+    error = document["error"]
+    change = f"{quantity(error['before']['rms'], error['before']['unit'])} → {number(error['after']['rms'])}"
+    return f"{document['effects'][0]['summary'].rstrip('.')}: residual {change} on held-out data"
+
+
 def trace_summary(document: Mapping[str, Any]) -> str:
     """The trace in a few lines for the terminal."""
     lines = [f"{document['recording']}: {document['verdict']}", f"  {verdict_sentence(document)}"]
@@ -83,7 +92,7 @@ def trace_summary(document: Mapping[str, Any]) -> str:
         same = "chooses the same names" if document["error"]["same_names_on_fitting_part"] else "chooses other names"
         lines.append(f"  The fitting part alone {same}.")
     else:
-        sizes = [detectable_sentence(c) for c in document["candidates"]]
+        sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c]
         lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
     for item in document["remaining"]:
         lines.append(

@@ -50,7 +50,7 @@ class BiasWalk:
         if knots == 0:
             return np.zeros(0), np.zeros((0, 0)), np.zeros(0)
         D = (np.eye(knots) - np.eye(knots, k=-1)) / (self.walk * np.sqrt(np.diff(self.t)))[:, None]
-        rows = np.kron(D, np.eye(3))
+        rows: FloatArray = np.asarray(np.kron(D, np.eye(3)), dtype=np.float64)
         return -rows @ x, rows, np.repeat(0.5 * (self.t[1:] + self.t[:-1]), 3)
 
 

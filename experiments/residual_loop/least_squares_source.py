@@ -17,7 +17,7 @@ from estimator.score import Evidence
 from experiments.residual_loop.localise import OffsetScan, find_interval
 from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
 from experiments.residual_loop.term import Term, declaration
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 from sensors.errors import InputError
 
@@ -159,7 +159,7 @@ class LeastSquaresSource:
         freedom = max(int(np.sum(active & self._measured)) - information.shape[0] + int(np.sum(~self._measured)), 1)
         sse = float(r @ r)
         noise = 1.0 if self._problem.noise_known else sse / freedom
-        covariance = noise * np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        covariance: FloatArray = np.asarray(noise * np.linalg.pinv(information, rcond=1e-12, hermitian=True))
         deviance = sse if self._problem.noise_known else int(np.sum(active & self._measured)) * np.log(max(sse, 1e-300))
         std = self._standard_deviations(beta, covariance, len(x), wrong)
         for term in beta:
@@ -253,12 +253,12 @@ class LeastSquaresSource:
             tuple(names), sizes, information, score, np.concatenate(plausible) if plausible else np.zeros(0), noise_dof
         )
 
-    def _blocks(self, active: BoolArray) -> FloatArray:
+    def _blocks(self, active: BoolArray) -> IntArray:
         """Block of time of each active row, blocks of equal numbers of rows."""
         t = self._problem.t[active]
         order = np.argsort(np.argsort(t, kind="stable"), kind="stable")
         blocks = int(np.clip(len(t) // _ROWS_A_BLOCK, 1, _BLOCKS))
-        return order * blocks // len(t)
+        return np.asarray(order * blocks // len(t), dtype=np.int64)
 
     # ---- localised effects
 

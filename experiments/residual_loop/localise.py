@@ -97,9 +97,9 @@ def find_interval(scan: OffsetScan, to_the_end: bool, noise_dof: float, shortest
     """The interval with the strongest evidence for an offset.
 
     A coarse search runs over a grid, length by length; a refinement moves either end row by row. The p-value is
-    multiplied by the number of intervals searched (Bonferroni). A coloured residual has offsets everywhere, a disturbance stands out:
-    the evidence is divided by that of the interval's peers, other intervals of its length, looked at once the
-    interval itself is explained, where they exceed what white noise gives.
+    multiplied by the number of intervals searched (Bonferroni). A coloured residual has offsets everywhere, a
+    disturbance stands out: there the evidence is compared with that of the interval's peers, other intervals of its
+    length, looked at once the interval itself is explained.
 
     Parameters
     ----------

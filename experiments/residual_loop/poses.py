@@ -2,8 +2,8 @@
 
 reading = M u + b(t) + sum of effects(u) + noise,  M = diag(1 + s),  |u| = norm
 
-The plain model is the textbook's diagonal scale and bias. With the model inverted for u, the residual is r = |u| - norm,
-and with e = u / |u|, B = d reading / d u and a = B^-T e:  d r = -a' d(model), so that to first order
+The plain model is the textbook's diagonal scale and bias. With the model inverted for u, the residual is
+r = |u| - norm, and with e = u / |u|, B = d reading / d u and a = B^-T e:  d r = -a' d(model), so that to first order
 r = a' (d reading / d theta) d theta + a' noise, for every parameter theta of the model.
 """
 

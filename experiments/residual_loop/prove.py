@@ -145,8 +145,8 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     noise = _noise(source, selection.final)
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
-    errors = [errors_of(r, stream, rng, noise) for r in (before, after, all_before, all_after)]
-    return Proof(stream, *errors, errors[2].nis_per_dof, errors[3].nis_per_dof, untested)
+    first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in (before, after, all_before, all_after))
+    return Proof(stream, first, second, third, fourth, third.nis_per_dof, fourth.nis_per_dof, untested)
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:

@@ -77,6 +77,7 @@ class Selection:
     plain, final : the first and the last fit
     findings : what was accepted, in order of discovery
     plain_statistics : of every candidate, about the plain model
+    plain_local : the best interval of each time-localised family, about the plain model
     final_statistics : of every candidate that was not accepted, about the final model
     left : options that pass the test about the final model but were not accepted, strongest first
     """
@@ -85,6 +86,7 @@ class Selection:
     final: Fit
     findings: tuple[Finding, ...]
     plain_statistics: tuple[Statistic, ...]
+    plain_local: tuple[LocalFinding, ...]
     final_statistics: tuple[Statistic, ...]
     left: tuple[Option, ...]
 
@@ -114,6 +116,7 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     plain = fit
     evidence = source.evidence(fit)
     plain_statistics = tuple(statistic_of(evidence, entry.name) for entry in source.candidates)
+    plain_local = tuple(source.local_findings(fit))
     findings: list[Finding] = []
     refused: set[str] = set()
     options: list[Option] = []
@@ -135,7 +138,7 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
         statistic_of(evidence, entry.name, given) for entry in source.candidates if entry.name not in names
     )
     left = tuple(sorted((o for o in options if o.log_p < threshold), key=lambda o: o.log_p))
-    return Selection(plain, fit, tuple(findings), plain_statistics, final_statistics, left)
+    return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left)
 
 
 def _options(source: Source, fit: Fit, evidence: Evidence) -> list[Option]:
@@ -175,8 +178,8 @@ def _best(
     passing.sort(key=lambda o: o.log_p_raw if tentative else o.log_p)
     best = passing[0].statistic
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:SHORTLIST]
-    trials = [_trial(source, fit, option) for option in shortlist]
-    trials = [t for t in trials if t is not None and t[1].log_p < threshold]
+    tried = [_trial(source, fit, option) for option in shortlist]
+    trials = [trial for trial in tried if trial is not None and trial[1].log_p < threshold]
     if not trials:
         refused.update(option.term.key for option in shortlist)
         return _best(source, fit, options, threshold, refused)

@@ -10,7 +10,7 @@ import numpy as np
 from estimator.score import Statistic
 from experiments.residual_loop.prove import Errors, Proof, Remaining, prove, remaining, rolled_back
 from experiments.residual_loop.select import Finding, Selection, select
-from experiments.residual_loop.source import Fit, Source
+from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
@@ -132,7 +132,10 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         "effects": [_effect(source, finding) for finding in result.selection.findings],
         "error": error,
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
-        "candidates": [_candidate(s) for s in _candidates(result.selection)],
+        "candidates": [
+            *(_candidate(s) for s in _candidates(result.selection)),
+            *(_local_candidate(found) for found in result.selection.plain_local),
+        ],
         "remaining": [
             {
                 "stream": r.stream,
@@ -189,6 +192,18 @@ def _candidate(s: Statistic) -> dict[str, object]:
         "p_value": s.p_value,
         "scatter": s.scatter,
         "detectable_from": [_number(d) for d in s.detectable_from],
+    }
+
+
+def _local_candidate(found: LocalFinding) -> dict[str, object]:
+    interval = found.term.interval
+    return {
+        "name": found.term.name,
+        "statistic": found.statistic,
+        "dof": found.dof,
+        "p_value": float(np.exp(found.log_p)),
+        "interval": None if interval is None else [float(interval[0]), float(interval[1])],
+        "detectable_from": [],
     }
 
 

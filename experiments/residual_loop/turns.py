@@ -73,7 +73,7 @@ class GyroTurns:
         self._candidates = pose_candidates("gyro", motion, self._declared)
 
     def _take_rows(self, covariates: Mapping[str, FloatArray]) -> None:
-        """Keep the rows of the turns, one turn after the other, then one mean row a pose: all that the residuals use."""
+        """Keep the rows of the turns, turn after turn, then one mean row a pose: all that the residuals use."""
         log = self.log
         turns = log.turns
         ends = np.cumsum([turn.stop - turn.start for turn in turns])
@@ -140,7 +140,7 @@ class GyroTurns:
         """Whitened residuals of turns and rests, and their derivatives."""
         w, B = self.true_rate(nuisance, model)
         motion = self._motion(w)
-        by_bias = inverse(B)  # -d w / d bias
+        by_bias = inverse(np.asarray(B))  # -d w / d bias
         columns = [by_bias, self._walk.derivative(self._row_t, by_bias)]
         names: list[str] = []
         for key, entry, beta in derivatives_wanted(model, wanted):

@@ -108,7 +108,7 @@ def test_published_values_of_three_units(unit: str, scale: tuple[float, ...], bi
 @pytest.mark.measured
 @pytest.mark.usefixtures("measured_data")
 def test_factory_certificate_of_the_xsens() -> None:
-    """Counts per rad/s within 0.2 % and offsets within 35 counts of the factory's, from nominal readings about 32768."""
+    """Counts per rad/s within 0.2 % and offsets within 35 counts of the factory's."""
     recording = resolve("xsens_mti_imu_tk/xsens_acc.mat.gz")
     result = calibrate_turns(recording, "full", 9.81744)
     np.testing.assert_allclose(4770.0 / result.K, [4778.0, 4758.0, 4766.0], rtol=2e-3)

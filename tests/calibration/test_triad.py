@@ -22,8 +22,12 @@ def directions(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def course(name: str, gravity: float | None = None):
-    readings = triad_readings(resolve(f"rfly_course/{name}"), "mag" if "Mag" in name or "_m_" in name else "accel", gravity)
-    return readings, calibrate_norm(readings.sensor, readings.reading, readings.norm, normalised_by=readings.normalised_by)
+    readings = triad_readings(
+        resolve(f"rfly_course/{name}"), "mag" if "Mag" in name or "_m_" in name else "accel", gravity
+    )
+    return readings, calibrate_norm(
+        readings.sensor, readings.reading, readings.norm, normalised_by=readings.normalised_by
+    )
 
 
 @pytest.mark.measured
@@ -88,7 +92,10 @@ def test_jacobian_against_central_differences() -> None:
     readings = directions(rng, 20) * 9.8
     x = np.concatenate([rng.uniform(0.9, 1.1, 3), rng.normal(0, 0.2, 3), rng.normal(0, 0.05, 3), rng.normal(0, 0.1, 3)])
     h = 1e-6
-    columns = [(norm_residual(x + h * d, readings, 9.8) - norm_residual(x - h * d, readings, 9.8)) / (2 * h) for d in np.eye(12)]
+    columns = [
+        (norm_residual(x + h * d, readings, 9.8) - norm_residual(x - h * d, readings, 9.8)) / (2 * h)
+        for d in np.eye(12)
+    ]
     np.testing.assert_allclose(norm_jacobian(x, readings), np.transpose(columns), atol=1e-7)
 
 

@@ -39,7 +39,9 @@ def poses(
         motion = Motion(t=t, f_b=u, m_b=u, covariates=covariates)
         reading = reading + declaration(effect).apply(u, np.array(beta), motion) - u
     reading = reading + sigma * rng.standard_normal((n, 3))
-    return NormPoses("simulated", sensor, t, reading, norm, "1", np.full(n, sigma) if declared else None, None, covariates)
+    return NormPoses(
+        "simulated", sensor, t, reading, norm, "1", np.full(n, sigma) if declared else None, None, covariates
+    )
 
 
 def plain_data(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -190,16 +192,40 @@ def test_report_fits_the_schema() -> None:
 #: What every reader of a report may rely on.
 SCHEMA: dict[str, Any] = {
     "type": "object",
-    "required": ["format", "recording", "alpha", "verdict", "effects", "error", "consistency", "candidates", "remaining"],
+    "required": [
+        "format",
+        "recording",
+        "alpha",
+        "verdict",
+        "effects",
+        "error",
+        "consistency",
+        "candidates",
+        "remaining",
+    ],
     "properties": {
         "format": {"const": 1},
         "verdict": {"enum": ["no_effect", "effects", "ambiguous", "unexplained"]},
         "effects": {
             "type": "array",
             "minItems": 1,
-            "items": {"required": ["name", "beta", "std", "unit", "p_value", "lambda", "confused_with", "interval", "satellite"]},
+            "items": {
+                "required": [
+                    "name",
+                    "beta",
+                    "std",
+                    "unit",
+                    "p_value",
+                    "lambda",
+                    "confused_with",
+                    "interval",
+                    "satellite",
+                ]
+            },
         },
-        "error": {"required": ["held_out", "stream", "same_names_on_fitting_part", "before", "after", "in_sample", "truth"]},
+        "error": {
+            "required": ["held_out", "stream", "same_names_on_fitting_part", "before", "after", "in_sample", "truth"]
+        },
         "candidates": {"items": {"required": ["name", "statistic", "dof", "p_value", "detectable_from"]}},
     },
 }
