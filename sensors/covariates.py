@@ -19,6 +19,12 @@ _THERMOMETERS: dict[str, tuple[str, ...]] = {
     "sonar": ("sonar", "air"),
     "laser": ("laser",),
 }
+#: Covariates that power and air carry, and their columns
+_ABOARD: dict[str, tuple[str, ...]] = {
+    "current": ("current",),
+    "airspeed": ("airspeed",),
+    "wind": ("wind_north", "wind_east"),
+}
 #: Effects whose declared size other effects need as a covariate
 _DECLARED = {"rotor_drag": "motion.rotor_drag"}
 
@@ -56,8 +62,8 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
         found["temperature"] = _at(t, thermometer, ("temperature",))[:, 0]
     motors = recording.streams.get("motors")
     if motors is not None:
-        columns = tuple(name for name in motors.columns if name.startswith("motor_"))
-        found["throttle"] = np.mean(_at(t, motors, columns), axis=1)
+        commands = [name for name in motors.columns if name.startswith("motor_")]
+        found["throttle"] = np.mean(_at(t, motors, commands), axis=1)
     for name, effect in _DECLARED.items():
         if effect in recording.effects:
             found[name] = np.full(len(t), recording.effects[effect][0])

@@ -84,7 +84,7 @@ class Vibration:
     """Shaking by the motors: amplitude per axis at hover throttle [m/s^2], frequency at hover throttle [Hz]."""
 
     amplitude: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    frequency: float = 73.0
+    frequency: float = 50.0
 
 
 @dataclass(frozen=True)

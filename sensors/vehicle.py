@@ -10,6 +10,7 @@ from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.scenario import Scenario, Warming
 from sensors.trajectory import Multicopter, Turntable
+from sensors.vibration import WINDOW
 
 #: Share of throttle by which opposite motors differ for an angular acceleration of 1 rad/s^2 (a 1 kg frame of 0.45 m)
 MIXING = np.array([0.002, 0.002, 0.004])
@@ -37,12 +38,14 @@ class Vehicle:
         motion = self.trajectory.motion(t)
         spec = self.scenario.sensors.get(sensor)
         covariates = {"temperature": self.temperature(t, sensor), **self.aboard(motion)}
+        if sensor == "accel":
+            covariates["vibration"] = self.vibration_power(t)
         if spec is not None and spec.spec.angles is not None:
             covariates["angles"] = np.tile(spec.spec.angles, (len(t), 1))
         return motion.with_covariates(**covariates)
 
     def aboard(self, motion: Motion) -> dict[str, FloatArray]:
-        """Throttle, current, airspeed, wind, vibration along the motion."""
+        """Throttle, current, airspeed, wind along the motion."""
         thrust = self.thrust(motion)
         wind = np.tile(np.array(self.scenario.air.wind), (len(motion), 1))
         return {
@@ -50,7 +53,6 @@ class Vehicle:
             "current": self.current(motion.t, thrust),
             "airspeed": self.airspeed(motion),
             "wind": wind,
-            "vibration": 0.5 * self.vibration_amplitude(thrust) ** 2,
         }
 
     def thrust(self, motion: Motion) -> FloatArray:
@@ -98,6 +100,16 @@ class Vehicle:
     def vibration_amplitude(self, thrust: FloatArray) -> FloatArray:
         """(n, 3) amplitude of the shaking [m/s^2]: an imbalance pulls with the square of the rotor speed."""
         return thrust[:, None] * np.array(self.scenario.vibration.amplitude)
+
+    def vibration_power(self, t: FloatArray) -> FloatArray:
+        """(n, 3) variance of the shaking, half its squared amplitude, averaged over `WINDOW` about t [(m/s^2)^2]."""
+        if not any(self.scenario.vibration.amplitude):
+            return np.zeros((len(t), 3))
+        grid = np.arange(t[0] - WINDOW, t[-1] + WINDOW, WINDOW / 100.0)
+        power = 0.5 * self.vibration_amplitude(self.thrust(self.trajectory.motion(grid))) ** 2
+        summed = np.cumsum(power, axis=0) * (WINDOW / 100.0)
+        ahead, behind = t + 0.5 * WINDOW, t - 0.5 * WINDOW
+        return np.stack([np.interp(ahead, grid, s) - np.interp(behind, grid, s) for s in summed.T], axis=-1) / WINDOW
 
     def shaking(self, motion: Motion, rng: np.random.Generator) -> FloatArray:
         """(n, 3) vibration at the IMU's instants [m/s^2]: one tone an axis that follows the rotor speed."""
