@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class LeastSquaresFit:
 
 def solve(
     residual: Callable[[FloatArray], FloatArray],
-    jacobian: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray], FloatArray] | Literal["2-point"],
     start: FloatArray,
     names: Sequence[str],
     plausible: FloatArray,
@@ -56,12 +57,14 @@ def solve(
     sigma: float | None = None,
     sse_before: float | None = None,
 ) -> LeastSquaresFit:
-    """Minimise the sum of squared residuals by a trust-region Levenberg-Marquardt method with bounds.
+    """Minimise the sum of squared residuals by Levenberg and Marquardt's method, within bounds.
+
+    MINPACK's method knows no bounds; where its solution leaves them, a trust-region method repeats the fit within them.
 
     Parameters
     ----------
     residual : x -> (n,)
-    jacobian : x -> (n, parameters), analytic
+    jacobian : x -> (n, parameters), analytic; "2-point" for differences, which benchmarks compare with
     start : (parameters,) where to begin
     names : of the parameters, for the sentences
     plausible : (parameters,) plausible 1-sigma sizes; they scale the columns, so that directions compare
@@ -69,16 +72,22 @@ def solve(
     sigma : standard deviation of a residual where it is known; else it is estimated from the residuals
     sse_before : the sum of squares to report as "before", where that is not the one at `start`
 
-    Source: J. J. More, "The Levenberg-Marquardt algorithm", 1978; `scipy.optimize.least_squares`, method "trf".
+    Source: J. J. More, "The Levenberg-Marquardt algorithm", 1978; `scipy.optimize.least_squares`, "lm" and "trf".
     """
     from scipy.optimize import least_squares
 
-    limits = bounds if bounds is not None else (-np.inf, np.inf)
-    result = least_squares(
-        residual, start, jac=jacobian, bounds=limits, x_scale=plausible, xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+    options = {"jac": jacobian, "x_scale": plausible, "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+    low, high = bounds if bounds is not None else (np.full(len(start), -np.inf), np.full(len(start), np.inf))
+    if len(residual(start)) >= len(start):
+        result = least_squares(residual, start, method="lm", **options)
+        inside = bool(np.all((low < result.x) & (result.x < high)))
+    else:
+        inside = False
+    if not inside:
+        result = least_squares(residual, start, method="trf", bounds=(low, high), **options)
     r, J = result.fun, np.asarray(result.jac)
     sse = float(r @ r)
+    J = np.linalg.qr(J, mode="r")  # the same singular values and normal equations in a few rows
     values, sentences, null_space, rank = undetermined_directions(J, names, plausible)
     if sigma is None:
         sigma = float(np.sqrt(sse / max(len(r) - rank, 1)))
@@ -118,7 +127,9 @@ def covariance_of(J: FloatArray, plausible: FloatArray, sigma: float) -> FloatAr
 
 def _scaled_svd(J: FloatArray, plausible: FloatArray) -> tuple[FloatArray, FloatArray]:
     """All singular values (zeros included) and right vectors of J diag(plausible), through its triangular factor."""
-    R = np.linalg.qr(J * plausible, mode="r")
+    R = J * plausible
+    if len(R) > R.shape[1]:
+        R = np.linalg.qr(R, mode="r")
     _, s, vt = np.linalg.svd(R, full_matrices=True)
     values = np.zeros(J.shape[1])
     values[: len(s)] = s

@@ -153,6 +153,7 @@ def calibrate_norm(
     sigma: float | None = None,
     normalised_by: float = 1.0,
     where: str = "readings",
+    analytic: bool = True,
 ) -> Calibration:
     """Calibrate a three-axis sensor whose true reading has a constant norm.
 
@@ -168,6 +169,7 @@ def calibrate_norm(
     sigma : white noise of one reading; None: estimated from the residuals
     normalised_by : what the readings have been divided by, for the record
     where : how messages call the input
+    analytic : use the analytic Jacobian; two-point differences are there for comparison
 
     Neglects <sensor>.temperature, accel.scale_nonlinearity, mag.current, and everything that changes with time.
 
@@ -186,7 +188,7 @@ def calibrate_norm(
     turns = np.ones(len(names) - 6)
     fit = solve(
         lambda x: norm_residual(x, readings, norm),
-        lambda x: norm_jacobian(x, readings),
+        (lambda x: norm_jacobian(x, readings)) if analytic else "2-point",
         start=np.concatenate([K0, b0, 0.0 * turns]),
         names=names,
         plausible=np.concatenate([_PLAUSIBLE_SCALE * K0, np.full(3, _PLAUSIBLE_SCALE * size), _PLAUSIBLE_TURN * turns]),
@@ -208,6 +210,6 @@ def _require_spread(readings: FloatArray, where: str) -> None:
     """Raise if all readings point the same way: nothing can be calibrated then."""
     centred = readings - readings.mean(axis=0)
     size = np.max(np.linalg.norm(readings, axis=1))
-    spread = np.linalg.svd(centred, compute_uv=False) / np.sqrt(len(readings))
-    if spread[0] < 0.02 * size:  # under about one degree of turn
+    spread = np.sqrt(np.linalg.eigvalsh(centred.T @ centred / len(readings))[-1])
+    if spread < 0.02 * size:  # under about one degree of turn
         raise InputError(where, "all readings point the same way", "readings in different directions (turn the sensor)")

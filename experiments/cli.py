@@ -125,6 +125,20 @@ def estimate(
 
 
 @app.command()
+def lab(
+    name: Annotated[str | None, typer.Argument(help="of the experiment; without one, the list")] = None,
+    out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
+) -> None:
+    """The course's experiments."""
+    from experiments.labs import LABS, run
+
+    if name is None:
+        typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))
+    else:
+        run(name, out)
+
+
+@app.command()
 def trace(
     input: Input,
     sensor: Annotated[Sensor | None, typer.Option(help="of a poses recording with several")] = None,

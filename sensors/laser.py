@@ -92,7 +92,7 @@ def scan_range_of_the_course(ranges: FloatArray, angles: FloatArray) -> FloatArr
 
     Exact without roll in the scan's plane. With roll each term is range_i cos a_i = d cos(roll) cos(a_i) / cos(roll + a_i)
     = d / (1 - tan(roll) tan(a_i)): for a symmetric scan the odd terms cancel and what is left is
-    d (1 + tan(roll)^2 mean(tan(a_i)^2) + ...), too long by 0.9 % at 10 deg of roll and a +-30 deg scan.
+    d (1 + tan(roll)^2 mean(tan(a_i)^2) + ...), too long by 1.4 % at 20 deg of roll and a +-30 deg scan.
     `course_scan_error` gives it in full; `scan_height` has no such error. Source: the course, section 6.
     """
     return np.asarray(np.mean(ranges * np.cos(angles), axis=1))

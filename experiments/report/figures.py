@@ -108,6 +108,20 @@ def norm_before_after(before: FloatArray, after: FloatArray, norm: float, unit: 
     return figure
 
 
+def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label: str) -> Figure:
+    """Several curves over one axis, named in a legend."""
+    figure, axes = new_figure(1, 1, 3.2)
+    one = axes[0, 0]
+    styles = ("-", "--", "-.", ":")
+    colours = (AFTER, BEFORE, "#6b8f3a", "#7a5195")
+    for k, (name, y) in enumerate(curves.items()):
+        one.plot(x, y, styles[k % 4], color=colours[k % 4], lw=1.6, label=name)
+    one.set_xlabel(x_label, fontsize=9)
+    one.set_ylabel(y_label, fontsize=9)
+    one.legend(frameon=False, fontsize=9)
+    return figure
+
+
 def _axis_label(text: str, unit: str) -> str:
     return text if unit in ("1", "") else f"{text} / {unit}"
 

@@ -1,0 +1,54 @@
+"""Analysis experiment: the same calibration with g = 1, and the pitch angle of a slowly turned autopilot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from calibration.triad import norm_residual
+from experiments.datasets import resolve
+from experiments.labs.course_data import calibrated, numbers
+from experiments.report.figures import lines
+from experiments.report.page import Page
+from sensors.recording import ACCEL
+
+PRINTED_AT_ONE = (0.1012, 0.1017, 0.1014, 0.0123, 0.2771, 0.1456)  # K and b on the course's slides, g = 1
+
+
+def run(out: Path, say: Callable[[str], None] = print) -> None:
+    """Compare g = 9.8 with g = 1: the scale divides, the offset and every angle stay."""
+    readings, nine = calibrated("AccRaw.mat", "accel", 9.8)
+    _, one = calibrated("AccRaw.mat", "accel", 1.0)
+    turned = resolve("rfly_course/accdata.mat").streams["poses"].array(ACCEL)
+    pitch = [
+        np.rad2deg(np.arctan2(f[:, 0], np.hypot(f[:, 1], f[:, 2]))) for f in (nine.apply(turned), one.apply(turned))
+    ]
+    say(f"g = 9.8: K = diag({numbers(nine.K)}), b = ({numbers(nine.offset)})")
+    say(f"g = 1:   K = diag({numbers(one.K)}), b = ({numbers(one.offset)}); K x 9.8 = ({numbers(one.K * 9.8)})")
+    printed = float(np.sum(norm_residual(np.array(PRINTED_AT_ONE), readings.reading, 1.0) ** 2))
+    ratio = printed / one.fit.sse
+    say(f"the course prints b = ({numbers(PRINTED_AT_ONE[3:])}): {ratio:.1f} times the minimal sum of squares")
+    say(f"largest difference of the pitch angles: {np.max(np.abs(pitch[0] - pitch[1])):.1e} deg")
+    page = Page(
+        "Gravity's size does not matter for angles",
+        "With g = 1 instead of 9.8 every scale divides by 9.8, and neither the offset nor any angle changes.",
+    )
+    page.numbers(
+        [
+            (f"{np.max(np.abs(pitch[0] - pitch[1])):.0e}°", "largest difference of the two pitch angles"),
+            (f"{ratio:.1f} ×", "sum of squares of the printed solution over the minimum: its solver stopped early"),
+        ]
+    )
+    t = np.arange(len(turned)) * 1.0
+    figure = lines(t, {"g = 9.8": pitch[0], "g = 1": pitch[1]}, "reading", "pitch / deg")
+    page.figure(figure, "Pitch while the autopilot is turned slowly: the two curves lie on each other.")
+    rows = [
+        ["K, g = 9.8", numbers(nine.K), "0.9912, 0.9974, 0.9947"],
+        ["b, g = 9.8", numbers(nine.offset), "0.0168, 0.2691, 0.1253"],
+        ["K, g = 1", numbers(one.K), numbers(PRINTED_AT_ONE[:3])],
+        ["b, g = 1", numbers(one.offset), numbers(PRINTED_AT_ONE[3:])],
+    ]
+    page.table(["", "found", "printed in the course"], rows)
+    page.write(out / "gravity.html")

@@ -1,0 +1,42 @@
+"""Design experiment: a magnetometer turned on six faces, T = I, and the sign that the data decide."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from calibration.triad import norm_residual
+from experiments.labs.course_data import calibrated, numbers
+from experiments.report.figures import norm_before_after
+from experiments.report.page import Page
+
+PRINTED = (0.9853, 1.0202, 1.0004, -0.1448, -0.0334, -0.0898)  # K and b on the course's slides
+
+
+def run(out: Path, say: Callable[[str], None] = print) -> None:
+    """Calibrate; compare the printed solution, and the one with the other sign of b_z, with the minimum."""
+    readings, result = calibrated("MagRaw.mat", "mag")
+    other = (*PRINTED[:5], -PRINTED[5])
+    costs = [float(np.sum(norm_residual(np.array(x), readings.reading, 1.0) ** 2)) for x in (PRINTED, other)]
+    say(f"K = diag({numbers(result.K)}), b = ({numbers(result.offset)}), cost {result.fit.sse:.3f}")
+    say(f"b_z = -0.0898 as printed costs {costs[0]:.2f}, b_z = +0.0898 costs {costs[1]:.2f}: the data say plus")
+    page = Page(
+        "A magnetometer turned on six faces",
+        "The field has the same length in every direction. The printed sign of one offset does not fit the data.",
+    )
+    page.numbers(
+        [
+            (f"{result.fit.sse:.2f}", "cost at the minimum"),
+            (f"{costs[0]:.2f}", "cost with the printed b_z = -0.0898"),
+            (f"{costs[1]:.2f}", "cost with b_z = +0.0898"),
+        ]
+    )
+    before = np.linalg.norm(readings.reading, axis=1)
+    after = np.linalg.norm(result.apply(readings.reading * readings.normalised_by), axis=1)
+    page.figure(norm_before_after(before, after, 1.0, "1"), "Norm of each reading, divided by the mean norm.")
+    rows = [["K", numbers(result.K), numbers(PRINTED[:3])], ["b", numbers(result.offset), numbers(PRINTED[3:])]]
+    page.table(["", "found", "printed in the course"], rows)
+    page.text("What is left of the residual is not noise: `sinan trace rfly_course/MagRaw.mat` says what it is.")
+    page.write(out / "magnetometer.html")
