@@ -83,7 +83,14 @@ class Integrity:
         return DETECTION if redundancy == 1 else CHECKED
 
 
-def check(fixes: Fixed, satellite_e: FloatArray, epoch: IntArray, group: IntArray, variance: FloatArray) -> Integrity:
+def check(
+    fixes: Fixed,
+    satellite_e: FloatArray,
+    epoch: IntArray,
+    group: IntArray,
+    variance: FloatArray,
+    field: FloatArray | None = None,
+) -> Integrity:
     """Test the residuals of every epoch.
 
     r_i = 1 - a_i C a_i' / s_i^2        redundancy number, a_i the row of the design matrix
@@ -96,16 +103,19 @@ def check(fixes: Fixed, satellite_e: FloatArray, epoch: IntArray, group: IntArra
     satellite_e : (n, 3)
     epoch, group : (n,) index of the epoch and of the clock
     variance : (n,) [m^2]
+    field : (n, k) common errors of the solution [m]
     """
     n, epochs = len(epoch), len(fixes.redundancy)
     d = satellite_e - fixes.position[epoch]
     A = np.zeros((n, fixes.covariance.shape[1]))
     A[:, :3] = -d / np.linalg.norm(d, axis=1)[:, None]
     A[np.arange(n), 3 + group] = 1.0
+    if field is not None:
+        A[:, A.shape[1] - field.shape[1] :] = field
     A[~fixes.used] = 0.0
     gain = np.matmul(fixes.covariance[epoch], A[..., None])[..., 0]
     redundancy_number = 1.0 - np.sum(A * gain, axis=1) / variance
-    checked = fixes.used & (redundancy_number > LEAST_REDUNDANCY)
+    checked = fixes.used & (redundancy_number > LEAST_REDUNDANCY) & (fixes.redundancy[epoch] > 0)
     r = np.where(checked, redundancy_number, np.nan)
     w = np.where(checked, fixes.residual, np.nan) / np.sqrt(variance * r)
     mdb = np.where(checked, np.sqrt(variance * NONCENTRALITY / r), np.inf)
@@ -166,7 +176,7 @@ class Dilution:
 
 def dilution(fixes: Fixed, satellite_e: FloatArray, epoch: IntArray, group: IntArray) -> Dilution:
     """Dilution of precision from the geometry alone: (A' A)^-1 in east, north, up and clocks."""
-    epochs, size = len(fixes.redundancy), fixes.covariance.shape[1]
+    epochs, size = len(fixes.redundancy), 4 + int(group.max(initial=0))
     rows = fixes.used
     d = satellite_e[rows] - fixes.position[epoch[rows]]
     A = np.zeros((int(rows.sum()), size))

@@ -1,8 +1,8 @@
 """Position and clock from pseudoranges: Bancroft's closed form, weighted least squares over all epochs at once.
 
-Everything works on rows (one pseudorange each, sorted by epoch) that are laid out as a rectangle of epochs and slots, so
-that no loop runs over the epochs. Ranges here are pseudoranges plus c times the satellite clock, with the modelled delays
-taken off: what remains is distance plus the receiver's clock.
+Everything works on rows (one pseudorange each, sorted by epoch) that are laid out as a rectangle of epochs and slots,
+so that no loop runs over the epochs. Ranges here are pseudoranges plus c times the satellite clock, with the modelled
+delays taken off: what remains is distance plus the receiver's clock.
 
 Sources: S. Bancroft, IEEE Trans. AES 21 (1985) 56; B. Hofmann-Wellenhof et al., GNSS (2008), ch. 7;
 W. Baarda, NGC Publications on Geodesy 2-5 (1968), for the w-test and the minimal detectable bias.
@@ -10,26 +10,16 @@ W. Baarda, NGC Publications on Geodesy 2-5 (1968), for the w-test and the minima
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.integrity import Integrity, check, worst_rows
 from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import SPEED_OF_LIGHT
 from sensors.errors import InputError
-from sensors.motion import Motion
-from sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, full_size
 
 EARTH_RADIUS = 6371.0e3  # m, mean
 CONVERGED = 1e-4  # m: the last step's error is the square of this over the distance
 MOST_ITERATIONS = 30
-MOST_PASSES = 8  # of mask, weights and modelled effects
-MOST_EXCLUDED = 6  # satellites of one epoch
-COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect is modelled
-IONOSPHERE = "pseudorange.ionosphere"
-UNMODELLED_IONOSPHERE = 6.0  # m, slant delay that is assumed where none is modelled
 
 
 @dataclass(frozen=True)
@@ -55,8 +45,8 @@ def bancroft(satellite_e: FloatArray, ranges: FloatArray) -> Roots:
 
     With the Lorentz product <u, v> = u1 v1 + u2 v2 + u3 v3 - u4 v4, a_i = (p_i, rho_i) and r = (p, b), squaring
     rho_i - b = |p_i - p| gives <a_i, a_i> / 2 - <a_i, r> + <r, r> / 2 = 0. So r = M B^+ (L 1 + alpha) with
-    L = <r, r> / 2, M = diag(1, 1, 1, -1), and L from a quadratic equation: two roots. Squaring has made rho - b = -|d| a
-    solution too, so the root must fit the unsquared equations; where both do (satellites on one side of a receiver in
+    L = <r, r> / 2, M = diag(1, 1, 1, -1), and L from a quadratic equation: two roots. Squaring has made rho - b = -|d|
+    a solution too, so the root must fit the unsquared equations; where both do (satellites on one side of a receiver in
     space), the one nearer the Earth's surface is taken.
 
     Parameters
@@ -112,10 +102,11 @@ class Fixes:
     ----------
     position : (epochs, 3) ECEF [m], NaN where there is no solution
     clock : (epochs, clocks) receiver clock errors times c [m], NaN where the epoch has no satellite of that clock
-    covariance : (epochs, 3 + clocks, 3 + clocks) of position and clocks, from the stated variances
+    covariance : (epochs, unknowns, unknowns) of position, clocks and field, from the stated variances
     used : (n,) rows that took part
     residual : (n,) range minus model [m], also of rows that did not take part; NaN without a solution
-    redundancy : (epochs,) satellites minus unknowns, -1 without a solution
+    common : (n,) the field's part of the range at the solution [m], taken off in `residual`
+    redundancy : (epochs,) satellites minus position and clocks, -1 without a solution
     sse : (epochs,) weighted sum of squared residuals
     iterations : of the last call
     """
@@ -125,6 +116,7 @@ class Fixes:
     covariance: FloatArray
     used: BoolArray
     residual: FloatArray
+    common: FloatArray
     redundancy: IntArray
     sse: FloatArray
     iterations: int
@@ -174,10 +166,14 @@ def solve(
     used: BoolArray | None = None,
     start: FloatArray | None = None,
     known_position: FloatArray | None = None,
+    field: FloatArray | None = None,
 ) -> Fixes:
     """Iterated weighted least squares (Gauss-Newton) for all epochs at once.
 
-    range_i = |p_i - p| + clock_g(i) + e_i,  Var(e_i) = variance_i
+    range_i = |p_i - p| + clock_g(i) + field_i x + e_i,  Var(e_i) = variance_i,  x ~ N(0, 1)
+
+    The field is what errors have in common that are no unknowns of interest: x has prior variance one, so that this is
+    least squares with the covariance variance_i delta_ij + field_i field_j'.
 
     From any start: an epoch that has not come to rest, or has come to rest farther out than its satellites, where the
     mirror root lies, starts again from the Earth's centre, from which the step always leads to the near root.
@@ -194,6 +190,7 @@ def solve(
     used : (n,) rows that take part; all if not given
     start : (3,) or (epochs, 3) ECEF [m]; the Earth's centre if not given
     known_position : (epochs, 3): solve the clocks alone
+    field : (n, k) common errors [m], one column each
     """
     shape = rectangle(epoch, epochs)
     group = np.zeros(len(epoch), dtype=np.int64) if clock_group is None else clock_group
@@ -203,31 +200,33 @@ def solve(
     satellites = shape.spread(satellite_e, 1e7)
     z = shape.spread(ranges)
     one_hot = shape.spread(np.eye(clocks)[group])
-    present = (one_hot * (W > 0.0)[..., None]).any(axis=1)
+    present = np.any((one_hot > 0.0) & (W > 0.0)[..., None], axis=1)
+    common = np.zeros((len(epoch), 0)) if field is None else field
+    linear = np.concatenate([one_hot, shape.spread(common)], axis=2)
     satellites_used = (W > 0.0).sum(axis=1)
     unknowns = (0 if known_position is not None else 3) + present.sum(axis=1)
     redundancy = np.where(present.any(axis=1), satellites_used - unknowns, -1)
     p = np.zeros((epochs, 3)) if start is None else np.broadcast_to(start, (epochs, 3)).copy()
     if known_position is not None:
         p = known_position.copy()
-    b = np.zeros((epochs, clocks))
+    b = np.zeros((epochs, linear.shape[2]))
     possible = redundancy >= 0
     farthest = 0.95 * np.min(np.where(W > 0.0, np.linalg.norm(satellites, axis=2), np.inf), axis=1)
-    iterations, N = _iterate(satellites, z, W, one_hot, present, p, b, possible, known_position is None)
+    iterations, N = _iterate(satellites, z, W, linear, present, p, b, possible, known_position is None)
     lost = possible & ~((np.linalg.norm(p, axis=1) < farthest) & np.isfinite(b).all(axis=1))
     if lost.any() and known_position is None:
         p[lost], b[lost] = 0.0, 0.0
-        iterations, N = _iterate(satellites, z, W, one_hot, present, p, b, possible, True)
+        iterations, N = _iterate(satellites, z, W, linear, present, p, b, possible, True)
         lost = possible & ~((np.linalg.norm(p, axis=1) < farthest) & np.isfinite(b).all(axis=1))
     solved = possible & ~lost & np.isfinite(p).all(axis=1)
-    return _fixes(shape, satellites, z, W, one_hot, present, p, b, N, solved, redundancy, taken, iterations)
+    return _fixes(shape, satellites, z, W, linear, present, p, b, N, solved, redundancy, taken, iterations)
 
 
 def _iterate(
     satellites: FloatArray,
     z: FloatArray,
     W: FloatArray,
-    one_hot: FloatArray,
+    linear: FloatArray,
     present: BoolArray,
     p: FloatArray,
     b: FloatArray,
@@ -236,22 +235,26 @@ def _iterate(
 ) -> tuple[int, FloatArray]:
     """Gauss-Newton steps on p and b in place, until the largest step of the active epochs is below `CONVERGED`.
 
-    The clocks enter linearly, so each step solves for their whole values. A clock that an epoch does not see gets a unit
-    on the diagonal instead of a singular matrix. Also the normal matrix of the last step.
+    Clocks and field enter linearly, so each step solves for their whole values. What an epoch does not see or knows
+    beforehand gets a unit on the diagonal instead of a singular matrix; the field's is its prior. Also the normal
+    matrix of the last step.
     """
-    size = 3 + one_hot.shape[2]
-    absent = np.concatenate([np.full((len(p), 3), not free), ~present], axis=1)
+    size = 3 + linear.shape[2]
     N = np.zeros((len(p), size, size))
+    known = np.full((len(p), 3), not free)
+    prior = np.ones((len(p), linear.shape[2] - present.shape[1]))
+    diagonal = np.concatenate([known, ~present, prior], axis=1)[..., None] * np.eye(size)
     settled = ~active
     for count in range(1, MOST_ITERATIONS + 1):
         rows = np.flatnonzero(~settled)
         if not len(rows):
             return count - 1, N
-        distance, A = _design(satellites[rows], p[rows], one_hot[rows], free)
+        distance, A = _design(satellites[rows], p[rows], linear[rows], free)
         WA = W[rows][..., None] * A
         N[rows] = np.swapaxes(A, 1, 2) @ WA
         right = np.swapaxes(WA, 1, 2) @ (z[rows] - distance)[..., None]
-        step = _solve(N[rows] + absent[rows][..., None] * np.eye(size), right[..., 0])
+        N[rows] += diagonal[rows]
+        step = _solve(N[rows], right[..., 0])
         p[rows] += step[:, :3]
         b[rows] = step[:, 3:]
         length = np.linalg.norm(step[:, :3], axis=1)
@@ -260,18 +263,18 @@ def _iterate(
     return MOST_ITERATIONS, N
 
 
-def _design(satellites: FloatArray, p: FloatArray, one_hot: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
-    """(epochs, slots) distances and (epochs, slots, 3 + clocks) their derivatives by position and clocks."""
+def _design(satellites: FloatArray, p: FloatArray, linear: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
+    """(epochs, slots) distances and (epochs, slots, unknowns) their derivatives by position, clocks and field."""
     d = satellites - p[:, None]
     distance = np.sqrt(np.sum(d**2, axis=2))
-    A = np.concatenate([-d / distance[..., None] * free, one_hot], axis=2)
+    A = np.concatenate([-d / distance[..., None] * free, linear], axis=2)
     return distance, A
 
 
 def _solve(N: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a stack of symmetric systems; NaN for the singular ones."""
     try:
-        return np.linalg.solve(N, right[..., None])[..., 0]
+        return np.asarray(np.linalg.solve(N, right[..., None])[..., 0], dtype=np.float64)
     except np.linalg.LinAlgError:
         regular = np.linalg.matrix_rank(N, hermitian=True) == N.shape[1]
         out = np.full(right.shape, np.nan)
@@ -284,7 +287,7 @@ def _fixes(
     satellites: FloatArray,
     z: FloatArray,
     W: FloatArray,
-    one_hot: FloatArray,
+    linear: FloatArray,
     present: BoolArray,
     p: FloatArray,
     b: FloatArray,
@@ -295,20 +298,27 @@ def _fixes(
     iterations: int,
 ) -> Fixes:
     """Covariance and residuals at the solution."""
-    absent = (np.diagonal(N, axis1=1, axis2=2) == 0.0) | ~solved[:, None]
-    covariance, regular = _inverse(np.where(solved[:, None, None], N, 0.0) + absent[..., None] * np.eye(N.shape[1]))
+    clocks = present.shape[1]
+    unseen = np.concatenate(
+        [np.zeros((len(p), 3), dtype=bool), ~present, np.zeros((len(p), b.shape[1] - clocks), dtype=bool)], 1
+    )
+    covariance, regular = _inverse(np.where(solved[:, None, None], N, np.eye(N.shape[1])))
     solved = solved & regular
-    covariance[absent[:, :, None] | absent[:, None, :] | ~solved[:, None, None]] = 0.0
+    covariance[unseen[:, :, None] | unseen[:, None, :] | ~solved[:, None, None]] = 0.0
+    b = np.where(solved[:, None] & ~unseen[:, 3:], b, np.nan)
     distance = np.sqrt(np.sum((satellites - p[:, None]) ** 2, axis=2))
-    residual = z - distance - np.sum(np.where(one_hot > 0.0, np.where(present, b, np.nan)[:, None], 0.0), axis=2)
+    clock_part = np.sum(np.where(linear[..., :clocks] > 0.0, b[:, None, :clocks], 0.0), axis=2)
+    field_part = np.sum(linear[..., clocks:] * b[:, None, clocks:], axis=2)
+    residual = z - distance - clock_part - field_part
     sse = np.where(solved, np.sum(W * np.where(W > 0.0, residual, 0.0) ** 2, axis=1), np.nan)
     row_solved = solved[shape.epoch]
     return Fixes(
         np.where(solved[:, None], p, np.nan),
-        np.where(solved[:, None] & present, b, np.nan),
+        b[:, :clocks],
         covariance,
         used & row_solved,
         np.where(row_solved, shape.rows(residual), np.nan),
+        np.where(row_solved, shape.rows(field_part), np.nan),
         np.where(solved, redundancy, -1),
         sse,
         iterations,
@@ -324,157 +334,4 @@ def _inverse(N: FloatArray) -> tuple[FloatArray, BoolArray]:
         singular = np.linalg.matrix_rank(N, hermitian=True) < N.shape[1]
         inverse = np.linalg.inv(np.where(singular[:, None, None], identity, N))
     error = np.abs(N @ inverse - identity).max(axis=(1, 2)) if len(N) else np.zeros(0)
-    return inverse, error < 1e-6
-
-
-@dataclass(frozen=True)
-class Location:
-    """Fixes of a recording together with what they were computed from.
-
-    Attributes
-    ----------
-    ranges : the pseudoranges, all rows
-    fixes : position, clocks, residuals
-    clock_names : the system of each receiver clock
-    clock_group : (n,) number of the clock of each row
-    effects : modelled effects, by name
-    delay : (n,) sum of the modelled effects [m]
-    variance : (n,) [m^2]
-    elevation, azimuth : (n,) [rad]
-    integrity : tests and protection levels
-    excluded : (n,) rows above the mask that a test took out
-    """
-
-    ranges: Pseudoranges
-    fixes: Fixes
-    clock_names: tuple[str, ...]
-    clock_group: IntArray
-    effects: tuple[str, ...]
-    delay: FloatArray
-    variance: FloatArray
-    elevation: FloatArray
-    azimuth: FloatArray
-    integrity: Integrity
-    excluded: BoolArray
-
-
-def locate(
-    ranges: Pseudoranges,
-    effects: Iterable[str] = tuple(MODELLED),
-    *,
-    mask: float = np.deg2rad(10.0),
-    exclude: bool = True,
-    start: FloatArray | None = None,
-    correction: FloatArray | None = None,
-    variance: FloatArray | None = None,
-    excluded: BoolArray | None = None,
-) -> Location:
-    """Fix every epoch: coarse position, then mask, weights and modelled effects there, until the position rests.
-
-    Parameters
-    ----------
-    ranges : all rows
-    effects : names of the effects to model at their full size; none: the plain model
-    mask : lowest elevation [rad]
-    exclude : test every epoch and leave out satellites that fail
-    start : (3,) where to begin [m]; the Earth's centre if not given
-    correction : (n,) further metres to take off the pseudoranges, such as those of a base; NaN leaves a row out
-    variance : (n,) instead of `code_variance` [m^2]
-    excluded : (n,) rows to leave out from the beginning
-    """
-    names = tuple(effects)
-    group, clock_names = ranges.clock_groups()
-    satellite_clock = SPEED_OF_LIGHT * ranges.clock
-    z = ranges.value + satellite_clock - (0.0 if correction is None else np.nan_to_num(correction))
-    allowed = np.ones(len(ranges), dtype=bool) if excluded is None else ~excluded
-    allowed &= True if correction is None else np.isfinite(correction)
-
-    def fixes(used: BoolArray, delay: FloatArray, weight: FloatArray, begin: FloatArray | None) -> Fixes:
-        size = dict(clock_group=group, clocks=max(len(clock_names), 1))
-        return solve(
-            ranges.position, z - delay, ranges.epoch, len(ranges.t), variance=weight, used=used, start=begin, **size
-        )
-
-    coarse_variance = np.full(len(ranges), COARSE**2)
-    nothing = np.zeros(len(ranges))
-    begin = first_position(ranges, z, group, allowed) if start is None else start
-    result = fixes(allowed, nothing, coarse_variance, begin)
-    if exclude:
-        kept, _ = exclude_faults(lambda used: fixes(used, nothing, coarse_variance, begin), allowed, ranges, group)
-        result = fixes(kept, nothing, coarse_variance, begin) if (kept != allowed).any() else result
-    position = filled(result.position)
-    for _ in range(MOST_PASSES):
-        motion = circumstances(ranges, position)
-        delay = nothing if not names else sum_of(motion, names)
-        elevation = motion.covariates["elevation"]
-        ionosphere = sum_of(motion, [IONOSPHERE]) if IONOSPHERE in names else UNMODELLED_IONOSPHERE
-        weight = code_variance(ranges, elevation, ionosphere) if variance is None else variance
-        result = fixes(allowed & (elevation > mask), delay, weight, position)
-        moved = np.nanmax(np.abs(result.position - position), initial=0.0)
-        position = np.where(np.isfinite(result.position), result.position, position)
-        if not moved > 10.0 * CONVERGED:
-            break
-    above = allowed & (elevation > mask)
-    used = above
-    if exclude:
-        used, result = exclude_faults(lambda u: fixes(u, delay, weight, position), above, ranges, group, weight)
-    checks = check(result, ranges.position, ranges.epoch, group, weight)
-    return Location(
-        ranges,
-        result,
-        clock_names,
-        group,
-        names,
-        delay,
-        weight,
-        elevation,
-        motion.covariates["azimuth"],
-        checks,
-        above & ~used,
-    )
-
-
-def sum_of(motion: Motion, names: Iterable[str]) -> FloatArray:
-    """(n,) the named effects at their full size [m]."""
-    return np.sum([MODELLED[name].regressor(motion)[:, 0, 0] * full_size(name, motion) for name in names], axis=0)
-
-
-def first_position(ranges: Pseudoranges, z: FloatArray, group: IntArray, allowed: BoolArray) -> FloatArray | None:
-    """(3,) where to begin: the fix of the epoch with the most satellites, from the Earth's centre; None: there is none."""
-    count = np.bincount(ranges.epoch[allowed], minlength=len(ranges.t))
-    rows = np.flatnonzero((ranges.epoch == int(np.argmax(count))) & allowed)
-    zero = np.zeros(len(rows), dtype=np.int64)
-    fix = solve(ranges.position[rows], z[rows], zero, 1, clock_group=group[rows], clocks=int(group.max(initial=0)) + 1)
-    return fix.position[0] if fix.solved[0] else None
-
-
-def filled(position: FloatArray) -> FloatArray:
-    """(epochs, 3) with the last known position where there is none; the first known one before it."""
-    known = np.flatnonzero(np.isfinite(position[:, 0]))
-    if not len(known):
-        return np.broadcast_to(np.array([EARTH_RADIUS, 0.0, 0.0]), position.shape).copy()
-    latest = np.searchsorted(known, np.arange(len(position)), side="right") - 1
-    return np.asarray(position[known[np.maximum(latest, 0)]])
-
-
-def exclude_faults(
-    solver: Callable[[BoolArray], Fixes],
-    used: BoolArray,
-    ranges: Pseudoranges,
-    group: IntArray,
-    variance: FloatArray | None = None,
-) -> tuple[BoolArray, Fixes]:
-    """Leave out, epoch by epoch, the satellite with the largest w until the test passes.
-
-    With a redundancy of one all w are equal: an error is seen but cannot be ascribed, and nothing is left out.
-    """
-    weight = np.full(len(ranges), COARSE**2) if variance is None else variance
-    used = used.copy()
-    result = solver(used)
-    for _ in range(MOST_EXCLUDED):
-        worst = worst_rows(check(result, ranges.position, ranges.epoch, group, weight), result, ranges.epoch)
-        if not len(worst):
-            break
-        used[worst] = False
-        result = solver(used)
-    return used, result
+    return np.asarray(inverse, dtype=np.float64), np.asarray(error < 1e-6)

@@ -60,6 +60,7 @@ class SatelliteStates:
     accuracy : (n,) broadcast accuracy of the range (URA, SISA) [m]
     channel : (n,) GLONASS frequency number, zero for the others
     age : (n,) instant minus reference time of the orbit [s]; also where STALE
+    message : (n,) row of the navigation table (`kepler`, or `glonass` for GLONASS) that was used, -1 unless OK
     """
 
     status: IntArray
@@ -70,10 +71,16 @@ class SatelliteStates:
     accuracy: FloatArray
     channel: FloatArray
     age: FloatArray
+    message: IntArray
 
 
 def satellite_states(
-    navigation: Navigation, satellite: TextArray, week: int, t: FloatArray, pseudorange: FloatArray
+    navigation: Navigation,
+    satellite: TextArray,
+    week: int,
+    t: FloatArray,
+    pseudorange: FloatArray,
+    message: IntArray | None = None,
 ) -> SatelliteStates:
     """States of the satellites when they sent what arrived.
 
@@ -85,6 +92,7 @@ def satellite_states(
     satellite : (n,) names
     week, t : GPS week, and (n,) the receiver's time tags from its start [s]
     pseudorange : (n,) [m]
+    message : (n,) rows of the navigation tables to use; the nearest healthy ones if not given
     """
     n = len(satellite)
     sent = t - pseudorange / SPEED_OF_LIGHT
@@ -92,22 +100,27 @@ def satellite_states(
     values = np.full((n, 9), np.nan)
     age = np.full(n, np.nan)
     channel = np.zeros(n)
+    taken = np.full(n, -1)
     for kind, table in (("kepler", navigation.kepler), ("glonass", navigation.glonass)):
         mine = np.flatnonzero((satellite.astype("<U1") == "R") == (kind == "glonass"))
         if not len(mine) or not len(table):
             continue
         reference = table["toe" if kind == "kepler" else "time"]
-        chosen, status[mine], age[mine] = choose(table, reference - week * WEEK, satellite[mine], sent[mine])
-        rows = mine[chosen >= 0]
-        message = table[chosen[chosen >= 0]]
-        if kind == "kepler":
-            values[rows] = kepler_rows(message, week, sent[rows])
+        if message is None:
+            taken[mine], status[mine], age[mine] = choose(table, reference - week * WEEK, satellite[mine], sent[mine])
         else:
-            values[rows] = glonass_rows(message, week, sent[rows])
-            channel[rows] = message["channel"]
+            taken[mine], status[mine] = message[mine], OK
+            age[mine] = sent[mine] + week * WEEK - reference[message[mine]]
+        rows = mine[taken[mine] >= 0]
+        messages = table[taken[rows]]
+        if kind == "kepler":
+            values[rows] = kepler_rows(messages, week, sent[rows])
+        else:
+            values[rows] = glonass_rows(messages, week, sent[rows])
+            channel[rows] = messages["channel"]
     values[status != OK] = np.nan
     return SatelliteStates(
-        status, values[:, :3], values[:, 3:6], values[:, 6], values[:, 7], values[:, 8], channel, age
+        status, values[:, :3], values[:, 3:6], values[:, 6], values[:, 7], values[:, 8], channel, age, taken
     )
 
 
@@ -158,7 +171,7 @@ def preferred(table: Table) -> BoolArray:
     galileo = table["satellite"].astype("<U1") == "E"
     inav = (table["source"].astype(np.int64) & INAV_CLOCK) != 0
     without = ~np.isin(table["satellite"], np.unique(table["satellite"][inav]))
-    return ~galileo | inav | without
+    return np.asarray(~galileo | inav | without)
 
 
 def is_healthy(table: Table) -> BoolArray:
@@ -169,9 +182,9 @@ def is_healthy(table: Table) -> BoolArray:
     health = np.nan_to_num(table["health"]).astype(np.int64)
     health = np.where(table["satellite"].astype("<U1") == "J", health & ~1, health)
     if "accuracy" not in (table.dtype.names or ()):
-        return health == 0
+        return np.asarray(health == 0)
     promised = np.nan_to_num(table["accuracy"])
-    return (health == 0) & (promised >= 0.0) & (promised <= LEAST_ACCURATE)
+    return np.asarray((health == 0) & (promised >= 0.0) & (promised <= LEAST_ACCURATE))
 
 
 def kepler_rows(message: Table, week: int, sent: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ import numpy as np
 import pymap3d
 
 from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import SPEED_OF_LIGHT
+from sensors.constants import WGS84_A
 from sensors.effects import (
     pseudorange_earth_rotation,
     pseudorange_group_delay,
@@ -61,8 +61,23 @@ SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {
 }
 SYSTEM_NAMES = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "J": "QZSS", "C": "BeiDou"}
 #: Systems that share a receiver clock: QZSS sends the signals of GPS in the time of GPS (IS-QZSS-PNT, 3.2.1).
-CLOCK_OF: Mapping[str, str] = {"G": "G", "J": "G", "E": "E", "C": "C", "R": "R"}
+CLOCK_OF: Mapping[str, str] = {"G": "G", "J": "J", "E": "E", "C": "C", "R": "R"}
 SHORTEST, LONGEST = 1.0e7, 1.0e8  # m: outside, a number is no pseudorange, whatever the receiver's clock shows
+
+
+#: Noise of a pseudorange: RTKLIB 2.4.2 manual, E.6, for a plain antenna.
+CODE_NOISE = 0.9  # m at the zenith for each of the two parts
+GLONASS_NOISE = 1.5  # times that of the others: half the chip rate
+DEFAULT_ACCURACY = 2.4  # m, where the message has none
+TROPOSPHERE_LEFT = 0.3  # m
+CODE_BIAS = 0.3  # m
+#: What the broadcast ionosphere leaves is half of the delay (IS-GPS-200N, 20.3.3.5.2.5), and it is a smooth field.
+IONOSPHERE_LEFT = 0.5  # 1
+IONOSPHERE_RAY = 0.2  # 1, share of the delay that is particular to a ray
+IONOSPHERE_LENGTH = (
+    1.0e6  # m: correlation length of TEC, 9 deg of latitude (Shim et al., J. Geophys. Res. 113 (2008) A09309)
+)
+IONOSPHERE_UNKNOWN = 5.0  # m, 1-sigma of the vertical delay where no coefficients are known
 
 
 @dataclass(frozen=True)
@@ -78,12 +93,13 @@ class Pseudoranges:
     satellite : (n,) name
     value : (n,) pseudorange [m]
     frequency : (n,) carrier [Hz]
-    position, velocity : (n, 3) of the satellite at transmission, ECEF [m], [m/s]; GLONASS has velocity zero, because its
-        clocks need no `pseudorange.relativity`
+    position, velocity : (n, 3) of the satellite at transmission, ECEF [m], [m/s]; GLONASS has velocity zero, because
+        its clocks need no `pseudorange.relativity`
     clock : (n,) satellite clock [s], from the polynomial alone
     group_delay : (n,) of the measured signal [s]
     accuracy : (n,) broadcast accuracy of orbit and clock [m]
     strength : (n,) signal-to-noise density [dB-Hz], NaN where not recorded
+    message : (n,) row of the navigation table that position and clock are from
     klobuchar : (8,) coefficients, or None
     start : (3,) approximate position of the receiver [m], or None
     journal : what was left out and why, a line each
@@ -102,6 +118,7 @@ class Pseudoranges:
     group_delay: FloatArray
     accuracy: FloatArray
     strength: FloatArray
+    message: IntArray
     klobuchar: FloatArray | None
     start: FloatArray | None
     journal: tuple[str, ...]
@@ -121,15 +138,15 @@ class Pseudoranges:
 
     def rows(self, keep: BoolArray | IntArray) -> Pseudoranges:
         """Some of the rows; the epochs stay."""
-        columns = ("epoch", "satellite", "value", "frequency", "position", "velocity", "clock", "group_delay")
-        columns += ("accuracy", "strength")
+        columns: tuple[str, ...] = ("epoch", "satellite", "value", "frequency", "position", "velocity", "clock")
+        columns += ("group_delay", "accuracy", "strength", "message")
         return replace(self, **{name: getattr(self, name)[keep] for name in columns})
 
     def clock_groups(self) -> tuple[IntArray, tuple[str, ...]]:
         """(n,) number of the receiver clock of each row, and the systems' letters by that number."""
         systems = self.system.tolist()
         letters = [CLOCK_OF[system] for system in systems]
-        names = tuple(letter for letter in "GECR" if letter in set(letters))
+        names = tuple(letter for letter in "GEJCR" if letter in set(letters))
         number = {letter: k for k, letter in enumerate(names)}
         return np.array([number[letter] for letter in letters], dtype=np.int64), names
 
@@ -137,7 +154,7 @@ class Pseudoranges:
 def pseudoranges(observations: Observations, navigation: Navigation, systems: Iterable[str] = "GEJC") -> Pseudoranges:
     """Choose one code of each satellite and find the satellites' states at transmission.
 
-    What has no usable message (none, too old, unhealthy) or is no possible range is left out with a line in the journal.
+    What has no usable message (none, too old, unhealthy) or is no possible range is left out, with a journal line.
 
     Parameters
     ----------
@@ -187,6 +204,7 @@ def pseudoranges(observations: Observations, navigation: Navigation, systems: It
         share[rows] * states.group_delay[good],
         states.accuracy[good],
         strength[rows],
+        states.message[good],
         navigation.klobuchar,
         observations.position,
         (*observations.journal, *navigation.journal, *journal.lines()),
@@ -295,7 +313,7 @@ def modelled(ranges: Pseudoranges, receiver_e: FloatArray, effects: Iterable[str
 
 
 def line_of_sight(satellite_e: FloatArray, receiver_e: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n,) distance [m] and (n, 3) its derivative by the receiver's position: minus the unit vector to the satellite."""
+    """(n,) distance [m] and (n, 3) its derivative by the receiver's position, minus the direction to the satellite."""
     d = satellite_e - receiver_e
     distance = np.linalg.norm(d, axis=-1)
     return distance, -d / distance[..., None]
@@ -306,11 +324,12 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
 
     a^2 + b^2 / sin E : noise and multipath, larger near the horizon
     + accuracy^2      : orbit and clock, as the satellite promises
-    + (0.5 I)^2       : what the broadcast ionosphere leaves, half of its delay I
+    + (0.2 I)^2       : what is particular to one ray of what the broadcast ionosphere leaves of its delay I; what is
+                        common to the rays is in `ionosphere_left`
     + (0.3 / (sin E + 0.1))^2 : what the standard troposphere leaves
     + 0.3^2           : code biases
 
-    Source: RTKLIB 2.4.2 manual, E.6 (a = b = 0.3 m times a code to phase ratio of 3 for a plain antenna).
+    Source: RTKLIB 2.4.2 manual, E.6.
 
     Parameters
     ----------
@@ -322,27 +341,40 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
     variance = CODE_NOISE**2 * (1.0 + 1.0 / sine)
     variance = variance * np.where(ranges.system == "R", GLONASS_NOISE**2, 1.0)
     variance = variance + np.where(ranges.accuracy > 0.0, ranges.accuracy, DEFAULT_ACCURACY) ** 2
-    variance = variance + (IONOSPHERE_LEFT * ionosphere) ** 2 + CODE_BIAS**2
-    return variance + (TROPOSPHERE_LEFT / (sine + 0.1)) ** 2
+    variance = variance + (IONOSPHERE_RAY * ionosphere) ** 2 + CODE_BIAS**2
+    return np.asarray(variance + (TROPOSPHERE_LEFT / (sine + 0.1)) ** 2)
 
 
-CODE_NOISE = 0.9  # m at the zenith for each of the two parts
-GLONASS_NOISE = 1.5  # times that of the others: half the chip rate
-DEFAULT_ACCURACY = 2.4  # m, where the message has none
-IONOSPHERE_LEFT = 0.5  # 1, share of the delay that the broadcast model misses (IS-GPS-200N, 20.3.3.5.2.5)
-TROPOSPHERE_LEFT = 0.3  # m
-CODE_BIAS = 0.3  # m
+def ionosphere_left(motion: Motion, ionosphere: FloatArray) -> FloatArray:
+    """(n, 3) what the rays have in common of the delay that the broadcast ionosphere leaves [m], 1-sigma a column.
+
+    The vertical delay that is left is a Gaussian field of standard deviation s = 0.5 I_v and correlation length L, to
+    first order about the receiver: s F, s F north / L, s F east / L, with F the obliquity and north, east the distance
+    of the pierce point. The errors of neighbouring rays are so equal, and most of them goes into clock and height.
+
+    Parameters
+    ----------
+    motion : what `circumstances` gives
+    ionosphere : (n,) modelled slant delay [m]; zero: not known, and s is 5 m
+    """
+    elevation, azimuth = motion.covariates["elevation"], motion.covariates["azimuth"]
+    F = pseudorange_ionosphere.obliquity(elevation) * (L1 / motion.covariates["frequency"]) ** 2
+    psi = np.pi * (0.0137 / (np.maximum(elevation, 0.0) / np.pi + 0.11) - 0.022)  # as in Klobuchar's model
+    away = psi * WGS84_A / IONOSPHERE_LENGTH
+    slant = np.where(ionosphere > 0.0, IONOSPHERE_LEFT * ionosphere, IONOSPHERE_UNKNOWN * F)
+    return np.stack([slant, slant * away * np.cos(azimuth), slant * away * np.sin(azimuth)], axis=-1)
+
 
 __all__ = [
     "CLOCK_OF",
     "MODELLED",
     "SIGNALS",
-    "SPEED_OF_LIGHT",
     "Pseudoranges",
     "circumstances",
     "code_variance",
     "elevation_azimuth",
     "full_size",
+    "ionosphere_left",
     "line_of_sight",
     "modelled",
     "pseudoranges",

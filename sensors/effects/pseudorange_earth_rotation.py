@@ -32,7 +32,7 @@ def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorMode
         x = np.cos(angle) * satellite_e[:, 0] + np.sin(angle) * satellite_e[:, 1]
         y = -np.sin(angle) * satellite_e[:, 0] + np.cos(angle) * satellite_e[:, 1]
         path = np.linalg.norm(np.stack([x, y, satellite_e[:, 2]], axis=-1) - receiver_e, axis=1)
-    return plain + (path - straight)[:, None]
+    return np.asarray(plain + (path - straight)[:, None])
 
 
 EFFECT = Effect(

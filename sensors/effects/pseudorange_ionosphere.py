@@ -26,7 +26,7 @@ def klobuchar(
     azimuth: FloatArray,
     t: FloatArray,
 ) -> FloatArray:
-    """(n,) slant delay on L1 [m] by the broadcast model; angles inside are in semicircles, as in the interface document.
+    """(n,) slant delay on L1 [m] by the broadcast model; angles inside are in semicircles, as in the source.
 
     Parameters
     ----------

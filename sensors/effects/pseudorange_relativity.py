@@ -13,7 +13,8 @@ from sensors.motion import Motion
 def regressor(motion: Motion) -> FloatArray:
     """(n, 1, 1) 2 (r_s . v_s) / c [m]; the same in a turning frame, where v_s lacks only w x r_s."""
     satellite_e, velocity_e = motion.covariates["satellite_position"], motion.covariates["satellite_velocity"]
-    return (2.0 * np.sum(satellite_e * velocity_e, axis=1) / SPEED_OF_LIGHT)[:, None, None]
+    delay = 2.0 * np.sum(satellite_e * velocity_e, axis=1) / SPEED_OF_LIGHT
+    return np.asarray(delay[:, None, None])
 
 
 EFFECT = Effect(

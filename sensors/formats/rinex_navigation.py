@@ -79,8 +79,10 @@ LAYOUT_END = {  # the last two lines differ from system to system
 LAYOUT_GLONASS = (
     *("tau", "gamma", "frame_time", "x", "vx", "ax", "health", "y", "vy", "ay", "channel", "z", "vz", "az", "age"),
 )
-ESSENTIAL = ("toc", "toe", "af0", "af1", "af2", "crs", "delta_n", "m0", "cuc", "e", "cus", "sqrt_a", "cic", "omega0")
-ESSENTIAL += ("cis", "i0", "crc", "omega", "omega_dot", "i_dot")
+ESSENTIAL = (
+    *("toc", "toe", "af0", "af1", "af2", "crs", "delta_n", "m0", "cuc", "e", "cus", "sqrt_a", "cic", "omega0"),
+    *("cis", "i0", "crc", "omega", "omega_dot", "i_dot"),
+)
 ESSENTIAL_GLONASS = ("time", "tau", "gamma", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
 #: Messages of RINEX 4 with the same layout as RINEX 3
 LEGACY_MESSAGES = ("LNAV", "INAV", "FNAV", "D1", "D2", "FDMA")
@@ -302,7 +304,7 @@ def essential(
 
 
 def klobuchar_header(header: Header) -> FloatArray | None:
-    """(8,) the ionosphere coefficients in the header: ION ALPHA and ION BETA, or IONOSPHERIC CORR with GPSA and GPSB."""
+    """(8,) the coefficients in the header: ION ALPHA and ION BETA, or IONOSPHERIC CORR with GPSA and GPSB."""
     found: dict[str, list[float | None]] = {}
     for label, line in header.lines:
         if label in ("ION ALPHA", "ION BETA"):

@@ -73,7 +73,7 @@ class Text:
         field = np.lib.stride_tricks.sliding_window_view(self.data, width)[np.minimum(start, len(self.data) - width)]
         left = self.length[lines][:, None] - first
         if (left >= width).all():
-            return field
+            return np.asarray(field)
         return np.where(np.arange(width) < left[..., None], field, np.uint8(32))
 
 
@@ -164,7 +164,7 @@ def read_header(text: Text) -> Header:
     version = number(first[:9])
     if version is None or not 2.0 <= version < 5.0:
         raise InputError(text.where, f"version `{printable(first[:9]).strip()}`", "RINEX 2.10 to 4", "line 1")
-    lines = []
+    lines: list[tuple[str, str]] = []
     for i in range(1, len(text)):
         line = text.line(i)
         label = line[LABEL].strip()
