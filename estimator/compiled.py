@@ -1,0 +1,155 @@
+"""Drives the compiled kernels: packs records into arrays, runs chunk by chunk, turns a status into an error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from estimator.filter import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for
+from estimator.layout import BLOCK_SIZES, CAPACITY
+from sensors.arrays import FloatArray, IntArray
+
+TILE = 8
+
+
+def is_compiled() -> bool:
+    """Whether the kernels need no compiler: compiled in this process, or found in the cache on disk."""
+    from estimator.engine_numba import run_chunk
+
+    if run_chunk.signatures:
+        return True
+    cache = Path(run_chunk.stats.cache_path or "")
+    return cache.is_dir() and any(cache.glob("engine_numba.run_chunk-*.nbc"))
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Candidate effects as columns of V: accelerometer's first, then gyroscope's, then the other sensors'.
+
+    Attributes
+    ----------
+    tiles : columns over 8; a_tiles, g_tiles : those of the accelerometer and of the gyroscope
+    Ga, Gg : (N a_tiles, 24), (N g_tiles, 24) three rows of eight columns: regressors at the samples of the IMU table
+    Gz : flat regressors of the readings; at : (K,) first element of a reading
+    first, count : (sensors,) columns of each sensor's effects
+    """
+
+    tiles: int
+    a_tiles: int
+    g_tiles: int
+    Ga: FloatArray
+    Gg: FloatArray
+    Gz: FloatArray
+    at: IntArray
+    first: IntArray
+    count: IntArray
+
+
+def no_columns(sensors: int, events: int) -> Columns:
+    """No candidates: the plain filter."""
+    none = np.zeros(sensors, dtype=np.int64)
+    return Columns(0, 0, 0, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1), np.zeros(max(events, 1), dtype=np.int64), none, none)
+
+
+@dataclass
+class CompiledRun:
+    """One run of the compiled engine, in chunks that share its state.
+
+    Attributes
+    ----------
+    inputs, outputs : of the run
+    columns : candidate effects
+    x, P : (25,), (1, 576) state and covariance as the kernels hold them
+    V : (tiles, 192) sensitivities of the state error
+    """
+
+    inputs: RunInputs
+    outputs: RunOutputs
+    columns: Columns | None = None
+    x: FloatArray = field(init=False)
+    P: FloatArray = field(init=False)
+    V: FloatArray = field(init=False)
+    clock: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        inputs, n = self.inputs, self.inputs.model.layout.n
+        self.columns = self.columns or no_columns(len(inputs.events.sensors), len(inputs.events))
+        self.x, self.P = np.zeros(CAPACITY + 1), np.zeros((1, CAPACITY * CAPACITY))
+        self.x[: n + 1] = inputs.x
+        self.P.reshape(CAPACITY, CAPACITY)[:n, :n] = 0.5 * (inputs.P + inputs.P.T)
+        self.V = np.zeros((max(self.columns.tiles, 1), CAPACITY * TILE))
+        self.clock = np.array([inputs.imu.t[0]])
+        self.outputs.x_imu[0], self.outputs.var_imu[0] = self.x, self.P[0, :: CAPACITY + 1]
+        self._pack()
+
+    def _pack(self) -> None:
+        model, names = self.inputs.model, self.inputs.events.sensors
+        sizes = [model.sensors[name].size for name in names]
+        widest = max(sizes, default=1)
+        self.size = np.array(sizes, dtype=np.int64)
+        self.kind = np.array([KIND[name] for name in names], dtype=np.int64)
+        blocks = [BIAS_BLOCK.get(name, f"b_{name}") for name in names]
+        self.bias = np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64)
+        self.r = np.zeros((len(names), widest))
+        beams, self.beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
+        for s, name in enumerate(names):
+            sensor = model.sensors[name]
+            self.r[s, : sensor.size] = np.diag(sensor.R)
+            if KIND[name] == 4:
+                self.beam_start[s] = sum(len(b) for b in beams)
+                beams.append(getattr(sensor, "beams_b", np.array([[0.0, 0.0, 1.0]])))
+        self.beams = np.ascontiguousarray(np.concatenate(beams))
+        self.gate = np.array([model.threshold(name) for name in names])
+        self.robust = np.array([model.robust_threshold(name) for name in names])
+        self.walk2 = np.zeros(CAPACITY)
+        for process in [model.accel.bias, model.gyro.bias, *(s.bias for s in model.sensors.values())]:
+            if process is not None:
+                start = model.layout.start(process.block)
+                self.walk2[start : start + BLOCK_SIZES[process.block]] = process.walk**2
+
+    def chunk(self, i0: int, i1: int, record: dict[str, FloatArray] | None = None, rows: FloatArray | None = None,
+              white: FloatArray | None = None, rows_event: IntArray | None = None) -> int:  # fmt: skip
+        """Run from IMU sample i0 to i1; readings at the last sample of all belong to it. Returns the rows of W written."""
+        from estimator.engine_numba import run_chunk
+
+        inputs, out, c, model = self.inputs, self.outputs, self.columns, self.inputs.model
+        assert c is not None
+        events, imu = inputs.events, inputs.imu
+        k0, k1 = self.events_of(i0, i1)
+        none, none2, index = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
+        record = record or {}
+        status, event, count = run_chunk(
+            self.clock, imu.t, imu.u, imu.q_accel, imu.q_gyro, i0, i1, k0, k1,
+            events.t, events.sensor, events.row, out.S_row, out.status,
+            events.z, events.has_form, events.D, events.ref,
+            self.kind, self.size, self.bias, self.beam_start, self.beams, self.r, self.gate, self.robust,
+            model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged, self.walk2,
+            self.x, self.P,
+            out.nu, out.white, out.S, out.nis, out.loglik, out.weight, out.x_event, out.var_event,
+            out.stride, out.x_imu, out.var_imu,
+            bool(record), record.get("steps", none2), record.get("step_of_event", index),
+            record.get("step_of_imu", index), record.get("U", none2), record.get("H", none2), record.get("turn", none2),
+            self.V, c.tiles, c.Ga, c.Gg, c.a_tiles, c.g_tiles, c.Gz, c.at, c.first, c.count,
+            none2 if rows is None else rows, none if white is None else white, index if rows_event is None else rows_event,
+        )  # fmt: skip
+        raise_for(int(status), int(event), inputs)
+        return int(count)
+
+    def events_of(self, i0: int, i1: int) -> tuple[int, int]:
+        """Readings with t_i0 <= t < t_i1, and those at t_i1 where that is the last sample; all outside ones ride along."""
+        t, imu = self.inputs.events.t, self.inputs.imu
+        last = i1 == len(imu) - 1
+        k0 = int(np.searchsorted(t, imu.t[i0], side="left")) if i0 > 0 else 0
+        return k0, len(t) if last else int(np.searchsorted(t, imu.t[i1], side="left"))
+
+    def all(self) -> tuple[FloatArray, FloatArray]:
+        """The whole run in one chunk; final state (n + 1,) and covariance (n, n)."""
+        self.chunk(0, len(self.inputs.imu) - 1)
+        return self.result()
+
+    def result(self) -> tuple[FloatArray, FloatArray]:
+        """State (n + 1,) and covariance (n, n) now."""
+        n = self.inputs.model.layout.n
+        return self.x[: n + 1].copy(), self.P.reshape(CAPACITY, CAPACITY)[:n, :n].copy()

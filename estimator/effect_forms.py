@@ -1,0 +1,254 @@
+"""Effects in the filter: what they put into each reading, evaluated along a known motion and handed to the engines as arrays.
+
+An effect on the IMU is taken off the samples: c = e(f) - f at the f that solves u = e(f) + b, so the exact inverse.
+An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), offset = e(h(x_ref)) - h(x_ref) in
+its exact form and D its derivative by the state, so exact in beta and first order in the distance from the reference. A
+lateness moves the stamps instead. The reference is the smoothed motion of the pass before; the passes are repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from estimator.events import StreamForm, collect, readings
+from estimator.filter import Engine, RunInputs, prepare, run
+from estimator.flight_model import FlightModel
+from estimator.imu import ImuTable, imu_table
+from estimator.journal import Journal
+from estimator.smoother import estimated_motion, smooth
+from sensors.arrays import FloatArray
+from sensors.covariates import covariates_for
+from sensors.effects import Effect, effect
+from sensors.errors import InputError
+from sensors.motion import Motion
+from sensors.recording import Recording
+from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
+
+#: Steps of the differences that give D: position [m], velocity [m/s], attitude [rad].
+STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
+#: Rounds of f <- u - b - c(f); each gains the size of the effect, a few per cent, so five reach rounding's reach.
+INVERSION_ROUNDS = 5
+#: Rows on which it is found out by which states an effect changes.
+PROBES = 32
+
+
+def is_lateness(entry: Effect) -> bool:
+    """Whether the effect is a lateness of its stream, which moves the stamps."""
+    return entry.name == "gps.latency" or entry.name.endswith(".time_offset")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Effects with their parameters, those of one name with one interval once."""
+
+    pairs: tuple[tuple[Effect, FloatArray], ...] = ()
+
+    @staticmethod
+    def of(betas: Mapping[Any, FloatArray] | Iterable[tuple[Any, FloatArray]]) -> Terms:
+        """From a mapping or pairs; an effect is named, or given.
+
+        Raises
+        ------
+        ValueError : beta of the wrong length
+        """
+        pairs = []
+        for key, beta in betas.items() if isinstance(betas, Mapping) else betas:
+            entry = effect(key) if isinstance(key, str) else key
+            values = np.atleast_1d(np.asarray(beta, dtype=np.float64))
+            if values.shape != (entry.size,) or not np.all(np.isfinite(values)):
+                raise ValueError(f"beta of `{entry.name}` is {values.tolist()}; expected {entry.size} finite numbers")
+            pairs.append((entry, values))
+        return Terms(tuple(pairs))
+
+    def joined(self, other: Terms) -> Terms:
+        """These, and those of `other` that are not named here."""
+        names = {entry.name for entry, _ in self.pairs}
+        return Terms(self.pairs + tuple(pair for pair in other.pairs if pair[0].name not in names))
+
+    def of_stream(self, stream: str, lateness: bool = False) -> tuple[tuple[Effect, FloatArray], ...]:
+        """Those that enter one stream: its latenesses, or the others."""
+        return tuple((e, b) for e, b in self.pairs if e.stream == stream and is_lateness(e) == lateness)
+
+    def lateness(self, stream: str) -> float:
+        """How late the stream's stamps are [s]."""
+        return float(sum(beta[0] for _, beta in self.of_stream(stream, lateness=True)))
+
+    def beta(self, entry: Effect) -> FloatArray:
+        """The parameters of an effect; zero where it is not among the terms."""
+        for other, beta in self.pairs:
+            if other.name == entry.name and other.interval == entry.interval:
+                return beta
+        return np.zeros(entry.size)
+
+    def __bool__(self) -> bool:
+        return bool(self.pairs)
+
+
+def declared_terms(recording: Recording) -> Terms:
+    """The effects that the recording declares.
+
+    Raises
+    ------
+    InputError : no such effect, or a beta of the wrong length
+    """
+    try:
+        return Terms.of({name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()})
+    except (KeyError, ValueError) as error:
+        raise InputError(recording.where, str(error.args[0]), "effects of the catalogue", "[effects]") from None
+
+
+def run_with_effects(
+    recording: Recording,
+    model: FlightModel,
+    terms: Terms,
+    *,
+    engine: Engine = "auto",
+    stride: int = 1,
+    passes: int = 6,
+    tolerance: float = 1e-3,
+    motion: Motion | None = None,
+) -> Journal:
+    """Filter, smooth, evaluate the effects along the smoothed motion, filter again, until the innovations settle.
+
+    Parameters
+    ----------
+    motion : the reference of the first evaluation, at the samples of the IMU table; default: from a plain pass
+    passes, tolerance : see `run_filter`
+    """
+    table, model = imu_table(recording, model), _checked(recording, model, terms)
+    first = None
+    if motion is None:
+        inputs = prepare(recording, model, imu=table)
+        first = (inputs.x, inputs.P)
+        journal = run(inputs, engine, 0)
+        motion = reference_motion(recording, journal, terms, table)
+    white: FloatArray | None = None
+    for count in range(1, passes + 1):
+        inputs = inputs_with(recording, model, terms, motion, table, first)
+        first = (inputs.x, inputs.P)
+        journal = run(inputs, engine, stride)
+        change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
+        if change < tolerance or count == passes:
+            break
+        white = journal.white
+        motion = reference_motion(recording, journal, terms, table)
+    return replace(journal, iterations=count)
+
+
+def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightModel:
+    """The model, once every effect is known to enter a stream that the run has."""
+    for entry, _ in terms.pairs:
+        if entry.stream not in ("accel", "gyro", *model.sensors):
+            raise InputError(recording.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
+    return model
+
+
+def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
+    """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
+    states = smooth(journal)
+    motion = estimated_motion(journal, smoothed=states, corrections=np.zeros_like(table.u))
+    plain = replace(journal.run, imu=table) if isinstance(journal.run, RunInputs) else journal.run
+    if not (terms.of_stream("accel") or terms.of_stream("gyro")):
+        return estimated_motion(replace(journal, run=plain), smoothed=states)
+    corrections = np.zeros_like(table.u)
+    for _ in range(INVERSION_ROUNDS):
+        motion = estimated_motion(replace(journal, run=plain), smoothed=states, corrections=corrections)
+        corrections = imu_corrections(recording, terms, motion)
+    return motion
+
+
+def imu_corrections(recording: Recording, terms: Terms, motion: Motion) -> FloatArray:
+    """(N, 6) what the effects put into accelerometer and gyroscope along the motion."""
+    parts = []
+    for stream, plain in (("accel", motion.f_b), ("gyro", motion.w_ib_b)):
+        pairs = terms.of_stream(stream)
+        along = with_covariates(recording, stream, motion) if pairs else motion
+        parts.append(sum((e.apply(plain, b, along) - plain for e, b in pairs), np.zeros_like(plain)))
+    return np.concatenate(parts, axis=1)
+
+
+def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion:
+    """The motion with what the recording knows beside the readings, at the motion's instants."""
+    return motion.with_covariates(**covariates_for(recording, stream, motion.t))
+
+
+def inputs_with(
+    recording: Recording,
+    model: FlightModel,
+    terms: Terms,
+    motion: Motion,
+    table: ImuTable,
+    first: tuple[FloatArray, FloatArray] | None = None,
+) -> RunInputs:
+    """Prepared inputs with the effects in them, evaluated along the motion."""
+    shifts = {name: terms.lateness(name) for name in model.sensors}
+    forms = {}
+    for name in model.sensors:
+        if terms.of_stream(name):
+            forms[name] = stream_form(recording, model, name, terms, motion)
+    corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
+    return prepare(recording, model, imu=corrected, events=collect(recording, model, forms, shifts), first=first)
+
+
+def stream_motion(recording: Recording, model: FlightModel, name: str, terms: Terms, motion: Motion) -> Motion:
+    """The motion, with covariates, at the instants at which a sensor's readings were valid."""
+    _, t = readings(recording, model, name)
+    return with_covariates(recording, name, motion.at(t - terms.lateness(name)))
+
+
+def stream_form(recording: Recording, model: FlightModel, name: str, terms: Terms, motion: Motion) -> StreamForm:
+    """What the effects of one stream do to its prediction.
+
+    Raises
+    ------
+    InputError : an effect needs a covariate that the recording lacks
+    """
+    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+    offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
+    for entry, beta in terms.of_stream(name):
+        lacking = entry.missing(at)
+        if lacking:
+            raise InputError(recording.where, f"no {', '.join(lacking)} for {entry.name}", "it among the streams", name)
+        if entry.other_instants:
+            offset += over_time(recording, name, entry, beta, at, motion, sensor)
+            continue
+
+        def added(m: Motion, entry: Effect = entry, beta: FloatArray = beta) -> FloatArray:
+            plain = sensor.predict(m)
+            return entry.apply(plain, beta, m, sensor) - plain
+
+        offset += added(at)
+        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))  # type: ignore[arg-type]
+        for k, step in enumerate(STEPS):
+            if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
+                D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
+    return StreamForm(offset, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1))
+
+
+def over_time(
+    recording: Recording, name: str, entry: Effect, beta: FloatArray, at: Motion, motion: Motion, sensor: Any
+) -> FloatArray:
+    """(k, m) what an effect with a memory adds: evaluated at the IMU's instants too, so that nothing is lost in between.
+
+    Its memory is longer than the error of the reference is alike, so it adds nothing to H.
+    """
+    t = np.unique(np.concatenate([motion.t, at.t]))
+    fine = with_covariates(recording, name, motion.at(t))
+    plain = sensor.predict(fine)
+    return (entry.apply(plain, beta, fine, sensor) - plain)[np.searchsorted(t, at.t)]
+
+
+def moved(motion: Motion, k: int, step: float) -> Motion:
+    """The motion with one component of position (0 to 2), velocity (3 to 5) or attitude (6 to 8) changed."""
+    d = np.zeros(3)
+    d[k % 3] = step
+    if k < 3:
+        return replace(motion, p_n=motion.p_n + d)
+    if k < 6:
+        return replace(motion, v_n=motion.v_n + d)
+    q = quaternion_multiply(motion.q_nb, np.broadcast_to(quaternion_exp(d), motion.q_nb.shape))
+    return replace(motion, q_nb=q, m_b=rotate_back(q, np.broadcast_to(motion.m_n, (len(motion), 3))))

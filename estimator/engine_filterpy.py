@@ -1,0 +1,160 @@
+"""The readable engine: filterpy's Kalman filter on the error state, `predict()` then `update()`, step by step.
+
+In a notebook: ``for moment in ReadableFilter(inputs).steps(): ...`` stops after every step with everything in sight.
+filterpy 2.0's `predict_update` linearises before it predicts and keeps the old posterior as prior; so the two are called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+
+from estimator.error_dynamics import process_noise, transition, walk_rates
+from estimator.events import ACCEPTED, GATED, NO_PREDICTION
+from estimator.filter import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
+from estimator.strapdown import strapdown_step
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply, right_jacobian
+
+LOG_2_PI = 1.8378770664093453
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where the filter stands after a step: at an IMU sample (`event` is -1) or after a reading."""
+
+    t: float
+    sample: int
+    event: int
+
+
+class ReadableFilter:
+    """The filter of a run; its estimate is `x` (nominal) and `ekf.P`, its error state is zero between updates."""
+
+    def __init__(self, inputs: RunInputs, outputs: RunOutputs | None = None) -> None:
+        self.inputs, self.outputs = inputs, outputs or outputs_for(inputs)
+        self.model, n = inputs.model, inputs.model.layout.n
+        self.x, self.t = inputs.x.copy(), float(inputs.imu.t[0])
+        self.walk = walk_rates(self.model)
+        self.ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1)
+        self.ekf.x = np.zeros((n, 1))
+        self.ekf.P = 0.5 * (inputs.P + inputs.P.T)
+
+    def steps(self) -> Iterator[Moment]:
+        """Run, and stop after every IMU sample and every reading."""
+        imu, events = self.inputs.imu, self.inputs.events
+        i, k, last = 0, 0, len(imu) - 1
+        self._log_sample(0)
+        while k < len(events) or i < last:
+            if k < len(events) and (i >= last or events.t[k] < imu.t[i + 1]):
+                if self.outputs.status[k] == ACCEPTED:
+                    self.advance(i, float(events.t[k]))
+                    self.read(k)
+                self.outputs.x_event[k, : len(self.x)] = self.x
+                self.outputs.var_event[k, : len(self.x) - 1] = np.diag(self.ekf.P)
+                k += 1
+                yield Moment(self.t, i, k - 1)
+            else:
+                self.advance(i, float(imu.t[i + 1]))
+                i += 1
+                self._log_sample(i)
+                yield Moment(self.t, i, -1)
+
+    def _log_sample(self, i: int) -> None:
+        stride = self.outputs.stride
+        if i == 0 or (stride and i % stride == 0):
+            self.outputs.x_imu[i // stride if stride else 0, : len(self.x)] = self.x
+            self.outputs.var_imu[i // stride if stride else 0, : len(self.x) - 1] = np.diag(self.ekf.P)
+
+    def advance(self, i: int, t_next: float) -> None:
+        """Predict from now to t_next, inside the IMU interval that begins with sample i."""
+        imu, model, h = self.inputs.imu, self.model, t_next - self.t
+        if h <= 0.0:
+            return
+        span = imu.t[i + 1] - imu.t[i]
+        a0, a1 = (self.t - imu.t[i]) / span, (t_next - imu.t[i]) / span
+        if t_next == imu.t[i + 1]:
+            a1 = 1.0
+        if model.averaged:
+            a0 = a1 = 1.0
+        u0 = (1.0 - a0) * imu.u[i] + a0 * imu.u[i + 1]
+        u1 = (1.0 - a1) * imu.u[i] + a1 * imu.u[i + 1]
+        self.x, step = strapdown_step(self.x, u0, u1, h, model.g_n, model.w_ie_n, model.translation)
+        self.ekf.F = transition(step, model.layout.n, model.translation)
+        self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], self.walk, model.translation)
+        self.ekf.predict()
+        self.t = t_next
+
+    def read(self, k: int) -> None:
+        """One reading: predict it, judge it, update with it, and count the error from the new estimate on."""
+        events, out, layout = self.inputs.events, self.outputs, self.model.layout
+        name = events.sensors[events.sensor[k]]
+        rows = slice(events.row[k], events.row[k + 1])
+        z_pred, H = self.prediction(name, k)
+        if not np.all(np.isfinite(z_pred)):
+            if np.all(np.isfinite(self.x)):
+                out.status[k] = NO_PREDICTION
+                return
+            raise_for(1, k, self.inputs)
+        R = self.model.sensors[name].R
+        nu, S = events.z[rows] - z_pred, H @ self.ekf.P @ H.T + R
+        try:
+            L = np.linalg.cholesky(S)
+        except np.linalg.LinAlgError:
+            raise_for(2, k, self.inputs)
+        white = np.linalg.solve(L, nu)
+        nis = float(white @ white)
+        out.nu[rows], out.white[rows], out.nis[k] = nu, white, nis
+        out.S[out.S_row[k] : out.S_row[k + 1]] = S.ravel()
+        out.loglik[k] = -0.5 * (nis + 2.0 * float(np.sum(np.log(np.diag(L)))) + len(nu) * LOG_2_PI)
+        if nis > self.model.threshold(name):
+            out.status[k] = GATED
+            return
+        limit = self.model.robust_threshold(name)
+        if nis > limit:  # more noise, so that S grows by nis / limit
+            out.weight[k] = limit / nis
+            R = R + (nis / limit - 1.0) * S
+        self.ekf.update(nu[:, None], lambda _: H, lambda _: np.zeros((len(nu), 1)), R=R)
+        dx = self.ekf.x[:, 0]
+        self.x = layout.retract(self.x, dx)
+        self.x[6:10] /= np.linalg.norm(self.x[6:10])
+        reset = np.eye(layout.n)
+        reset[6:9, 6:9] = right_jacobian(dx[6:9])
+        self.ekf.P = reset @ self.ekf.P @ reset.T
+        self.ekf.P = 0.5 * (self.ekf.P + self.ekf.P.T)
+        self.ekf.x = np.zeros((layout.n, 1))
+
+    def prediction(self, name: str, k: int) -> tuple[FloatArray, FloatArray]:
+        """Predicted reading (m,) and H (m, n), from the sensor's own model, with what effects add."""
+        events, model, layout, x = self.inputs.events, self.model, self.model.layout, self.x
+        sensor = model.sensors[name]
+        motion = Motion(
+            t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=model.m_n[None, :],
+            g_n=model.g_n, ground_down=model.ground_down,
+        )  # fmt: skip
+        z_pred, H = sensor.predict(motion)[0].copy(), np.zeros((sensor.size, layout.n))
+        for block, values in sensor.jacobian(motion).items():
+            H[:, layout.slice(block)] = values[0]
+        bias = BIAS_BLOCK.get(name, f"b_{name}")
+        if layout.has(bias):
+            z_pred += H[:, layout.slice(bias)] @ x[layout.nominal(bias)]
+        if events.has_form[events.sensor[k]]:
+            ref, D = events.ref[k], events.D[events.row[k] : events.row[k + 1]]
+            turn = quaternion_log(quaternion_multiply(quaternion_conjugate(ref[6:10]), x[6:10]))
+            z_pred += D @ np.concatenate([x[:6] - ref[:6], turn])
+            H[:, :9] += D
+        return z_pred, H
+
+
+def run_readable(inputs: RunInputs, outputs: RunOutputs) -> tuple[FloatArray, FloatArray]:
+    """The whole run; final state (n + 1,) and covariance (n, n)."""
+    engine = ReadableFilter(inputs, outputs)
+    for _ in engine.steps():
+        pass
+    if not np.all(np.isfinite(engine.x)):
+        raise_for(1, len(inputs.events), inputs)
+    return engine.x, engine.ekf.P

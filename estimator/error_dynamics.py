@@ -1,0 +1,70 @@
+"""How the error state moves in one step: Phi and Q, readable; the compiled engine holds the same structure.
+
+With C_true = C Exp(dtheta_b), f_true = f_meas - b_accel - n, w_true = w_meas - b_gyro - n, and the step of
+`estimator.strapdown`, the derivative of the step itself (not of a continuous model):
+
+    dtheta_1 = R dtheta_0 - h J_r(phi) db_gyro                                R = C_1' C_0
+    dv_1 = dv_0 - A_0 dtheta_0 - A_1 dtheta_1 - h / 2 (C_0 + C_1) db_accel    A_k = h / 2 [C_k f_k]x C_k
+    dp_1 = dp_0 + h / 2 (dv_0 + dv_1)
+
+Neglects the turn of the Earth inside the step (1e-7 of dtheta), and in Q the noise that the angle passes on to the velocity
+within one step (it does so from the next step on).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimator.flight_model import FlightModel
+from estimator.strapdown import Step
+from sensors.arrays import FloatArray
+from sensors.rotation import right_jacobian, skew
+
+
+def transition(step: Step, n: int, translation: bool = True) -> FloatArray:
+    """(n, n) Phi of one step."""
+    h, Phi = step.h, np.eye(n)
+    p, v, t, a, g = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+    Phi[t, t] = step.C1.T @ step.C0
+    Phi[t, g] = -h * right_jacobian(step.phi)
+    if not translation:
+        return Phi
+    A0 = 0.5 * h * skew(step.a0) @ step.C0
+    A1 = 0.5 * h * skew(step.a1) @ step.C1
+    Phi[v, t] = -A0 - A1 @ Phi[t, t]
+    Phi[v, g] = -A1 @ Phi[t, g]
+    Phi[v, a] = -0.5 * h * (step.C0 + step.C1)
+    Phi[p, v] = h * np.eye(3)
+    Phi[p, t] = 0.5 * h * Phi[v, t]
+    Phi[p, g] = 0.5 * h * Phi[v, g]
+    Phi[p, a] = 0.5 * h * Phi[v, a]
+    return Phi
+
+
+def walk_rates(model: FlightModel) -> FloatArray:
+    """(n,) growth of the variance of each state's own random walk [unit^2/s]."""
+    rates = np.zeros(model.layout.n)
+    for process in [model.accel.bias, model.gyro.bias, *(sensor.bias for sensor in model.sensors.values())]:
+        if process is not None:
+            rates[model.layout.slice(process.block)] = process.walk**2
+    return rates
+
+
+def process_noise(
+    h: float, q_accel: float, q_gyro: float, walk: FloatArray, translation: bool = True
+) -> FloatArray:
+    """(n, n) Q of one step; two half steps, the first carried through Phi, add up to the whole.
+
+    Parameters
+    ----------
+    q_accel, q_gyro : variance rates of the interval, `estimator.imu`
+    walk : (n,) from `walk_rates`
+    """
+    Q = np.diag(walk * h)
+    Q[6:9, 6:9] += q_gyro * h * np.eye(3)
+    if translation:
+        Q[3:6, 3:6] += q_accel * h * np.eye(3)
+        Q[0:3, 0:3] += q_accel * h * h * h / 3.0 * np.eye(3)
+        Q[0:3, 3:6] += 0.5 * q_accel * h * h * np.eye(3)
+        Q[3:6, 0:3] += 0.5 * q_accel * h * h * np.eye(3)
+    return Q

@@ -1,0 +1,187 @@
+"""All readings of a recording in the order of time, as flat arrays for the engines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.faults import Note, frozen_runs
+from estimator.flight_model import FlightModel
+from sensors.arrays import FloatArray, IntArray
+from sensors.atmosphere import height_from_pressure
+from sensors.errors import InputError
+from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
+
+#: What became of a reading.
+ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
+STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty")
+
+
+@dataclass(frozen=True)
+class StreamForm:
+    """How effects change the predicted reading of one stream, along a reference motion.
+
+    z_pred = h(x) + offset + D (x (-) x_ref):  exact in beta, first order in the distance from the reference.
+
+    Attributes
+    ----------
+    offset : (k, m) reading with the effects less the plain one, along the reference
+    D : (k, m, 9) its derivative by position, velocity and attitude error
+    ref : (k, 10) position, velocity and quaternion of the reference
+    """
+
+    offset: FloatArray
+    D: FloatArray
+    ref: FloatArray
+
+
+@dataclass(frozen=True)
+class Events:
+    """Readings in time order.
+
+    Attributes
+    ----------
+    sensors : names; `sensor` is the index
+    t : (K,) s, when the reading was valid (latency taken off)
+    sensor : (K,)
+    index : (K,) row in the stream
+    row : (K + 1,) first component in `z`
+    z : (rows,) readings, less the offsets of effects
+    status : (K,) what is known before the filter runs
+    D, ref : (rows, 9), (K, 10) of `StreamForm`; one row of zeros where no stream has a form
+    has_form : (sensors,)
+    notes : frozen stretches, readings outside the IMU's time
+    """
+
+    sensors: tuple[str, ...]
+    t: FloatArray
+    sensor: IntArray
+    index: IntArray
+    row: IntArray
+    z: FloatArray
+    status: IntArray
+    D: FloatArray
+    ref: FloatArray
+    has_form: IntArray
+    notes: tuple[Note, ...]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def readings(recording: Recording, model: FlightModel, name: str) -> tuple[FloatArray, FloatArray]:
+    """Readings (k, m) of one sensor and the instants (k,) at which they were valid [s].
+
+    Raises
+    ------
+    InputError : a column that the sensor needs is not there
+    """
+    if name == "level":
+        return _mean_force(recording, model)
+    stream, size = recording.streams[name], model.sensors[name].size
+    t = stream.t - model.latency.get(name, 0.0)
+    if name == "mag":
+        return stream.array(MAG), t
+    if name == "baro":
+        if "height" in stream:
+            return stream["height"][:, None], t
+        pressure = stream["pressure"]
+        return height_from_pressure(pressure, reference=float(pressure[0]))[:, None], t
+    if name in ("sonar", "laser"):
+        columns = ["range"] if "range" in stream else [f"range_{i}" for i in range(size)]
+        if len(columns) != size or not stream.has(columns):
+            found = f"columns {', '.join(stream.columns)}"
+            raise InputError(recording.where, found, f"{size} ranges, as `angles` declares", f"stream {name}")
+        return stream.array(columns), t
+    position = stream.array(POSITION) if stream.has(POSITION) else _ned(recording, name)
+    if name == "base":
+        return position - _base_position(recording), t
+    return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+
+
+def _ned(recording: Recording, name: str) -> FloatArray:
+    from sensors.formats.geodetic import to_ned
+
+    streams, _, _ = to_ned(recording.where, recording.streams, recording.origin)
+    return streams[name].array(POSITION)
+
+
+def _base_position(recording: Recording) -> FloatArray:
+    place = recording.spec("base").base_position
+    if place is None:
+        raise InputError(recording.where, "not declared", "where the base receiver stands", "[sensors.base] base_position")
+    if recording.origin is None:
+        return np.asarray(place, dtype=np.float64)
+    from sensors.formats.geodetic import ned_columns
+
+    columns = ned_columns(np.asarray(place, dtype=np.float64)[None, :], recording.origin)
+    return np.array([columns[axis][0] for axis in POSITION])
+
+
+def _mean_force(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+    """Readings of `level`: mean specific force over windows side by side, at the middle of each."""
+    imu = recording.streams["imu"]
+    window = max(1, round(model.sensors["level"].window * model.rate))  # type: ignore[attr-defined]
+    count = len(imu) // window
+    if count == 0:
+        return np.empty((0, 3)), np.empty(0)
+    rows = slice(0, count * window)
+    f, t = imu.array(ACCEL)[rows].reshape(count, window, 3), imu.t[rows].reshape(count, window)
+    whole = t[:, -1] - t[:, 0] < 2.0 * window / model.rate  # no gap inside
+    return f.mean(axis=1)[whole], t.mean(axis=1)[whole]
+
+
+def collect(
+    recording: Recording,
+    model: FlightModel,
+    forms: Mapping[str, StreamForm] | None = None,
+    shifts: Mapping[str, float] | None = None,
+) -> Events:
+    """Put the readings of all sensors into one time order.
+
+    Parameters
+    ----------
+    forms : by sensor, what effects add to its prediction
+    shifts : by sensor, further lateness of its stamps [s], as an effect has it
+    """
+    forms, shifts = forms or {}, shifts or {}
+    names = tuple(model.sensors)
+    imu = recording.streams["imu"].t
+    parts, notes = [], []
+    for s, name in enumerate(names):
+        z, t = readings(recording, model, name)
+        t = t - shifts.get(name, 0.0)
+        status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
+        outside = int(np.sum(status == OUTSIDE))
+        if outside:
+            notes.append(Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out"))
+        if name not in ("level", "base"):
+            for start, stop in frozen_runs(z):
+                status[start + 1 : stop] = FAULTY
+                notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
+        form = forms.get(name)
+        if form is not None:
+            z = z - form.offset
+        parts.append((np.full(len(t), s), t, z, status, form))
+    sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
+    t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
+    index = np.concatenate([np.arange(len(part[1])) for part in parts]) if parts else np.empty(0, dtype=np.int64)
+    order = np.lexsort((index, sensor, t))
+    sensor, t, index = sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+    sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
+    row = np.concatenate([[0], np.cumsum(sizes[sensor])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
+    z, status = np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
+    formed = any(part[4] is not None for part in parts)
+    D, ref = np.zeros((row[-1] if formed else 1, 9)), np.zeros((len(t) if formed else 1, 10))
+    for s, (_, _, values, part_status, form) in enumerate(parts):
+        mine = np.flatnonzero(sensor == s)
+        at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
+        z[at] = values[index[mine]].ravel()
+        status[mine] = part_status[index[mine]]
+        if form is not None:
+            D[at] = form.D[index[mine]].reshape(-1, 9)
+            ref[mine] = form.ref[index[mine]]
+    has_form = np.array([forms.get(name) is not None for name in names], dtype=np.int64)
+    return Events(names, t, sensor, index, row, z, status, D, ref, has_form, tuple(notes))

@@ -1,0 +1,80 @@
+"""Streams that stopped telling the truth without saying so: frozen and saturated stretches, found in the readings alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+
+#: False-alarm rate per stream of calling a run of equal readings frozen.
+FROZEN_LEVEL = 1e-6
+#: A saturated stretch: at least this many readings in a row at the stream's own extreme.
+SATURATED_RUN = 3
+
+
+@dataclass(frozen=True)
+class Note:
+    """One thing that was noticed about a stream, and what was done about it."""
+
+    stream: str
+    kind: str
+    start: float
+    stop: float
+    action: str
+
+    def __str__(self) -> str:
+        return f"{self.stream}: {self.kind} from {self.start:.3f} to {self.stop:.3f} s, {self.action}"
+
+
+def _equal_runs(same: FloatArray) -> list[tuple[int, int]]:
+    """[start, stop) of runs of rows that equal their predecessor; `same` (n - 1,) bool."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
+    return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which a stream repeats one reading for longer than its own habit explains.
+
+    A coarse converter repeats readings too: with a share r of repeats outside the longest run, a run of L repeats is
+    expected r^L times a reading. It is called frozen where that is below `FROZEN_LEVEL` over the whole stream.
+
+    Parameters
+    ----------
+    readings : (n, size)
+    """
+    n = len(readings)
+    if n < 4:
+        return []
+    same = np.all(readings[1:] == readings[:-1], axis=1)
+    runs = _equal_runs(same)
+    if not runs:
+        return []
+    longest = max(stop - start for start, stop in runs)
+    share = (np.count_nonzero(same) - (longest - 1) + 1.0) / max(n - longest, 1)
+    if share >= 0.9:  # a stream that hardly ever changes has no habit to be judged by
+        return []
+    needed = np.log(FROZEN_LEVEL / n) / np.log(share)
+    return [(start, stop) for start, stop in runs if stop - start - 1 > max(needed, 2.0)]
+
+
+def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which a component stays at the largest magnitude that it ever reads.
+
+    White noise meets its own maximum once; a converter at its limit meets it again and again.
+
+    Parameters
+    ----------
+    readings : (n, size)
+    """
+    found: list[tuple[int, int]] = []
+    for column in readings.T:
+        limit = np.max(np.abs(column))
+        if limit == 0.0:
+            continue
+        pinned = np.abs(column) == limit
+        runs = [run for run in _equal_runs(pinned[1:] & pinned[:-1]) if run[1] - run[0] >= SATURATED_RUN]
+        share = np.mean(column[1:] == column[:-1])
+        found += [run for run in runs if share < 0.5]
+    return sorted(found)

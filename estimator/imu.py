@@ -1,0 +1,148 @@
+"""The IMU as the filter integrates it: a table of samples, the noise of every interval, and its gaps.
+
+Between two samples specific force and rate are taken as linear (or, for averaged samples, as constant over the interval
+before the stamp). With linear interpolation sample k enters the integral with the weight w_k = (h_{k-1} + h_k) / 2, so
+the noise that its sigma adds to the integral is sigma^2 w_k^2. Shared out over the two intervals that meet in k, interval
+k has the variance rate
+
+    q_k = sigma^2 (w_k + w_{k+1}) / 2            (sigma^2 h = N^2 for even sampling),
+
+whose sum over all intervals is exactly the accumulated noise, whatever the spacing, and which does not change when a
+measurement cuts an interval in two. What the sharing neglects is the correlation of neighbouring intervals: at most the
+noise of half a sample at any instant, which does not grow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.faults import Note, frozen_runs, saturated_runs
+from estimator.flight_model import FlightModel
+from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.recording import ACCEL, GYRO, Recording
+
+#: An interval longer than this many nominal ones is a gap: what happened inside is not known.
+GAP = 2.5
+#: Windows from which the unseen motion inside a gap is estimated, at least this many.
+GAP_WINDOWS = 8
+
+
+@dataclass(frozen=True)
+class ImuTable:
+    """IMU samples and intervals.
+
+    Attributes
+    ----------
+    t : (n,) s
+    u : (n, 6) specific force [m/s^2] and rate [rad/s] as read
+    q_accel, q_gyro : (n - 1,) variance rate of the integral of the noise over the interval [(m/s^2)^2 s, (rad/s)^2 s]
+    row : (n,) row of the recording's stream; -1 for a sample that was put into a gap
+    notes : gaps, frozen and saturated stretches
+    """
+
+    t: FloatArray
+    u: FloatArray
+    q_accel: FloatArray
+    q_gyro: FloatArray
+    row: IntArray
+    notes: tuple[Note, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
+    """The table of a recording: frozen stretches taken out, gaps filled by interpolation with honest noise."""
+    stream = recording.streams["imu"]
+    t, u = stream.t, stream.array((*ACCEL, *GYRO))
+    notes: list[Note] = []
+    keep = np.ones(len(t), dtype=np.bool_)
+    for start, stop in frozen_runs(u):
+        keep[start + 1 : stop] = False
+        notes.append(Note("imu", "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
+    for name, columns in (("accel", u[:, :3]), ("gyro", u[:, 3:])):
+        for start, stop in saturated_runs(columns):
+            notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
+    row = np.flatnonzero(keep)
+    t, u = t[row], u[row]
+    nominal = 1.0 / model.rate
+    q_accel, q_gyro = _sample_noise(t, nominal, model)
+    h = np.diff(t)
+    gaps = np.flatnonzero(h > GAP * nominal)
+    for k in gaps:
+        motion = unseen_motion(t, u, float(h[k]), nominal)
+        q_accel[k] = max(q_accel[k], motion[0] / h[k])
+        q_gyro[k] = max(q_gyro[k], motion[1] / h[k])
+        notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), "interpolated, with the noise of the unseen motion"))
+    if len(gaps):
+        t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, gaps, nominal)
+    return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes))
+
+
+def _sample_noise(t: FloatArray, nominal: float, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+    """(n - 1,) variance rates of accelerometer and gyroscope noise; see the module's derivation."""
+    h = np.diff(t)
+    if model.averaged:
+        width = np.maximum(h, nominal)
+    else:
+        w = 0.5 * (np.concatenate([[0.0], h]) + np.concatenate([h, [0.0]]))
+        w[0], w[-1] = h[0], h[-1]  # the first and the last sample: half an interval each, rounded up
+        width = 0.5 * (w[:-1] + w[1:])
+    return model.accel.sigma**2 * width, model.gyro.sigma**2 * width
+
+
+def unseen_motion(t: FloatArray, u: FloatArray, length: float, nominal: float) -> tuple[float, float]:
+    """Variance of what a straight line across a gap misses, per axis, measured on the log itself.
+
+    Over windows as long as the gap: integral of the samples minus length times the mean of the two ends. Where the log
+    has too few such windows, shorter ones are taken and the miss is scaled with the length (a constant error in rate).
+
+    Returns
+    -------
+    variance of the velocity [(m/s)^2] and of the angle [rad^2]
+    """
+    h = np.diff(t)
+    integral = np.concatenate([np.zeros((1, 6)), np.cumsum(0.5 * h[:, None] * (u[:-1] + u[1:]), axis=0)])
+    broken = np.concatenate([[0], np.cumsum(h > GAP * nominal)])
+    steps = max(2, round(length / nominal))
+    while steps > 2:
+        starts = np.arange(0, max(len(t) - steps, 0), max(steps // 4, 1))
+        starts = starts[broken[starts + steps] == broken[starts]]
+        if len(starts) >= GAP_WINDOWS:
+            break
+        steps //= 2
+    else:
+        return 0.0, 0.0
+    ends = starts + steps
+    span = (t[ends] - t[starts])[:, None]
+    miss = integral[ends] - integral[starts] - 0.5 * span * (u[starts] + u[ends])
+    variance = np.mean(miss**2, axis=0) * (length / float(np.mean(span))) ** 2
+    return float(np.max(variance[:3])), float(np.max(variance[3:]))
+
+
+def _filled(
+    t: FloatArray, u: FloatArray, q_accel: FloatArray, q_gyro: FloatArray, row: IntArray, gaps: IntArray, nominal: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Put interpolated samples into the gaps, so that no step is longer than two nominal ones."""
+    counts = np.ones(len(t), dtype=np.int64)
+    counts[gaps] = np.ceil((t[gaps + 1] - t[gaps]) / (2.0 * nominal)).astype(np.int64)
+    parent = np.repeat(np.arange(len(t)), counts)
+    fraction = (np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.repeat(counts, counts)
+    after = np.minimum(parent + 1, len(t) - 1)
+    t_new = t[parent] + fraction * (t[after] - t[parent])
+    u_new = u[parent] + fraction[:, None] * (u[after] - u[parent])
+    return t_new, u_new, q_accel[parent[:-1]], q_gyro[parent[:-1]], np.where(fraction == 0.0, row[parent], -1)
+
+
+def at_instants(table: ImuTable, t: FloatArray, averaged: bool) -> FloatArray:
+    """(m, 6) samples at other instants, as the filter takes them: linear, or for averages the sample that covers t."""
+    if averaged:
+        return table.u[np.clip(np.searchsorted(table.t, t, side="left"), 0, len(table) - 1)]
+    return np.stack([np.interp(t, table.t, column) for column in table.u.T], axis=-1)
+
+
+def is_measured(table: ImuTable) -> BoolArray:
+    """(n,) which samples were read; the others were put into gaps."""
+    return np.asarray(table.row >= 0)

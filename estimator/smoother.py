@@ -1,0 +1,194 @@
+"""Fixed-interval smoother: the state at every IMU sample, given all readings.
+
+Two passes without an inverse (Bryson and Frazier; de Jong 1989): backwards r collects what later readings say about the
+error dx of the filter's state, and the smoothed correction is dx = P r. Within a stretch the correction is then carried
+forwards, dx <- Phi dx + Q r and dx <- dx - K nu, so that no covariance is kept but at the starts of stretches.
+
+Memory is bounded: the filter runs once and leaves its state at the start of every stretch; each stretch is run again,
+last first, while it is smoothed.
+
+Source: G. J. Bierman, "Fixed interval smoothing with discrete measurements", Int. J. Control 18(1), 1973;
+J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed., sections 4.4 to 4.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.events import ACCEPTED, Events
+from estimator.filter import RunInputs, outputs_for
+from estimator.imu import ImuTable, at_instants
+from estimator.journal import Journal
+from estimator.layout import CAPACITY
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+
+#: IMU samples in a stretch: its covariances and gains are in memory at one time.
+STRETCH = 400
+
+
+@dataclass(frozen=True)
+class SmoothedStates:
+    """States given all readings.
+
+    Attributes
+    ----------
+    t, x : (N,), (N, n + 1) nominal state at the samples of the IMU table
+    t_sigma, sigma : (M,), (M, n) 1-sigma at the starts of the stretches; empty unless asked for
+    """
+
+    t: FloatArray
+    x: FloatArray
+    t_sigma: FloatArray
+    sigma: FloatArray
+
+
+def stretch_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
+    """The part of a run between two IMU samples; readings at the last one belong to the next part, unless it is the end."""
+    imu, events = inputs.imu, inputs.events
+    k0 = int(np.searchsorted(events.t, imu.t[i0], side="left")) if i0 > 0 else 0
+    k1 = len(events) if i1 == len(imu) - 1 else int(np.searchsorted(events.t, imu.t[i1], side="left"))
+    rows = slice(i0, i1 + 1)
+    table = ImuTable(imu.t[rows], imu.u[rows], imu.q_accel[i0:i1], imu.q_gyro[i0:i1], imu.row[rows])
+    return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P)
+
+
+def _events_between(events: Events, k0: int, k1: int) -> Events:
+    row = events.row[k0 : k1 + 1]
+    components = slice(row[0], row[-1])
+    formed = len(events.ref) == len(events) and len(events) > 1
+    return replace(
+        events, t=events.t[k0:k1], sensor=events.sensor[k0:k1], index=events.index[k0:k1], row=row - row[0],
+        z=events.z[components], status=events.status[k0:k1],
+        D=events.D[components] if formed else events.D, ref=events.ref[k0:k1] if formed else events.ref,
+    )  # fmt: skip
+
+
+def smooth(journal: Journal, sigmas: bool = False, stretch: int = STRETCH) -> SmoothedStates:
+    """Smooth a run of the filter.
+
+    Parameters
+    ----------
+    journal : of `run_filter`
+    sigmas : also the 1-sigma at the start of every stretch
+    stretch : IMU samples in a stretch
+    """
+    from estimator.compiled import CompiledRun
+
+    inputs = journal.run
+    assert isinstance(inputs, RunInputs)
+    N, n = len(inputs.imu), inputs.model.layout.n
+    starts = list(range(0, max(N - 1, 1), stretch))
+    stops = [*starts[1:], N - 1]
+    first: list[tuple[FloatArray, FloatArray]] = []
+    x, P = inputs.x, inputs.P
+    for i0, i1 in zip(starts, stops, strict=True):
+        first.append((x, P))
+        part = stretch_of(inputs, i0, i1, x, P)
+        x, P = CompiledRun(part, outputs_for(part, 0)).all()
+    r, information = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
+    x_smooth, sigma = np.zeros((N, n + 1)), np.zeros((len(starts), n) if sigmas else (0, n))
+    for place in reversed(range(len(starts))):
+        part = stretch_of(inputs, starts[place], stops[place], *first[place])
+        states = _smooth_stretch(part, r, information, sigmas)
+        x_smooth[starts[place] : stops[place] + 1] = states[:, : n + 1]
+        if sigmas:
+            P = first[place][1]
+            smoothed = P - P @ information[:n, :n] @ P
+            sigma[place] = np.sqrt(np.maximum(np.diag(smoothed), 0.0))
+    t_sigma = inputs.imu.t[np.array(starts)] if sigmas else np.empty(0)
+    return SmoothedStates(inputs.imu.t, x_smooth, t_sigma, sigma)
+
+
+def _smooth_stretch(part: RunInputs, r: FloatArray, information: FloatArray, sigmas: bool) -> FloatArray:
+    """(samples, 25) smoothed states of one stretch; r and information are carried to its start, in place."""
+    from estimator.compiled import CompiledRun
+    from estimator.smoother_numba import backward, forward
+
+    outputs = outputs_for(part, 1)
+    engine = CompiledRun(part, outputs)
+    K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
+    record = {
+        "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
+        "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
+        "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
+    }  # fmt: skip
+    engine.chunk(0, samples - 1, record)
+    count = max(int(record["step_of_imu"][-1]), int(record["step_of_event"].max()))
+    used = outputs.status == ACCEPTED
+    scale = np.repeat(np.where(used, np.sqrt(outputs.weight), 0.0), np.diff(part.events.row))
+    white = np.where(scale > 0.0, outputs.white, 0.0) * scale
+    steps, step_of_event, row = record["steps"][:count], record["step_of_event"][:K], part.events.row
+    r_after, x_smooth = np.zeros((count, CAPACITY)), np.zeros((samples, CAPACITY + 1))
+    backward(steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, information, sigmas)
+    d = np.zeros(CAPACITY)
+    n = len(part.P)
+    d[:n] = part.P @ r[:n]
+    forward(
+        steps, step_of_event, record["step_of_imu"], row, white, record["U"], record["turn"], d, r_after, engine.walk2,
+        part.model.translation, outputs.x_imu, x_smooth,
+    )  # fmt: skip
+    return x_smooth
+
+
+def estimated_motion(
+    journal: Journal,
+    t: FloatArray | None = None,
+    smoothed: SmoothedStates | bool = True,
+    corrections: FloatArray | None = None,
+) -> Motion:
+    """The motion as the filter, or all readings together, have it: the arrays along which effects are evaluated.
+
+    f_b and w_ib_b are the IMU's readings less the biases, sample by sample, so that an effect on the IMU is taken of what the
+    IMU saw; dw_b is the slope of w_ib_b over `RATE_WINDOW`.
+
+    Parameters
+    ----------
+    journal : of `run_filter`, with a state at every IMU sample where it is not smoothed
+    t : (m,) s; default: the samples of the IMU table
+    smoothed : states to use; True: smooth now; False: the filter's own
+    corrections : (N, 6) what effects put into the IMU's readings, taken off before the biases
+    """
+    inputs = journal.run
+    assert isinstance(inputs, RunInputs)
+    model, table = inputs.model, inputs.imu
+    x = (smooth(journal) if smoothed is True else smoothed).x if smoothed else journal.imu_x
+    if len(x) != len(table):
+        raise ValueError(f"`journal` has {len(x)} states for {len(table)} IMU samples; run the filter with stride=1")
+    u = table.u if corrections is None else table.u - corrections
+    f_b, w_b = u[:, :3] - x[:, 10:13], u[:, 3:] - x[:, 13:16]
+    motion = Motion(
+        t=table.t, p_n=x[:, 0:3], v_n=x[:, 3:6], q_nb=x[:, 6:10], f_b=f_b, w_ib_b=w_b,
+        dw_b=_slope(table.t, w_b), m_n=model.m_n[None, :], g_n=model.g_n, ground_down=model.ground_down,
+    )  # fmt: skip
+    motion = replace(motion, m_b=_field(motion))
+    return motion if t is None else motion.at(t)
+
+
+#: Length of the window over which the rate's slope is taken [s]: five samples at 200 Hz.
+RATE_WINDOW = 0.025
+
+
+def _slope(t: FloatArray, w: FloatArray) -> FloatArray:
+    """(n, 3) least-squares slope of w over a sliding window, one-sided at the ends."""
+    half = max(1, round(0.5 * RATE_WINDOW / float(np.median(np.diff(t)))))
+    index = np.clip(np.arange(len(t))[:, None] + np.arange(-half, half + 1), 0, len(t) - 1)
+    s = t[index] - t[index].mean(axis=1, keepdims=True)
+    return np.asarray(np.einsum("ij,ijk->ik", s, w[index]) / np.sum(s * s, axis=1)[:, None])
+
+
+def _field(motion: Motion) -> FloatArray:
+    from sensors.rotation import rotate_back
+
+    return rotate_back(motion.q_nb, np.broadcast_to(motion.m_n, (len(motion), 3)))
+
+
+def imu_at(journal: Journal, t: FloatArray) -> Mapping[str, FloatArray]:
+    """Raw accelerometer and gyroscope (m, 3) at other instants, as the filter takes them."""
+    inputs = journal.run
+    assert isinstance(inputs, RunInputs)
+    u = at_instants(inputs.imu, t, inputs.model.averaged)
+    return {"accel": u[:, :3], "gyro": u[:, 3:]}
