@@ -16,6 +16,9 @@ def _absent(*shape: int) -> FloatArray:
     return np.empty((0, *shape))
 
 
+_WIDTHS = {"p_n": 3, "v_n": 3, "a_n": 3, "q_nb": 4, "f_b": 3, "w_ib_b": 3, "dw_b": 3, "m_b": 3, "m_n": 3}
+
+
 @dataclass(frozen=True)
 class Motion:
     """Motion of the body's reference point at n instants. A quantity that is not known is empty (length 0).
@@ -49,6 +52,14 @@ class Motion:
     g_n: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 9.80665]))
     ground_down: float = 0.0
     covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        for name, width in _WIDTHS.items():
+            value = getattr(self, name)
+            lengths = (0, 1, n) if name == "m_n" else (0, n)
+            if value.ndim != 2 or value.shape[1] != width or len(value) not in lengths:
+                raise ValueError(f"`{name}` has shape {value.shape}; expected ({n}, {width}): one row for each of `t`")
 
     def __len__(self) -> int:
         return len(self.t)

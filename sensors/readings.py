@@ -176,7 +176,10 @@ def perfect(world: World, name: str, t: FloatArray, model: SensorModel) -> tuple
     rows: IntArray | slice = slice(None)
     grid = t
     if any(p.effect.other_instants for p in present):
-        grid = np.union1d(np.arange(t[0] - LEAD, t[-1] + FINE_STEP, FINE_STEP), t)
+        even = np.arange(t[0] - LEAD, t[-1] + FINE_STEP, FINE_STEP)
+        after = np.clip(np.searchsorted(t, even), 1, len(t) - 1)
+        apart = np.minimum(np.abs(even - t[after - 1]), np.abs(even - t[after])) > 1e-3 * FINE_STEP
+        grid = np.union1d(even[apart], t)
         rows = np.searchsorted(grid, t).astype(np.int64)
     motion = world.vehicle.motion(grid, name)
     plain = model.predict(motion)

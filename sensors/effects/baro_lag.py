@@ -11,6 +11,8 @@ from sensors.motion import Motion
 
 PLAUSIBLE = 0.5  # s; IIR filters of BMP280 and MS5611 drivers and a narrow port give 0.05 to 1 s
 
+SERIES_TERMS = 18  # x^18 / 18! is below 2e-16 for x < 1
+
 
 def regressor(motion: Motion) -> FloatArray:
     """(n, 1, 1): a short lag delays, d z / d b = -d height / dt = v_down."""
@@ -20,27 +22,41 @@ def regressor(motion: Motion) -> FloatArray:
 def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
     """The solution of b dz/dt = height - z over the motion's own instants; the lag started on a ramp.
 
-    Between two instants the height u is the cubic through its values and rates. A polynomial input has the
-    particular solution z_p = u - b Du + b^2 D^2u - b^3 D^3u (D = d/dt), so that
-    z(t) = z_p(t) + (z(t_k) - z_p(t_k)) exp(-(t - t_k) / b) whatever the sampling. A lag that is not
-    positive has no such solution; there the linear form continues the function.
+    Between two instants the height is the cubic through its values u and rates v, for which with x = h / b
+
+        z_1 = exp(-x) z_0 + A u_0 + B u_1 + h (C v_0 + D v_1),   I_k = int_0^1 x exp(-x (1 - s)) s^k ds,
+        A = I_0 - 3 I_2 + 2 I_3,  B = 3 I_2 - 2 I_3,  C = I_1 - 2 I_2 + I_3,  D = I_3 - I_2,
+
+    whatever the sampling. For a lag that is not positive the linear form continues the function.
     """
     b = float(beta[0])
     if b <= 0.0 or len(motion) < 2:
         return plain + b * regressor(motion)[:, :, 0]
-    u, v = plain[:, 0], -motion.v_n[:, 2]
-    h = np.diff(motion.t)
-    slope = np.diff(u) / h
-    jerk = 6.0 * (v[1:] + v[:-1] - 2.0 * slope) / h**2
-    curvature_start = (6.0 * slope - 4.0 * v[:-1] - 2.0 * v[1:]) / h
-    curvature_end = (-6.0 * slope + 2.0 * v[:-1] + 4.0 * v[1:]) / h
-    start = u[:-1] - b * v[:-1] + b**2 * curvature_start - b**3 * jerk
-    end = u[1:] - b * v[1:] + b**2 * curvature_end - b**3 * jerk
-    decay = np.exp(-h / b)
+    u, v, h = plain[:, 0], -motion.v_n[:, 2], np.diff(motion.t)
+    I_0, I_1, I_2, I_3 = moments(h / b)
+    driven = (I_0 - 3.0 * I_2 + 2.0 * I_3) * u[:-1]
+    driven += (3.0 * I_2 - 2.0 * I_3) * u[1:]
+    driven += (I_1 - 2.0 * I_2 + I_3) * h * v[:-1]
+    driven += (I_3 - I_2) * h * v[1:]
     z = [float(u[0] - b * v[0])]
-    for first, last, kept in zip(start.tolist(), end.tolist(), decay.tolist(), strict=True):
-        z.append((z[-1] - first) * kept + last)
+    for kept, added in zip(np.exp(-h / b).tolist(), driven.tolist(), strict=True):
+        z.append(kept * z[-1] + added)
     return np.array(z)[:, None]
+
+
+def moments(x: FloatArray) -> tuple[FloatArray, ...]:
+    """I_k = int_0^1 x exp(-x (1 - s)) s^k ds for k = 0 to 3: I_k = 1 - k I_{k-1} / x, by its series where x < 1."""
+    recursive = [-np.expm1(-x)]
+    for k in (1, 2, 3):
+        recursive.append(1.0 - k * recursive[-1] / np.maximum(x, 1.0))
+    near = np.minimum(x, 1.0)
+    series = [np.zeros_like(x) for _ in range(4)]
+    term = near * np.exp(-near)
+    for j in range(SERIES_TERMS):
+        for k in range(4):
+            series[k] += term / (j + k + 1)
+        term = term * near / (j + 1)
+    return tuple(np.where(x < 1.0, series[k], recursive[k]) for k in range(4))
 
 
 EFFECT = Effect(

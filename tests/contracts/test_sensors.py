@@ -1,0 +1,185 @@
+"""One contract for every sensor model: Jacobian on the manifold, noise as declared, wrong shapes refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from experiments.scenarios import load_scenario
+from sensors.accelerometer import Accelerometer
+from sensors.arrays import FloatArray
+from sensors.barometer import Barometer
+from sensors.gps import BaseReceiver, Gps
+from sensors.gyroscope import Gyroscope
+from sensors.laser import Laser
+from sensors.level import Level
+from sensors.magnetometer import Magnetometer
+from sensors.model import SensorModel
+from sensors.motion import Motion
+from sensors.noise import random_walk
+from sensors.readings import model_of
+from sensors.rotation import quaternion_exp, quaternion_multiply
+from sensors.scenario import Scenario
+from sensors.simulate import simulate
+from sensors.sonar import Sonar
+
+FALSE_ALARM = 1e-3  # of each statistical test, with a fixed seed
+STEP = 1e-6  # of the central differences, in the state's own unit
+
+MODELS: dict[str, SensorModel] = {
+    "accel": Accelerometer(0.03, 0.1, 3e-4),
+    "gyro": Gyroscope(0.003, 0.01, 2e-5),
+    "mag": Magnetometer(0.005, 0.05, 1e-4),
+    "mag without bias": Magnetometer(0.005),
+    "baro": Barometer(0.3, 2.0, 0.02),
+    "baro without bias": Barometer(0.3),
+    "sonar": Sonar(0.03, 0.1, 0.01),
+    "sonar without bias": Sonar(0.03),
+    "laser": Laser(0.03),
+    "laser with bias": Laser(0.03, 0.1, 0.01),
+    "laser scan": Laser(0.03, 0.1, 0.0, np.deg2rad([-20.0, 0.0, 35.0])),
+    "gps": Gps(0.5, 0.1, 1.0, 0.05),
+    "gps position": Gps(0.5, None, 1.0, 0.05),
+    "gps without bias": Gps(0.5, 0.1),
+    "base": BaseReceiver(0.3),
+    "level": Level(1.0),
+}
+
+
+def motion() -> Motion:
+    """Five poses of a tilted body above the ground."""
+    rng = np.random.default_rng(4)
+    n = 5
+    return Motion(
+        t=np.arange(n, dtype=np.float64),
+        p_n=rng.normal(0.0, 3.0, (n, 3)) + np.array([0.0, 0.0, -12.0]),
+        v_n=rng.normal(0.0, 2.0, (n, 3)),
+        q_nb=quaternion_exp(rng.normal(0.0, 0.4, (n, 3))),
+        f_b=rng.normal(0.0, 3.0, (n, 3)),
+        w_ib_b=rng.normal(0.0, 1.0, (n, 3)),
+        m_n=np.array([[0.5, -0.06, 0.86]]),
+        ground_down=1.0,
+    )
+
+
+def moved(at: Motion, block: str, step: FloatArray) -> Motion:
+    """The motion with one block of the error state stepped: dtheta_b turns in the body."""
+    if block == "position":
+        return replace(at, p_n=at.p_n + step)
+    if block == "velocity":
+        return replace(at, v_n=at.v_n + step)
+    return replace(at, q_nb=quaternion_multiply(at.q_nb, quaternion_exp(step)))
+
+
+@pytest.fixture(params=MODELS, ids=lambda name: name.replace(" ", "_"))
+def model(request: pytest.FixtureRequest) -> SensorModel:
+    return MODELS[request.param]
+
+
+@pytest.mark.parametrize("block", ["position", "velocity", "attitude"])
+def test_the_jacobian_is_that_of_central_differences(model: SensorModel, block: str) -> None:
+    at = motion()
+    given = model.jacobian(at).get(block, np.zeros((len(at), model.size, 3)))
+    if model.name in ("accel", "gyro"):
+        assert block not in model.jacobian(at)  # drivers of the process: the motion's own f_b and w_ib_b
+        return
+    for axis in range(3):
+        step = STEP * np.eye(3)[axis]
+        change = model.predict(moved(at, block, step)) - model.predict(moved(at, block, -step))
+        np.testing.assert_allclose(given[:, :, axis], change / (2.0 * STEP), atol=1e-7)
+
+
+def test_the_bias_adds_to_the_reading(model: SensorModel) -> None:
+    blocks = model.jacobian(motion())
+    if model.bias is None:
+        assert not any(name.startswith("b_") for name in blocks) or model.name in ("level", "base")
+        return
+    H = blocks[model.bias.block]
+    assert H.shape == (5, model.size, model.bias.size)
+    expected = np.ones((model.size, 1)) if model.bias.size == 1 else np.eye(model.size, 3)
+    np.testing.assert_array_equal(H, np.broadcast_to(expected, H.shape))
+
+
+def test_shapes(model: SensorModel) -> None:
+    at = motion()
+    assert model.predict(at).shape == (len(at), model.size)
+    assert all(H.shape[:2] == (len(at), model.size) for H in model.jacobian(at).values())
+    assert model.R.shape == (model.size, model.size)
+
+
+def test_the_noise_is_positive_and_independent(model: SensorModel) -> None:
+    assert np.all(np.diag(model.R) > 0.0)
+    np.testing.assert_array_equal(model.R, np.diag(np.diag(model.R)))
+
+
+def test_a_bias_grows_as_its_walk(model: SensorModel) -> None:
+    if model.bias is None or model.bias.walk == 0.0:
+        return
+    rng, walks = np.random.default_rng(9), 400
+    t = np.array([0.0, 0.3, 2.0])
+    drawn = np.concatenate([random_walk(t, model.bias, rng) for _ in range(walks)], axis=1)
+    low, high = chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], drawn.shape[1])
+    grown = np.sum((drawn[2] - drawn[0]) ** 2) / (model.bias.walk**2 * 2.0)
+    start = np.sum(drawn[0] ** 2) / model.bias.std**2
+    assert low < grown < high
+    assert low < start < high
+
+
+@pytest.mark.parametrize("field", ["p_n", "v_n", "q_nb", "f_b", "w_ib_b"])
+def test_a_wrong_shape_raises(field: str) -> None:
+    """No model sees a motion of the wrong shape: the motion itself refuses it, and names what is wrong."""
+    at = motion()
+    with pytest.raises(ValueError, match=f"`{field}` has shape"):
+        replace(at, **{field: getattr(at, field)[:, :2]})
+
+
+def test_a_motion_of_another_length_raises() -> None:
+    at = motion()
+    with pytest.raises(ValueError, match="one row for each of `t`"):
+        replace(at, p_n=at.p_n[:3])
+
+
+def declared(scale: float) -> Scenario:
+    """A square with a base receiver, with no bias anywhere and the noise times `scale`."""
+    scenario = load_scenario("square")
+    base = load_scenario("base_receiver").sensors["base"]
+    sensors = {}
+    for name, entry in {**scenario.sensors, "base": base}.items():
+        values = {key: getattr(entry.spec, key) for key in ("noise_density", "noise_std", "velocity_noise_std")}
+        noise = {key: value * scale for key, value in values.items() if value is not None}
+        sensors[name] = replace(entry, spec=replace(entry.spec, bias_std=0.0, bias_walk=0.0, **noise))
+    return scenario.replace(sensors=sensors)
+
+
+STREAM_OF = {"accel": "imu", "gyro": "imu"}
+SIMULATED = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")
+
+
+def innovations(scale: float, name: str) -> tuple[FloatArray, SensorModel]:
+    """reading - predict(true motion), and the model."""
+    from sensors.readings import columns_of
+
+    scenario = declared(scale)
+    recording, _ = simulate(scenario, np.random.default_rng(21))
+    entry = scenario.sensors[name]
+    model = model_of(name, entry)
+    stream = recording.streams[STREAM_OF.get(name, name)]
+    at = scenario.trajectory().motion(stream.t)
+    place = np.array(entry.place) if name == "base" else 0.0
+    return stream.array(columns_of(name, model.size)) - place - model.predict(at), model
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_zero_noise_gives_zero_innovation(name: str) -> None:
+    nu, _ = innovations(0.0, name)
+    np.testing.assert_allclose(nu, 0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_the_simulated_variance_is_the_declared_one(name: str) -> None:
+    nu, model = innovations(1.0, name)
+    low, high = chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], nu.size)
+    assert low < np.sum(nu**2 / np.diag(model.R)) < high
