@@ -1,0 +1,352 @@
+"""Pseudoranges as a source of information and score: which effects the ranges of a receiver call for.
+
+About a fix with some effects modelled, the prefit residual of row i is, to first order,
+
+    r_i = u_i dp_k + dc_kg + s_j(t) + F_i x(t) + sum_e G_ie beta_e + n_i
+
+with position dp_k and clocks dc_kg of its epoch k, which are projected out, an error s_j of its satellite and a common
+error x of the ionosphere that is modelled. The latter two do not average down: they are Gauss-Markov processes that last
+half an hour, and a Kalman filter over blocks of time carries them along with its sensitivity to every candidate's beta
+(Friedland's separate-bias recursion), so that scores of different blocks are independent and add up.
+
+Most of these effects have a size that is known beforehand. The statistic asks whether beta is zero; an effect is only taken
+if the known size also fits better than none.
+
+Source: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108; B. Friedland, ibid. 14 (1969) 359.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.location import Location, sum_of
+from estimator.point_positioning import rectangle
+from estimator.score import Evidence, Statistic, statistic_of
+from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.constants import SPEED_OF_LIGHT
+from sensors.effects import pseudorange_satellite_fault
+from sensors.pseudorange import (
+    IONOSPHERE_RAY,
+    MODELLED,
+    Pseudoranges,
+    circumstances,
+    full_size,
+    ionosphere_left,
+    line_of_sight,
+)
+
+BLOCKS = 20  # of time
+LASTING = 1800.0  # s, correlation time of a satellite's error and of the modelled ionosphere's
+MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
+CODE_NOISE = 0.3  # m: noise and multipath that changes with time, (a^2 + a^2 / sin^2 E)
+MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
+#: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.
+#: 61 (2018) 3020); the accuracy that the message promises where that is worse than its usual value.
+SIGNAL_IN_SPACE: Mapping[str, float] = {"G": 0.6, "E": 0.25, "J": 0.6, "C": 1.1, "R": 1.9}
+USUAL_ACCURACY = 4.0  # m
+TROPOSPHERE_LEFT = 0.1  # 1, share of the zenith delay that weather changes; 2 cm dry and 20 cm wet at the most
+IONOSPHERE = "pseudorange.ionosphere"
+TROPOSPHERE = "pseudorange.troposphere"
+FAULT = pseudorange_satellite_fault.EFFECT
+
+
+@dataclass(frozen=True)
+class Called:
+    """An effect that the ranges call for.
+
+    Attributes
+    ----------
+    name, satellite : of the effect
+    statistic : evidence when it was taken
+    full : the size that is modelled from then on; a fault: the estimate
+    confused_with : effects that would have explained the same
+    interval : of a fault: seconds of the recording from its onset to the end
+    known_position : whether it took a known position to see it
+    """
+
+    name: str
+    satellite: str | None
+    statistic: Statistic
+    full: FloatArray
+    confused_with: tuple[str, ...]
+    interval: tuple[float, float] | None
+    known_position: bool
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Whitened rows of the linear problem with the nuisance of each epoch projected out.
+
+    Attributes
+    ----------
+    state : (n, satellites + 3) derivative by the satellites' errors and the common ionosphere
+    candidates : (n, p)
+    residual : (n,)
+    block : (n,) block of time
+    """
+
+    state: FloatArray
+    candidates: FloatArray
+    residual: FloatArray
+    block: IntArray
+
+
+def names_of(ranges: Pseudoranges, modelled: Sequence[str]) -> list[tuple[str, str | None]]:
+    """Candidates: every effect that is not modelled yet, and a fault of every satellite."""
+    known = [(name, None) for name in MODELLED if name not in modelled]
+    return [*known, *((FAULT.name, satellite) for satellite in np.unique(ranges.satellite).tolist())]
+
+
+def key_of(name: str, satellite: str | None) -> str:
+    """How the evidence calls a candidate."""
+    return name if satellite is None else f"{name}@{satellite}"
+
+
+def evidence(
+    location: Location,
+    position: FloatArray,
+    candidates: Sequence[tuple[str, str | None]],
+    keep: BoolArray,
+    *,
+    known: bool = False,
+    onset: float = 0.0,
+) -> Evidence:
+    """Information and score of the candidates about a fix, by block of time.
+
+    Parameters
+    ----------
+    location : the fix and what it models
+    position : (epochs, 3) where to linearise, ECEF [m]; NaN leaves an epoch out
+    candidates : names and satellites
+    keep : (n,) rows that take part
+    known : the position is known: only the clocks are projected out
+    onset : start of the satellite faults [s of the recording]
+    """
+    rows = np.flatnonzero(keep & np.isfinite(position[location.ranges.epoch, 0]))
+    columns = linearise(location, position, candidates, rows, known, onset)
+    sizes = tuple(2 if satellite else 1 for _, satellite in candidates)
+    variance = state_variance(location, position, rows)
+    span = float(np.ptp(location.ranges.t)) if len(location.ranges.t) > 1 else 0.0
+    information, score = filter_blocks(columns, variance, np.exp(-span / BLOCKS / LASTING))
+    plausible = np.concatenate([(FAULT if satellite else MODELLED[name]).plausible for name, satellite in candidates])
+    return Evidence(tuple(key_of(*candidate) for candidate in candidates), sizes, information, score, plausible)
+
+
+def linearise(
+    location: Location,
+    position: FloatArray,
+    candidates: Sequence[tuple[str, str | None]],
+    rows: IntArray,
+    known: bool,
+    onset: float,
+) -> Columns:
+    """Whiten the rows and project position and clocks of each epoch out of them."""
+    ranges = location.ranges.rows(rows)
+    motion = circumstances(ranges, np.where(np.isfinite(position), position, 1e7))
+    distance, direction = line_of_sight(ranges.position, position[ranges.epoch])
+    residual = ranges.value + SPEED_OF_LIGHT * ranges.clock - distance
+    residual = residual - (sum_of(motion, location.effects) if location.effects else 0.0)
+    clocks = np.eye(len(location.clock_names))[location.clock_group[rows]]
+    nuisance = clocks if known else np.hstack([direction, clocks])
+    state = satellite_columns(location.ranges, ranges)
+    common = np.zeros((len(rows), 3))
+    if IONOSPHERE in location.effects:
+        common = ionosphere_left(motion, sum_of(motion, [IONOSPHERE]))
+    late = np.where(motion.covariates["elapsed"] >= onset, 1.0, 0.0)
+    columns = []
+    for name, satellite in candidates:
+        if satellite is None:
+            columns.append(MODELLED[name].regressor(motion)[:, 0])
+            continue
+        faulty = motion.with_covariates(
+            faulty=(ranges.satellite == satellite) * late, elapsed=motion.covariates["elapsed"] - onset
+        )
+        columns.append(FAULT.regressor(faulty)[:, 0])
+    whitening = 1.0 / np.sqrt(changing_variance(ranges, motion.covariates["elevation"]))
+    everything = np.hstack([state, common, *columns, residual[:, None]]) * whitening[:, None]
+    free = project_out(everything, nuisance * whitening[:, None], ranges.epoch, len(ranges.t))
+    m = state.shape[1] + 3
+    return Columns(free[:, :m], free[:, m:-1], free[:, -1], blocks_of(ranges))
+
+
+def satellite_columns(all_ranges: Pseudoranges, ranges: Pseudoranges) -> FloatArray:
+    """(n, satellites) one where the row is the satellite's."""
+    names = np.unique(all_ranges.satellite)
+    return np.asarray(ranges.satellite[:, None] == names[None, :], dtype=np.float64)
+
+
+def blocks_of(ranges: Pseudoranges) -> IntArray:
+    """(n,) number of the block of time of each row."""
+    span = max(float(np.ptp(ranges.t)), 1e-9)
+    return np.minimum((ranges.time - ranges.t[0]) / span * BLOCKS, BLOCKS - 1).astype(np.int64)
+
+
+def changing_variance(ranges: Pseudoranges, elevation: FloatArray) -> FloatArray:
+    """(n,) variance of what is new in a row [m^2]: code errors that last a minute count once in a minute."""
+    interval = float(np.median(np.diff(ranges.t))) if len(ranges.t) > 1 else MULTIPATH_TIME
+    sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
+    return np.asarray(CODE_NOISE**2 * (1.0 + 1.0 / sine**2) * max(1.0, MULTIPATH_TIME / interval))
+
+
+def state_variance(location: Location, position: FloatArray, rows: IntArray) -> FloatArray:
+    """(satellites + 3,) variance of each satellite's lasting error [m^2], and one for each column of the ionosphere."""
+    ranges = location.ranges.rows(rows)
+    motion = circumstances(ranges, np.where(np.isfinite(position), position, 1e7))
+    sine = np.sin(np.maximum(motion.covariates["elevation"], np.deg2rad(5.0)))
+    space = np.array([SIGNAL_IN_SPACE[system] for system in ranges.system.tolist()])
+    variance = np.where(ranges.accuracy > USUAL_ACCURACY, np.maximum(space, ranges.accuracy), space) ** 2
+    variance = variance + (MULTIPATH / sine) ** 2
+    if IONOSPHERE in location.effects:
+        variance = variance + (IONOSPHERE_RAY * sum_of(motion, [IONOSPHERE])) ** 2
+    if TROPOSPHERE in location.effects:
+        variance = variance + (TROPOSPHERE_LEFT / sine) ** 2
+    column = satellite_columns(location.ranges, ranges)
+    mean = (column.T @ variance) / np.maximum(column.sum(axis=0), 1.0)
+    return np.concatenate([mean, np.ones(3)])
+
+
+def project_out(X: FloatArray, A: FloatArray, epoch: IntArray, epochs: int) -> FloatArray:
+    """X less what the columns A explain of it, epoch by epoch."""
+    shape = rectangle(epoch, epochs)
+    A_k, X_k = shape.spread(A), shape.spread(X)
+    N = np.swapaxes(A_k, 1, 2) @ A_k
+    right = np.swapaxes(A_k, 1, 2) @ X_k
+    return shape.rows(X_k - A_k @ (np.linalg.pinv(N, rcond=1e-10, hermitian=True) @ right))
+
+
+def filter_blocks(columns: Columns, variance: FloatArray, persistence: float) -> tuple[FloatArray, FloatArray]:
+    """Kalman filter over the blocks with the sensitivity of its innovations to beta.
+
+    V <- f V,  S_beta = G + H V,  Lambda_k = S_beta' S^-1 S_beta,  b_k = S_beta' S^-1 nu,  V <- V - K S_beta
+
+    Parameters
+    ----------
+    columns : whitened rows
+    variance : (m,) stationary variance of the states
+    persistence : f, share of a state that lasts to the next block
+
+    Returns
+    -------
+    (blocks, p, p) and (blocks, p)
+    """
+    m, p = columns.state.shape[1], columns.candidates.shape[1]
+    P, x, V = np.diag(variance), np.zeros(m), np.zeros((m, p))
+    information, score = np.zeros((BLOCKS, p, p)), np.zeros((BLOCKS, p))
+    for k in range(BLOCKS):
+        inside = columns.block == k
+        if not inside.any():
+            continue
+        stacked = np.hstack([columns.state[inside], columns.candidates[inside], columns.residual[inside, None]])
+        R = np.linalg.qr(stacked, mode="r") if len(stacked) > stacked.shape[1] else stacked
+        H, G, z = R[:, :m], R[:, m:-1], R[:, -1]
+        PH = P @ H.T
+        S = H @ PH + np.eye(len(H))
+        S_beta, nu = G + H @ V, z - H @ x
+        solved = np.linalg.solve(S, np.column_stack([S_beta, nu, PH.T]))
+        information[k], score[k] = S_beta.T @ solved[:, :p], S_beta.T @ solved[:, p]
+        x = persistence * (x + PH @ solved[:, p])
+        V = persistence * (V - PH @ solved[:, :p])
+        P = P - PH @ solved[:, p + 1 :]
+        P = persistence**2 * 0.5 * (P + P.T) + (1.0 - persistence**2) * np.diag(variance)
+    return information, score
+
+
+def part_of(found: Evidence, fitting: bool) -> Evidence:
+    """The evidence of the first two thirds of the blocks, or of all."""
+    last = 2 * BLOCKS // 3 if fitting else BLOCKS
+    return replace(found, information=found.information[:last], score=found.score[:last])
+
+
+def gain(found: Evidence, key: str, full: FloatArray) -> float:
+    """Drop of -2 log L by the effect at its known size: 2 b' beta - beta' Lambda beta."""
+    i = found.columns(key)
+    b, L = found.total_score[i], found.total_information[np.ix_(i, i)]
+    return float(2.0 * b @ full - full @ L @ full)
+
+
+def full_sizes(location: Location, position: FloatArray) -> dict[str, FloatArray]:
+    """The size of each effect that is known beforehand, as the mean over the recording."""
+    rows = np.isfinite(position[location.ranges.epoch, 0])
+    motion = circumstances(location.ranges.rows(rows), np.where(np.isfinite(position), position, 1e7))
+    return {name: np.array([float(np.mean(full_size(name, motion)))]) for name in MODELLED}
+
+
+def next_effect(
+    location: Location,
+    position: FloatArray,
+    keep: BoolArray,
+    alpha: float,
+    *,
+    known: bool = False,
+    fitting: bool = False,
+    refused: Sequence[str] = (),
+) -> tuple[Called | None, list[Statistic], Evidence]:
+    """The strongest effect that passes at family-wise error alpha, and the statistics of all candidates.
+
+    A fault competes with the others on the same terms; its onset is searched once its satellite is named.
+    """
+    there = location.ranges.rows(keep)
+    candidates = [c for c in names_of(there, location.effects) if key_of(*c) not in refused]
+    found = part_of(evidence(location, position, candidates, keep, known=known), fitting)
+    statistics = [statistic_of(found, key_of(*candidate)) for candidate in candidates]
+    full = full_sizes(location, position)
+    threshold = alpha / len(candidates)
+    passing = []
+    for (name, satellite), statistic in zip(candidates, statistics, strict=True):
+        fits = satellite is not None or gain(found, name, full[name]) > 0.0
+        if statistic.p_value < threshold and fits:
+            passing.append((statistic.log_p_corrected, name, satellite, statistic))
+    if not passing:
+        return None, statistics, found
+    _, name, satellite, statistic = min(passing, key=lambda entry: entry[0])
+    interval = None
+    if satellite is not None:
+        interval, statistic = onset_of(location, position, satellite, keep, known, fitting, statistic)
+    rivals = () if satellite is not None else rivals_of(found, name, full, threshold, passing)
+    size = statistic.beta if satellite is not None else full[name]
+    return Called(name, satellite, statistic, size, rivals, interval, known), statistics, found
+
+
+def rivals_of(
+    found: Evidence,
+    name: str,
+    full: Mapping[str, FloatArray],
+    threshold: float,
+    passing: Sequence[tuple[float, str, str | None, Statistic]],
+) -> tuple[str, ...]:
+    """Effects that explain the same nearly as well: given either one, nothing calls for the other."""
+    best = gain(found, name, full[name])
+    rivals = []
+    for _, other, satellite, _ in passing:
+        if satellite is not None or other == name or gain(found, other, full[other]) < best - 10.0:
+            continue
+        if min(statistic_of(found, name, [other]).p_value, statistic_of(found, other, [name]).p_value) > threshold:
+            rivals.append(other)
+    return tuple(rivals)
+
+
+def onset_of(
+    location: Location,
+    position: FloatArray,
+    satellite: str,
+    keep: BoolArray,
+    known: bool,
+    fitting: bool,
+    whole: Statistic,
+) -> tuple[tuple[float, float], Statistic]:
+    """Interval and statistic of a fault: the onset among the starts of the blocks that explains most."""
+    t = location.ranges.t
+    span = float(np.ptp(t))
+    best, start = whole, 0.0
+    for k in range(1, BLOCKS - 1):
+        onset = span * k / BLOCKS
+        here = part_of(
+            evidence(location, position, [(FAULT.name, satellite)], keep, known=known, onset=onset), fitting
+        )
+        statistic = statistic_of(here, key_of(FAULT.name, satellite))
+        if statistic.statistic > best.statistic:
+            best, start = statistic, onset
+    return (float(start), span), best
