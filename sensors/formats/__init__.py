@@ -74,7 +74,10 @@ def _poses_of_matlab(path: Path) -> Recording:
         shape = " x ".join(str(n) for n in array.shape)
         raise InputError(path, f"an array of {shape or 'no size'}", "3 x n or n x 3", f"variable {name}")
     rows = array.T if array.shape[0] == 3 else array
-    stream = Stream(np.arange(len(rows), dtype=np.float64), dict(zip(POSE_VARIABLES[name], np.ascontiguousarray(rows.T), strict=True)))
+    stream = Stream(
+        np.arange(len(rows), dtype=np.float64),
+        dict(zip(POSE_VARIABLES[name], np.ascontiguousarray(rows.T), strict=True)),
+    )
     recording = Recording(path.stem, "poses", {"poses": stream}, source=str(path))
     check_units(recording)
     return recording

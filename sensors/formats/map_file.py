@@ -64,17 +64,19 @@ class Clock:
     Attributes
     ----------
     column : of the time; empty: the rows are counted
-    rate : of the counted rows [Hz]
+    rate : of the rows that are counted, or that the column counts [Hz]; None: the column is a time
     unit : of the column, a key of `UNITS["time"]`
     zero : what the log's clock shows at t = 0, in its own unit
     wrap : the value at which the log's clock starts again from 0, in its own unit; None: never
+    even : the stamps are those of a link that delivers in bursts: the rows lie evenly on the line fitted to them
     """
 
     column: str = ""
-    rate: float = 1.0
+    rate: float | None = None
     unit: str = "s"
     zero: float = 0.0
     wrap: float | None = None
+    even: bool = False
 
 
 @dataclass(frozen=True)
@@ -303,16 +305,21 @@ def _clock(table: Table, name: str) -> Clock:
         return Clock(column=str(value))
     if value is None:
         if name == "poses":
-            return Clock()
-        raise table.error("time", "no such key", 'the column of the time, as "t" or {column = "t", unit = "ms"}, or {rate = 100}')
+            return Clock(rate=1.0)
+        raise table.error(
+            "time", "no such key", 'the column of the time, as "t" or {column = "t", unit = "ms"}, or {rate = 100}'
+        )
     clock = table.table("time")
     column = _names(clock, "column", 1)[0] if "column" in clock else ""
     rate = clock.number("rate", above=0.0)
     unit = clock.text("unit", tuple(UNITS["time"])) or "s"
-    result = Clock(column, rate or 1.0, unit, clock.number("zero") or 0.0, clock.number("wrap", above=0.0))
+    zero, wrap, even = clock.number("zero") or 0.0, clock.number("wrap", above=0.0), clock.flag("even") or False
+    result = Clock(column, rate, unit, zero, wrap, even)
     clock.done()
-    if bool(column) == (rate is not None):
-        raise table.wrong("time", "either a column or a rate [Hz]")
+    if not column and rate is None:
+        raise table.wrong("time", "a column, or a rate [Hz] at which rows are counted")
+    if rate is not None and "unit" in clock.data:
+        raise table.wrong("time", "a unit, or a rate [Hz], not both")
     return result
 
 
@@ -383,7 +390,9 @@ def _axes(table: Table) -> FloatArray | None:
     value = table.get("axes")
     if value is None:
         return None
-    expected = 'three of x, y, z with a sign, as ["y", "x", "-z"], or three rows of three numbers, that can be turned back'
+    expected = (
+        'three of x, y, z with a sign, as ["y", "x", "-z"], or three rows of three numbers, that can be turned back'
+    )
     if not isinstance(value, list) or len(value) != 3:
         raise table.wrong("axes", expected)
     rows = [_axis(entry) if isinstance(entry, str) else entry for entry in value]

@@ -111,7 +111,9 @@ class _Log:
         if name not in columns:
             names = ", ".join(columns)
             there = names if len(names) < 400 else names[:400] + " ..."
-            raise InputError(self.rules.path, f"column `{name}`, which {self._file(file)} has not", f"one of {there}", key)
+            raise InputError(
+                self.rules.path, f"column `{name}`, which {self._file(file)} has not", f"one of {there}", key
+            )
         return columns[name]
 
     def _file(self, file: str) -> str:
@@ -205,15 +207,22 @@ def _attitude(quantity: Quantity, q: FloatArray) -> FloatArray:
 
 def _time(log: _Log, clock: Clock, file: str, n: int, place: str) -> FloatArray:
     """(n,) time of the rows [s]: from a column, or counted."""
-    factor = UNITS["time"][clock.unit][0]
+    factor = UNITS["time"][clock.unit][0] if clock.rate is None else 1.0 / clock.rate
     if not clock.column:
-        return np.arange(n) / clock.rate - factor * clock.zero
+        return (np.arange(n) - clock.zero) * factor
     shown = log.column(file, clock.column, f"{place} time")
     if len(shown) != n:
         raise InputError(log.rules.path, f"{len(shown)} times for {n} rows", "one length", f"{place} time")
     if clock.wrap is not None:
         shown = shown + clock.wrap * np.concatenate([[0.0], np.cumsum(np.diff(shown) < -0.5 * clock.wrap)])
-    return (shown - clock.zero) * factor
+    t = (shown - clock.zero) * factor
+    return _evenly(t) if clock.even and n > 1 and np.all(np.isfinite(t)) else t
+
+
+def _evenly(t: FloatArray) -> FloatArray:
+    """(n,) the line fitted to the stamps over the row index, by least squares."""
+    k = np.arange(len(t)) - 0.5 * (len(t) - 1)
+    return t.mean() + k * (k @ t) / (k @ k)
 
 
 def _rows(

@@ -71,10 +71,16 @@ def _read_5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a name given twice: the last one counts, as in MATLAB
-            loaded = scipy.io.loadmat(path, variable_names=names, struct_as_record=True, verify_compressed_data_integrity=True)
+            loaded = scipy.io.loadmat(
+                path, variable_names=names, struct_as_record=True, verify_compressed_data_integrity=True
+            )
     except Exception as error:  # scipy raises whatever its parser meets in a damaged file
         raise InputError(path, f"{type(error).__name__}: {error}", "a whole MATLAB 5 file") from None
-    return {name: loaded[name] for name in names if isinstance(loaded.get(name), np.ndarray) and loaded[name].dtype.kind in "fiub"}
+    return {
+        name: loaded[name]
+        for name in names
+        if isinstance(loaded.get(name), np.ndarray) and loaded[name].dtype.kind in "fiub"
+    }
 
 
 def _numeric_variables(path: Path, data: bytes, order: str) -> list[str]:
@@ -83,7 +89,9 @@ def _numeric_variables(path: Path, data: bytes, order: str) -> list[str]:
     position, unfolded = 128, 0
     while position < len(data):
         if position + 8 > len(data):
-            raise InputError(path, f"{len(data) - position} bytes after the last element", "an element", f"byte {position}")
+            raise InputError(
+                path, f"{len(data) - position} bytes after the last element", "an element", f"byte {position}"
+            )
         kind, size = struct.unpack_from(order + "II", data, position)
         end = position + 8 + size
         if end > len(data):
@@ -134,7 +142,9 @@ def _matrix_name(path: Path, body: bytes, order: str, position: int) -> str:
         if len(parts) == 0 and (size != 8 or body[at + 8 + (0 if order == "<" else 3)] not in _NUMERIC):
             return ""
         if start + size > len(body):
-            raise InputError(path, f"a part of {size} bytes in an array of {len(body)}", "a part that fits", f"byte {position}")
+            raise InputError(
+                path, f"a part of {size} bytes in an array of {len(body)}", "a part that fits", f"byte {position}"
+            )
         parts.append((kind, body[start : start + size]))
         at += step
     if len(parts) < 4 or len(parts[1][1]) % 4 or parts[0][1][1 if order == "<" else 2] & _COMPLEX_FLAG:
@@ -175,7 +185,8 @@ def _read_hdf5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
 def columns_of(arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Variables as columns: `name` for a vector, `name.1` to `name.k` for a matrix with one reading a row or a column.
 
-    The longer side is the readings; a square matrix has one reading a column.
+    The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also "1" to
+    "k".
     """
     columns: dict[str, FloatArray] = {}
     for name, array in arrays.items():
@@ -184,4 +195,6 @@ def columns_of(arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
         elif array.ndim == 2:
             rows = array if array.shape[1] >= array.shape[0] else array.T
             columns.update({f"{name}.{k + 1}": np.ascontiguousarray(row) for k, row in enumerate(rows)})
+            if len(arrays) == 1:
+                columns.update({f"{k + 1}": columns[f"{name}.{k + 1}"] for k in range(len(rows))})
     return columns

@@ -82,11 +82,15 @@ def reference_ulog(path: Path) -> Stream | None:
         return None
     names = {column: f"q[{k}]" for k, column in enumerate(("qw", "qx", "qy", "qz"))}
     stream = _columns(topics, "vehicle_attitude", names)
-    recording_start = min(float(s.t[0]) for s in (_imu(topics), _mag(topics), _baro(topics), _gps(topics)) if s is not None)
+    recording_start = min(
+        float(s.t[0]) for s in (_imu(topics), _mag(topics), _baro(topics), _gps(topics)) if s is not None
+    )
     return None if stream is None else Stream(stream.t - recording_start, stream.columns)
 
 
-def _columns(topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str], clock: str = "timestamp") -> Stream | None:
+def _columns(
+    topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str], clock: str = "timestamp"
+) -> Stream | None:
     """Some fields of a topic as a stream; None where one is missing. A repeated time stamp counts once."""
     wanted = [f"{topic}.{field}" for field in (clock, *names.values())]
     if any(name not in topics for name in wanted):
@@ -114,7 +118,13 @@ def _baro(topics: Mapping[str, FloatArray]) -> Stream | None:
 
 def _range(topics: Mapping[str, FloatArray], kind: int) -> Stream | None:
     """Downward ranges of one kind of sensor within its own limits: beyond them there was no echo."""
-    names = {"range": "current_distance", "low": "min_distance", "high": "max_distance", "kind": "type", "facing": "orientation"}
+    names = {
+        "range": "current_distance",
+        "low": "min_distance",
+        "high": "max_distance",
+        "kind": "type",
+        "facing": "orientation",
+    }
     stream = _columns(topics, "distance_sensor", names)
     if stream is None:
         return None

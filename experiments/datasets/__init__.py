@@ -1,0 +1,10 @@
+"""Measured data sets: what is known of each, where it is, and the maps that read its logs.
+
+A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads which file) and the maps. Code never knows
+one set from another.
+"""
+
+from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
+from experiments.datasets.resolve import convert, reference_of, resolve
+
+__all__ = ["DataFile", "Dataset", "convert", "dataset_names", "load_dataset", "reference_of", "resolve"]

@@ -1,0 +1,144 @@
+"""From what a user types to a recording: a path, or the name of a log of a data set."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from experiments.datasets.registry import Dataset, dataset_names, load_dataset
+from sensors.errors import InputError
+from sensors.recording import Recording, Stream
+
+#: Environment variable that names a folder with the data sets.
+DATA_VARIABLE = "SINAN_DATA"
+_CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def resolve(text: str, map_file: Path | None = None) -> Recording:
+    """The recording that a command's INPUT names.
+
+    Parameters
+    ----------
+    text : a path; else DATASET/FILE, looked for in $SINAN_DATA, in ../shared/data beside the checkout and beside the
+        current folder, and in the cache of `sinan fetch`; its kept map is applied
+    map_file : the map of a log that is named by its path
+
+    Raises
+    ------
+    InputError : says what was found and what would do
+    """
+    from sensors.formats import open_log
+
+    if Path(text).exists() or map_file is not None:
+        return open_log(Path(text), map_file)
+    path, kept = locate(text)
+    return open_log(path, kept).replace(source=text)
+
+
+def reference_of(text: str, map_file: Path | None = None) -> Stream | None:
+    """What the recording of `resolve` may be scored against, for scoring alone: its truth, or what its map calls one.
+
+    Columns as in `truth.csv`; None where there is none.
+    """
+    from sensors.formats.columns import content_of
+    from sensors.formats.plain import TRUTH_FILE, read_truth
+
+    path, kept = (Path(text), map_file) if Path(text).exists() else locate(text)
+    if kept is not None:
+        from sensors.formats.map_file import read_map
+        from sensors.formats.mapped import read_reference
+
+        rules = read_map(kept)
+        origin = resolve(text, map_file).origin if rules.reference else None
+        return read_reference(path, rules, origin) if rules.reference else None
+    if path.is_dir():
+        return read_truth(path) if (path / TRUTH_FILE).is_file() else None
+    if content_of(path) == "ulog":
+        from sensors.formats.ulog import reference_ulog
+
+        return reference_ulog(path)
+    return None
+
+
+def convert(text: str, folder: Path, map_file: Path | None = None) -> Recording:
+    """Write any readable log as a plain recording; the truth of a plain one goes with it.
+
+    Raises
+    ------
+    InputError : what `resolve` finds wrong; the folder is the log itself or cannot be written
+    """
+    from sensors.formats.plain import TRUTH_FILE, read_truth, write_recording
+
+    source = Path(text)
+    if source.exists() and source.resolve() == Path(folder).resolve():
+        raise InputError(folder, "the log itself", "another folder")
+    recording = resolve(text, map_file)
+    truth = read_truth(source) if (source / TRUTH_FILE).is_file() else None
+    write_recording(recording, Path(folder), truth)
+    return recording
+
+
+def data_roots() -> Iterator[Path]:
+    """The folders in which data sets are looked for, in order."""
+    named = os.environ.get(DATA_VARIABLE)
+    if named:
+        yield Path(named)
+    yield _CHECKOUT.parent / "shared" / "data"
+    yield Path.cwd().parent / "shared" / "data"
+    yield cache_folder()
+
+
+def cache_folder() -> Path:
+    """Where `sinan fetch` keeps what it gets."""
+    import pooch
+
+    return Path(pooch.os_cache("sinan"))
+
+
+def locate(text: str) -> tuple[Path, Path | None]:
+    """The path of a data set's log, checked against its checksum, and the map that reads it.
+
+    Raises
+    ------
+    InputError : neither a path nor a known log; the data set is not there; a file with another checksum
+    """
+    dataset, name = _split(text)
+    log = _log_name(text, dataset, name)
+    file = log.split("#")[0]
+    for root in data_roots():
+        path = root / dataset.folder / file
+        if path.exists():
+            for part in dataset.files_of(file):
+                part.check(root / dataset.folder / part.name)
+            return path, dataset.map_of(log)
+    raise InputError(text, "not there", f"`sinan fetch {dataset.name}`, or {DATA_VARIABLE}=FOLDER of a local mirror")
+
+
+def _split(text: str) -> tuple[Dataset, str]:
+    """The data set that a text begins with, by its name or folder, and the rest of the text."""
+    for name in dataset_names():
+        dataset = load_dataset(name)
+        for prefix in (dataset.folder, dataset.name):
+            if text == prefix or text.startswith(prefix + "/"):
+                return dataset, text[len(prefix) + 1 :]
+    raise InputError(
+        text, "no such file, folder or data set", "a log, or DATASET/FILE of " + ", ".join(dataset_names())
+    )
+
+
+def _log_name(text: str, dataset: Dataset, name: str) -> str:
+    """The full name of a log, which may be given by its end where that is unique."""
+    logs = dataset.logs()
+    if name in logs:
+        return name
+    ends = [log for log in logs if name and log.endswith("/" + name)]
+    if len(ends) == 1:
+        return ends[0]
+    if name in dataset.files:
+        raise InputError(
+            text, "a file without a map: it holds nothing that a recording has", "one of " + ", ".join(logs)
+        )
+    raise InputError(
+        text, "no log of that name" if name else "a data set", f"{dataset.name}/FILE with one of " + ", ".join(logs)
+    )
