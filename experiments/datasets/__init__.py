@@ -1,7 +1,7 @@
 """Measured data sets: what is known of each, where it is, and the maps that read its logs.
 
-A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads which file) and the maps. Code never knows
-one set from another.
+A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads which file) and the maps. Code never
+knows one set from another.
 """
 
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset

@@ -58,7 +58,7 @@ def _poses_of_matlab(path: Path) -> Recording:
     """Poses of the one variable whose name says what it is; readings as they are, row index as time."""
     import numpy as np
 
-    from sensors.formats.matlab import columns_of, read_matlab
+    from sensors.formats.matlab import read_matlab
     from sensors.formats.plausible import check_units
 
     arrays = read_matlab(path)

@@ -11,6 +11,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.formats import dataflash, matlab, mwlog, ubx, ulog
@@ -65,7 +67,8 @@ def content_of(path: Path) -> str:
     if not head:
         return "empty"
     magics = {
-        mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog.MAGIC: "ulog", ubx.MAGIC: "ubx", _ZIP: "zip", _GZIP: "gzip",
+        mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog.MAGIC: "ulog", ubx.MAGIC: "ubx",
+        _ZIP: "zip", _GZIP: "gzip",
     }  # fmt: skip
     for magic, content in magics.items():
         if head.startswith(magic):
@@ -119,14 +122,7 @@ def _read_text(path: Path, content: str, options: FileOptions, wanted: Collectio
     columns = table.read(present)
     if columns is None:
         raise table.culprit(present)[1]
-    return columns | {name: columns.get(name, _not_read()) for name in names if name not in columns}
-
-
-def _not_read() -> FloatArray:
-    """Stands for a column that nobody asked for."""
-    import numpy as np
-
-    return np.empty(0)
+    return columns | {name: np.empty(0) for name in names if name not in columns}
 
 
 def _text_bytes(path: Path, content: str, options: FileOptions) -> bytes:

@@ -1,9 +1,8 @@
-"""The map: a TOML file that says how a log is to be read, and nothing else. `docs/formats.md` is its manual."""
+"""Reads a map: the TOML file that says how a log is to be read, and nothing else. `docs/formats.md` is its manual."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
@@ -11,169 +10,21 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.formats.columns import DELIMITERS, FileOptions
-from sensors.formats.header import Header, read_header
+from sensors.formats.header import read_header
+from sensors.formats.map_rules import (
+    DROPS,
+    QUANTITIES,
+    REFERENCE_QUANTITIES,
+    Clock,
+    Keep,
+    Map,
+    Quantity,
+    StreamMap,
+)
 from sensors.formats.records import TYPES, RecordLayout
 from sensors.formats.toml_table import Table, load_toml
 from sensors.formats.units import COUNT, UNITS
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Kind
-
-#: What a stream may hold: the columns that a quantity becomes, and what it is (a key of `UNITS`).
-QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
-    "imu": {"accel": (ACCEL, "acceleration"), "gyro": (GYRO, "rate"), "temperature": (("temperature",), "temperature")},
-    "mag": {"mag": (MAG, "field"), "temperature": (("temperature",), "temperature")},
-    "baro": {
-        "height": (("height",), "length"),
-        "pressure": (("pressure",), "pressure"),
-        "temperature": (("temperature",), "temperature"),
-    },
-    "sonar": {"range": (("range",), "length"), "temperature": (("temperature",), "temperature")},
-    "laser": {"range": (("range",), "length")},
-    "gps": {
-        "latitude": (("latitude",), "degrees"),
-        "longitude": (("longitude",), "degrees"),
-        "height": (("height",), "length"),
-        "position": (POSITION, "length"),
-        "velocity": (VELOCITY, "speed"),
-    },
-    "power": {"current": (("current",), "current"), "voltage": (("voltage",), "voltage")},
-    "motors": {"motor": ((), "ratio")},
-    "air": {
-        "airspeed": (("airspeed",), "speed"),
-        "wind": (("wind_north", "wind_east"), "speed"),
-        "temperature": (("temperature",), "temperature"),
-    },
-    "poses": {
-        "accel": (ACCEL, "acceleration"),
-        "mag": (MAG, "field"),
-        "temperature": (("temperature",), "temperature"),
-    },
-}
-REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
-    **QUANTITIES["gps"],
-    "quaternion": (("qw", "qx", "qy", "qz"), "number"),
-    "roll_pitch_yaw": (("roll", "pitch", "yaw"), "angle"),
-    "roll_pitch": (("roll", "pitch"), "angle"),
-}
-DROPS = ("repeated time", "held value", "not finite", "zeros")
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Where the time of a stream comes from.
-
-    Attributes
-    ----------
-    column : of the time; empty: the rows are counted
-    rate : of the rows that are counted, or that the column counts [Hz]; None: the column is a time
-    unit : of the column, a key of `UNITS["time"]`
-    zero : what the log's clock shows at t = 0, in its own unit
-    wrap : the value at which the log's clock starts again from 0, in its own unit; None: never
-    even : the stamps are those of a link that delivers in bursts: the rows lie evenly on the line fitted to them
-    """
-
-    column: str = ""
-    rate: float | None = None
-    unit: str = "s"
-    zero: float = 0.0
-    wrap: float | None = None
-    even: bool = False
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """Some columns of a log that are one measured quantity, and the way to its SI value in the body's axes.
-
-    value = axes @ (unit * ((reading + offset) / scale - zero) / per_unit), with undo = {offset, scale}, counts =
-    {zero, per_unit}.
-
-    Attributes
-    ----------
-    outputs : the columns of the stream that it becomes
-    columns : of the log, as many as outputs
-    file : of the map that holds them; empty: the stream's
-    factor, shift : to SI
-    undo_offset, undo_scale, zero, per_unit : see above, each one number or one a column
-    axes : (3, 3) or None
-    polar : columns are speed, course [deg] and down: velocity in NED
-    enu : a vector in east, north, up; a quaternion into east-north-up
-    inverse : a quaternion from the world into the sensor, to be turned round
-    """
-
-    outputs: tuple[str, ...]
-    columns: tuple[str, ...]
-    file: str = ""
-    factor: float = 1.0
-    shift: float = 0.0
-    undo_offset: FloatArray = field(default_factory=lambda: np.zeros(1))
-    undo_scale: FloatArray = field(default_factory=lambda: np.ones(1))
-    zero: FloatArray = field(default_factory=lambda: np.zeros(1))
-    per_unit: FloatArray = field(default_factory=lambda: np.ones(1))
-    axes: FloatArray | None = None
-    polar: bool = False
-    enu: bool = False
-    inverse: bool = False
-
-
-@dataclass(frozen=True)
-class Keep:
-    """Which rows count: those where a column lies strictly between two bounds, or equals a value."""
-
-    column: str
-    above: float = -np.inf
-    below: float = np.inf
-    equals: float | None = None
-
-
-@dataclass(frozen=True)
-class StreamMap:
-    """One stream of the recording.
-
-    Attributes
-    ----------
-    name : of the stream, or "reference"
-    file : that holds it
-    clock : its time
-    quantities : what it measures, by name
-    keep : rows that count; all conditions have to hold
-    drop : what is left out, of `DROPS`
-    skip_rows : at the beginning
-    align : "rows" where quantities of several files share their rows, "interpolate" where they are brought to the rows of
-        the first
-    """
-
-    name: str
-    file: str
-    clock: Clock
-    quantities: Mapping[str, Quantity]
-    keep: tuple[Keep, ...] = ()
-    drop: tuple[str, ...] = ()
-    skip_rows: int = 0
-    align: str = "rows"
-
-
-@dataclass(frozen=True)
-class Map:
-    """How a log is read.
-
-    Attributes
-    ----------
-    path : of the map, for messages
-    kind, name : of the recording; an empty name is the log's
-    header : what the map declares of origin, environment and noise
-    files : by name; the log itself is `""`
-    streams : of the recording
-    reference : what the recording may be scored against; never part of it
-    notes : for the recording's
-    """
-
-    path: Path
-    kind: Kind
-    name: str
-    header: Header
-    files: Mapping[str, FileOptions]
-    streams: tuple[StreamMap, ...]
-    reference: StreamMap | None = None
-    notes: tuple[str, ...] = ()
+from sensors.recording import Kind
 
 
 def read_map(path: Path) -> Map:
@@ -415,9 +266,10 @@ def _tables(table: Table, key: str) -> list[Table]:
     if value is None:
         return []
     entries = value if isinstance(value, list) else [value]
-    if not all(isinstance(entry, dict) for entry in entries):
+    tables = [Table(table.path, entry, f"{table.name}.{key}") for entry in entries if isinstance(entry, dict)]
+    if len(tables) < len(entries):
         raise table.wrong(key, 'a table or a list of tables, as {column = "fix", equals = 3}')
-    return [Table(table.path, entry, f"{table.name}.{key}") for entry in entries]
+    return tables
 
 
 def _keep(table: Table) -> Keep:

@@ -12,7 +12,7 @@ from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
 from sensors.formats.columns import read_columns
 from sensors.formats.geodetic import ned_columns, to_ned
-from sensors.formats.map_file import Clock, Keep, Map, Quantity, StreamMap
+from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sensors.formats.plausible import check_units
 from sensors.formats.units import UNITS
 from sensors.recording import GEODETIC, Recording, Stream, check_rows
@@ -222,7 +222,7 @@ def _time(log: _Log, clock: Clock, file: str, n: int, place: str) -> FloatArray:
 def _evenly(t: FloatArray) -> FloatArray:
     """(n,) the line fitted to the stamps over the row index, by least squares."""
     k = np.arange(len(t)) - 0.5 * (len(t) - 1)
-    return t.mean() + k * (k @ t) / (k @ k)
+    return np.asarray(t.mean() + k * (k @ t) / (k @ k))
 
 
 def _rows(

@@ -1,7 +1,7 @@
 """MATLAB files: numeric variables only, of version 5 (scipy) and 7.3 (HDF5), nothing in them is run.
 
-A version-5 file is walked through first: every size in it must fit into what holds it, so that no header decides how much
-memory is taken. Objects, functions, cells and structures are passed over.
+A version-5 file is walked through first: every size in it must fit into what holds it, so that no header decides how
+much memory is taken. Objects, functions, cells and structures are passed over.
 """
 
 from __future__ import annotations
@@ -185,8 +185,8 @@ def _read_hdf5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
 def columns_of(arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Variables as columns: `name` for a vector, `name.1` to `name.k` for a matrix with one reading a row or a column.
 
-    The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also "1" to
-    "k".
+    The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also "1"
+    to "k".
     """
     columns: dict[str, FloatArray] = {}
     for name, array in arrays.items():

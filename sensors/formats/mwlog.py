@@ -1,4 +1,4 @@
-"""MWLOGV01: the binary log of a Simulink autopilot. It says how many signals a record has, and of what type, not what they are.
+"""MWLOGV01: the binary log of a Simulink autopilot. It says how many signals a record has, not what they are.
 
 Source: the course's log files and their reading script; 16 bytes of header, little endian, then records without gaps.
 """

@@ -47,8 +47,8 @@ def read_topics(path: Path) -> dict[str, FloatArray]:
 def read_ulog(path: Path) -> Recording:
     """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
 
-    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. What the vehicle's
-    own estimator says is not read.
+    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. What the
+    vehicle's own estimator says is not read.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _range(topics: Mapping[str, FloatArray], kind: int) -> Stream | None:
 
 
 def _gps(topics: Mapping[str, FloatArray]) -> Stream | None:
-    """Fixes in three dimensions: geodetic, with velocity. Older logs have integers of 1e-7 deg and mm, newer ones floats."""
+    """Fixes in three dimensions: geodetic, with velocity. Older logs have integers of 1e-7 deg and mm, newer floats."""
     topic = next((name for name in ("vehicle_gps_position", "sensor_gps") if f"{name}.timestamp" in topics), "")
     old = f"{topic}.lat" in topics
     fields = ("lat", "lon", "alt_ellipsoid") if old else ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m")

@@ -1,4 +1,4 @@
-"""The units that a map may name, and their factors to SI. A magnetic field comes out in gauss, whatever unit is named."""
+"""The units that a map may name, and their factors to SI; a magnetic field comes out in gauss."""
 
 from __future__ import annotations
 
