@@ -1,0 +1,305 @@
+"""How the innovations answer to each effect's beta: one further pass for all candidates together.
+
+An effect on the IMU reads u_meas = u + G beta, one on another sensor z = h(x) + G beta. With V the sensitivity of the state
+error (true minus estimate), Friedland's recursion (IEEE Trans. Automatic Control 14(4), 1969)
+
+    step:     V <- Phi V - B G            B = d x / d u of the step
+    reading:  S_beta = H V + G,  V <- J (V - K S_beta)
+
+gives E[nu] = S_beta beta. Information and score are taken over all candidates together, block of time by block of time:
+
+    Lambda = sum S_beta' S^-1 S_beta,   b = sum S_beta' S^-1 nu.
+
+A filter whose state is augmented by beta has the same answer: with a prior P_beta, beta = (Lambda + P_beta^-1)^-1 b and the
+state x + V beta.
+
+Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed); where a beta is
+not zero, the slope of the exact form there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estimator.compiled import TILE, Columns, CompiledRun
+from estimator.effect_forms import (
+    Terms,
+    declared_terms,
+    inputs_with,
+    is_lateness,
+    moved,
+    over_time,
+    reference_motion,
+    run_with_effects,
+    stream_motion,
+    with_covariates,
+)
+from estimator.events import readings
+from estimator.filter import RunInputs, journal_of, outputs_for, prepare, run
+from estimator.flight_model import FlightModel
+from estimator.imu import imu_table
+from estimator.journal import Journal
+from estimator.layout import CAPACITY
+from sensors.arrays import FloatArray, IntArray
+from sensors.effects import Effect, effect
+from sensors.errors import InputError
+from sensors.motion import Motion
+from sensors.recording import Recording
+
+__all__ = ["Sensitivity", "moved", "sensitivity_pass"]
+
+BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Information and score of all candidates, by block of time.
+
+    Attributes
+    ----------
+    effects : the candidates; `slices` : their columns, p in all
+    edges : (blocks + 1,) s
+    information : (blocks, p, p); score : (blocks, p)
+    V : (n, p) sensitivity of the state error at the end
+    rows, white, event : (r, p) L^-1 S_beta, (r,) L^-1 nu and (r,) place in the journal of each component that was used,
+        every `keep_rows`-th reading; empty unless asked for
+    """
+
+    effects: tuple[Effect, ...]
+    slices: tuple[slice, ...]
+    edges: FloatArray
+    information: FloatArray
+    score: FloatArray
+    V: FloatArray
+    rows: FloatArray
+    white: FloatArray
+    event: IntArray
+
+    @property
+    def total(self) -> tuple[FloatArray, FloatArray]:
+        """(p, p) information and (p,) score over all blocks."""
+        return self.information.sum(axis=0), self.score.sum(axis=0)
+
+    def of(self, name: str) -> slice:
+        """Columns of a candidate by name; the first of that name."""
+        return next(s for e, s in zip(self.effects, self.slices, strict=True) if e.name == name)
+
+
+def sensitivity_pass(
+    recording: Recording,
+    model: FlightModel,
+    candidates: Sequence[Effect | str],
+    betas: Mapping[Any, FloatArray] | None = None,
+    *,
+    motion: Motion | None = None,
+    blocks: int = BLOCKS,
+    keep_rows: int = 0,
+    stride: int = 1,
+) -> tuple[Journal, Sensitivity]:
+    """The filter and, in the same pass, the sensitivity of its innovations to every candidate.
+
+    Parameters
+    ----------
+    recording, model : as for `run_filter`
+    candidates : effects, or their names
+    betas : effects that are in the model, with their parameters; the sensitivities are those there
+    motion : reference at the samples of the IMU table, from `reference_motion`; default: found by `run_filter`'s passes
+    blocks : of equal length over the recording
+    keep_rows : keep the whitened rows of every so many readings; 0: none
+    stride : IMU samples between two logged states; 0: none
+
+    Raises
+    ------
+    InputError : a candidate whose stream or covariate the recording lacks
+    """
+    terms = Terms.of(betas or {}).joined(declared_terms(recording))
+    effects = tuple(effect(c) if isinstance(c, str) else c for c in candidates)
+    table = imu_table(recording, model)
+    if motion is None:
+        if terms:
+            settled = run_with_effects(recording, model, terms, engine="numba", stride=0)
+        else:
+            settled = run(prepare(recording, model, imu=table), "numba", 0)
+        motion = reference_motion(recording, settled, terms, table)
+    inputs = inputs_with(recording, model, terms, motion, table)
+    columns, order, slices = pack(recording, inputs, effects, terms, motion)
+    return _accumulate(inputs, effects, slices, columns, order, blocks, keep_rows, stride)
+
+
+def _accumulate(
+    inputs: RunInputs, effects: tuple[Effect, ...], slices: tuple[slice, ...], columns: Columns, order: IntArray,
+    blocks: int, keep_rows: int, stride: int,
+) -> tuple[Journal, Sensitivity]:  # fmt: skip
+    """Run block by block; `order` (p,) is the packed column of each column of the answer."""
+    outputs = outputs_for(inputs, stride)
+    engine = CompiledRun(inputs, outputs, columns)
+    t, last = inputs.imu.t, len(inputs.imu) - 1
+    inner = np.linspace(t[0], t[-1], blocks + 1)[1:-1]
+    edges = np.unique(np.concatenate([[0], np.searchsorted(t, inner), [last]]))
+    p = len(order)
+    information, score, kept = np.zeros((len(edges) - 1, p, p)), np.zeros((len(edges) - 1, p)), []
+    row = inputs.events.row
+    spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in zip(edges[:-1], edges[1:], strict=True)]
+    longest = max((int(row[k1] - row[k0]) for k0, k1 in spans), default=0)
+    W, white = np.zeros((longest + 1, columns.tiles * TILE)), np.zeros(longest + 1)
+    event = np.zeros(longest + 1, dtype=np.int64)
+    for block, (i0, i1) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
+        part = W[:count, order]
+        information[block], score[block] = part.T @ part, part.T @ white[:count]
+        if keep_rows:
+            chosen = event[:count] % keep_rows == 0
+            kept.append((part[chosen], white[:count][chosen], event[:count][chosen]))
+    x, P = engine.result()
+    n = inputs.model.layout.n
+    V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]
+    rows = [np.concatenate(parts) for parts in zip(*kept, strict=True)] if kept else [np.empty((0, p)), np.empty(0), np.empty(0, int)]
+    found = Sensitivity(effects, slices, t[edges], information, score, V, rows[0], rows[1], rows[2])
+    return journal_of(inputs, outputs, x, P), found
+
+
+def pack(
+    recording: Recording, inputs: RunInputs, effects: tuple[Effect, ...], terms: Terms, motion: Motion
+) -> tuple[Columns, IntArray, tuple[slice, ...]]:
+    """Regressors of all candidates as the kernels take them.
+
+    Returns
+    -------
+    columns : accelerometer's effects first, padded to whole tiles, then the gyroscope's, then sensor after sensor
+    order : (p,) packed column of every column of the candidates in their own order
+    slices : columns of each candidate
+    """
+    model, events = inputs.model, inputs.events
+    widths = np.array([entry.size for entry in effects], dtype=np.int64)
+    ends = np.cumsum(widths)
+    slices = tuple(slice(int(end - width), int(end)) for end, width in zip(ends, widths, strict=True))
+    order = np.zeros(int(widths.sum()), dtype=np.int64)
+    place, tables, tiles = 0, {}, {}
+    for stream in ("accel", "gyro"):
+        mine = [i for i, entry in enumerate(effects) if entry.stream == stream]
+        width = int(widths[mine].sum()) if mine else 0
+        tiles[stream] = -(-width // TILE)
+        G = np.zeros((len(inputs.imu), 3, tiles[stream] * TILE))
+        if mine:
+            G[:, :, :width] = driver_regressors(recording, stream, [effects[i] for i in mine], terms, motion)
+        tables[stream] = np.ascontiguousarray(
+            G.reshape(len(G), 3, tiles[stream], TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE) if width else np.zeros((1, 24))
+        )
+        at = place
+        for i in mine:
+            order[slices[i]] = at + np.arange(widths[i])
+            at += int(widths[i])
+        place += tiles[stream] * TILE
+    first, count = np.zeros(len(events.sensors), dtype=np.int64), np.zeros(len(events.sensors), dtype=np.int64)
+    base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
+    for s, name in enumerate(events.sensors):
+        mine = [i for i, entry in enumerate(effects) if entry.stream == name]
+        first[s], count[s] = place, int(widths[mine].sum()) if mine else 0
+        if not mine:
+            continue
+        G = sensor_regressors(recording, model, name, [effects[i] for i in mine], terms, motion)
+        of_sensor = events.sensor == s
+        start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
+        parts.append(G.ravel())
+        base += G.size
+        for i in mine:
+            order[slices[i]] = place + np.arange(widths[i])
+            place += int(widths[i])
+    unknown = [entry.name for entry in effects if entry.stream not in ("accel", "gyro", *events.sensors)]
+    if unknown:
+        raise InputError(recording.where, f"no stream for {', '.join(unknown)}", "candidates of streams that are there")
+    Gz = np.concatenate(parts) if parts else np.zeros(1)
+    columns = Columns(
+        -(-place // TILE), tiles["accel"], tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
+    )
+    return columns, order, slices
+
+
+def _missing(recording: Recording, entry: Effect, motion: Motion) -> None:
+    lacking = entry.missing(motion)
+    if lacking:
+        raise InputError(recording.where, f"no {', '.join(lacking)} for {entry.name}", "candidates whose needs are met")
+
+
+def driver_regressors(
+    recording: Recording, stream: str, effects: Sequence[Effect], terms: Terms, motion: Motion
+) -> FloatArray:
+    """(N, 3, p) d u / d beta of accelerometer or gyroscope effects at the samples of the IMU table.
+
+    Where effects are in the model already, the sample that the filter integrates is f = e^-1(u - b), so that
+    df / dbeta = -(de / df)^-1 de / dbeta: the regressor is divided by what the effects do to a change of f.
+    """
+    along = with_covariates(recording, stream, motion)
+    plain = along.f_b if stream == "accel" else along.w_ib_b
+    parts = []
+    for entry in effects:
+        _missing(recording, entry, along)
+        beta = terms.beta(entry)
+        parts.append(entry.slope(plain, beta, along) if np.any(beta) else entry.rows(along, 3))
+    G = np.concatenate(parts, axis=2)
+    present = terms.of_stream(stream)
+    if not present:
+        return G
+    gain = np.tile(np.eye(3), (len(along), 1, 1))
+    name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
+    for axis in range(3):
+        d = np.zeros(3)
+        d[axis] = step
+        for entry, beta in present:
+            ends = []
+            for sign in (1.0, -1.0):
+                changed = _with(along, name, plain + sign * d)
+                ends.append(entry.apply(plain + sign * d, beta, changed) - plain - sign * d)
+            gain[:, :, axis] += (ends[0] - ends[1]) / (2.0 * step)
+    return np.linalg.solve(gain, G)
+
+
+def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
+    from dataclasses import replace
+
+    return replace(motion, **{name: value})  # type: ignore[arg-type]
+
+
+def sensor_regressors(
+    recording: Recording, model: FlightModel, name: str, effects: Sequence[Effect], terms: Terms, motion: Motion
+) -> FloatArray:
+    """(k, m, p) d z / d beta of effects on one sensor at its readings."""
+    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+    plain = sensor.predict(at)
+    parts = []
+    for entry in effects:
+        _missing(recording, entry, at)
+        beta = terms.beta(entry)
+        if is_lateness(entry) or not np.any(beta):
+            parts.append(entry.rows(at, sensor.size))
+        elif entry.other_instants:
+            parts.append(_slope_over_time(recording, name, entry, beta, at, motion, sensor))
+        else:
+            parts.append(entry.slope(plain, beta, at, sensor))
+    return np.ascontiguousarray(np.concatenate(parts, axis=2))
+
+
+def _slope_over_time(
+    recording: Recording, name: str, entry: Effect, beta: FloatArray, at: Motion, motion: Motion, sensor: Any
+) -> FloatArray:
+    columns = []
+    for k in range(entry.size):
+        step = np.zeros(entry.size)
+        step[k] = 1e-4 * entry.plausible[k]
+        ends = [over_time(recording, name, entry, beta + sign * step, at, motion, sensor) for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / (2.0 * step[k]))
+    return np.stack(columns, axis=-1)
+
+
+def candidate_streams(model: FlightModel) -> tuple[str, ...]:
+    """The streams whose effects can be candidates in a run: the drivers and the sensors that update."""
+    return ("accel", "gyro", *model.sensors)
+
+
+def count_readings(recording: Recording, model: FlightModel) -> Mapping[str, int]:
+    """Readings of every sensor of a run."""
+    return {name: len(readings(recording, model, name)[1]) for name in model.sensors}
