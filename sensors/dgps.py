@@ -3,13 +3,13 @@
     correction(t_b) = P_b - (|p_s - p_b| + modelled delays - c clock_sat + c clock_b)        to be taken off
     P_r - correction(t_b) - rate (t - t_b)
 
-What both receivers see alike goes away: orbit and satellite clock, and of the atmosphere what the model leaves. Because the
-same effects are modelled at both ends, the rover keeps the *difference* of the modelled delays, which is what a long base
-line needs. Neglected: the two receivers' own noise and multipath, and what the models leave of the difference.
+What both receivers see alike goes away: orbit and satellite clock, and of the atmosphere what the model leaves. As the
+same effects are modelled at both ends, the rover keeps the *difference* of the modelled delays, which is what a long
+base line needs. Neglected: the two receivers' own noise and multipath, and what the models leave of the difference.
 
 The position domain (the base's position error as an observation of the GPS bias) is `sensors.gps.BaseReceiver`.
 
-Source: RTCM 10403, differential corrections; B. W. Parkinson, J. J. Spilker, GPS: Theory and Applications II (1996), ch. 1.
+Source: B. W. Parkinson, J. J. Spilker, Global Positioning System: Theory and Applications II (1996), ch. 1.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sensors.ephemeris import satellite_states
 from sensors.errors import InputError
 from sensors.formats.rinex_navigation import Navigation
 from sensors.formats.rinex_text import WEEK
-from sensors.pseudorange import IONOSPHERE_LEFT, IONOSPHERE_LENGTH, MODELLED, Pseudoranges, circumstances, modelled
+from sensors.pseudorange import IONOSPHERE_LENGTH, IONOSPHERE_RAY, MODELLED, Pseudoranges, circumstances, modelled
 
 SMOOTHING = 60.0  # s: correction and rate are those of a straight line through this span
 FEWEST_FOR_RATE = 3  # corrections in the span; with fewer the rate counts as zero
@@ -61,8 +61,8 @@ def corrections(
 ) -> Corrections:
     """Corrections and their rates from the ranges of a base.
 
-    The base's clock, one a constellation, is the weighted mean of what remains at each epoch; it is taken off, so that a
-    clock that jumps leaves no mark on the rates.
+    The base's clock, one a constellation, is the weighted mean of what remains at each epoch; it is taken off, so that
+    a clock that jumps leaves no mark on the rates.
 
     Parameters
     ----------
@@ -145,9 +145,7 @@ class Applied:
     variance: FloatArray
 
 
-def apply(
-    given: Corrections, rover: Pseudoranges, navigation: Navigation, longest_age: float = LONGEST_AGE
-) -> Applied:
+def apply(given: Corrections, rover: Pseudoranges, navigation: Navigation, longest_age: float = LONGEST_AGE) -> Applied:
     """The correction that is nearest in time for each of the rover's rows, aged by its rate to the rover's own time.
 
     Where base and rover use different navigation messages of one satellite, the correction is computed anew with the
@@ -174,7 +172,7 @@ def apply(
 
 
 def nearest(given: Corrections, rover: Pseudoranges) -> tuple[IntArray, FloatArray]:
-    """(n,) row of the correction of the same satellite that is nearest in time, -1 where there is none; (n,) its age."""
+    """(n,) row of the nearest correction in time of the same satellite, -1 where there is none; (n,) its age."""
     base = given.base
     row = np.full(len(rover), -1)
     age = np.full(len(rover), np.nan)
@@ -220,8 +218,8 @@ def corrected_variance(
 ) -> FloatArray:
     """(n,) variance of a corrected pseudorange [m^2]: both receivers, and what the distance leaves of the ionosphere.
 
-    The error of the modelled ionosphere, half of it, is a field that changes over the correlation length L: two receivers
-    at the distance d share all but min(1, d / L) of it.
+    What is particular to a ray of the ionosphere that the model leaves changes over the correlation length L: two
+    receivers at the distance d share all but d / L of it.
 
     Parameters
     ----------
@@ -231,5 +229,16 @@ def corrected_variance(
     ionosphere : (n,) modelled slant delay [m]
     baseline : distance d to the base [m]
     """
-    left = IONOSPHERE_LEFT * ionosphere * min(1.0, baseline / IONOSPHERE_LENGTH)
+    left = IONOSPHERE_RAY * ionosphere * min(1.0, baseline / IONOSPHERE_LENGTH)
     return np.asarray(receiver_variance(rover, elevation) + np.nan_to_num(applied.variance) + left**2)
+
+
+def common_left(left: FloatArray, baseline: float) -> FloatArray:
+    """(n, 3) what a correction leaves of the ionosphere's common error: the field's change over the base line [m].
+
+    Parameters
+    ----------
+    left : (n, 3) what the model leaves, of `sensors.pseudorange.ionosphere_left`
+    baseline : distance to the base [m]
+    """
+    return left * min(1.0, baseline / IONOSPHERE_LENGTH)

@@ -5,12 +5,12 @@ About a fix with some effects modelled, the prefit residual of row i is, to firs
     r_i = u_i dp_k + dc_kg + s_j(t) + F_i x(t) + sum_e G_ie beta_e + n_i
 
 with position dp_k and clocks dc_kg of its epoch k, which are projected out, an error s_j of its satellite and a common
-error x of the ionosphere that is modelled. The latter two do not average down: they are Gauss-Markov processes that last
-half an hour, and a Kalman filter over blocks of time carries them along with its sensitivity to every candidate's beta
-(Friedland's separate-bias recursion), so that scores of different blocks are independent and add up.
+error x of the ionosphere that is modelled. The latter two do not average down: they are Gauss-Markov processes that
+last half an hour, and a Kalman filter over blocks of time carries them along with its sensitivity to every candidate's
+beta (Friedland's separate-bias recursion), so that scores of different blocks are independent and add up.
 
-Most of these effects have a size that is known beforehand. The statistic asks whether beta is zero; an effect is only taken
-if the known size also fits better than none.
+Most of these effects have a size that is known beforehand. The statistic asks whether beta is zero; an effect is only
+taken if the known size also fits better than none.
 
 Source: A. S. Willsky, H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108; B. Friedland, ibid. 14 (1969) 359.
 """
@@ -28,6 +28,8 @@ from estimator.score import Evidence, Statistic, statistic_of
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.constants import SPEED_OF_LIGHT
 from sensors.effects import pseudorange_satellite_fault
+from sensors.effects.declaration import Effect
+from sensors.motion import Motion
 from sensors.pseudorange import (
     IONOSPHERE_RAY,
     MODELLED,
@@ -39,6 +41,7 @@ from sensors.pseudorange import (
 )
 
 BLOCKS = 20  # of time
+SHORTLIST = 6  # satellites for which the onset of a fault is searched
 LASTING = 1800.0  # s, correlation time of a satellite's error and of the modelled ionosphere's
 MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
 CODE_NOISE = 0.3  # m: noise and multipath that changes with time, (a^2 + a^2 / sin^2 E)
@@ -94,25 +97,31 @@ class Columns:
     block: IntArray
 
 
-def names_of(ranges: Pseudoranges, modelled: Sequence[str]) -> list[tuple[str, str | None]]:
-    """Candidates: every effect that is not modelled yet, and a fault of every satellite."""
-    known = [(name, None) for name in MODELLED if name not in modelled]
-    return [*known, *((FAULT.name, satellite) for satellite in np.unique(ranges.satellite).tolist())]
+@dataclass(frozen=True)
+class Candidate:
+    """An effect to be scored; a fault has its satellite and its onset [s of the recording]."""
 
+    name: str
+    satellite: str | None = None
+    onset: float = 0.0
 
-def key_of(name: str, satellite: str | None) -> str:
-    """How the evidence calls a candidate."""
-    return name if satellite is None else f"{name}@{satellite}"
+    @property
+    def key(self) -> str:
+        """How the evidence calls it."""
+        return self.name if self.satellite is None else f"{self.name}@{self.satellite}:{self.onset:.9g}"
+
+    @property
+    def effect(self) -> Effect:
+        """Its declaration."""
+        return MODELLED[self.name] if self.satellite is None else FAULT
 
 
 def evidence(
     location: Location,
     position: FloatArray,
-    candidates: Sequence[tuple[str, str | None]],
+    candidates: Sequence[Candidate],
     keep: BoolArray,
-    *,
     known: bool = False,
-    onset: float = 0.0,
 ) -> Evidence:
     """Information and score of the candidates about a fix, by block of time.
 
@@ -120,28 +129,26 @@ def evidence(
     ----------
     location : the fix and what it models
     position : (epochs, 3) where to linearise, ECEF [m]; NaN leaves an epoch out
-    candidates : names and satellites
+    candidates : what is scored
     keep : (n,) rows that take part
     known : the position is known: only the clocks are projected out
-    onset : start of the satellite faults [s of the recording]
     """
     rows = np.flatnonzero(keep & np.isfinite(position[location.ranges.epoch, 0]))
-    columns = linearise(location, position, candidates, rows, known, onset)
-    sizes = tuple(2 if satellite else 1 for _, satellite in candidates)
+    columns = linearise(location, position, candidates, rows, known)
+    sizes = tuple(candidate.effect.size for candidate in candidates)
     variance = state_variance(location, position, rows)
     span = float(np.ptp(location.ranges.t)) if len(location.ranges.t) > 1 else 0.0
     information, score = filter_blocks(columns, variance, np.exp(-span / BLOCKS / LASTING))
-    plausible = np.concatenate([(FAULT if satellite else MODELLED[name]).plausible for name, satellite in candidates])
-    return Evidence(tuple(key_of(*candidate) for candidate in candidates), sizes, information, score, plausible)
+    plausible = np.concatenate([candidate.effect.plausible for candidate in candidates])
+    return Evidence(tuple(candidate.key for candidate in candidates), sizes, information, score, plausible)
 
 
 def linearise(
     location: Location,
     position: FloatArray,
-    candidates: Sequence[tuple[str, str | None]],
+    candidates: Sequence[Candidate],
     rows: IntArray,
     known: bool,
-    onset: float,
 ) -> Columns:
     """Whiten the rows and project position and clocks of each epoch out of them."""
     ranges = location.ranges.rows(rows)
@@ -155,21 +162,21 @@ def linearise(
     common = np.zeros((len(rows), 3))
     if IONOSPHERE in location.effects:
         common = ionosphere_left(motion, sum_of(motion, [IONOSPHERE]))
-    late = np.where(motion.covariates["elapsed"] >= onset, 1.0, 0.0)
-    columns = []
-    for name, satellite in candidates:
-        if satellite is None:
-            columns.append(MODELLED[name].regressor(motion)[:, 0])
-            continue
-        faulty = motion.with_covariates(
-            faulty=(ranges.satellite == satellite) * late, elapsed=motion.covariates["elapsed"] - onset
-        )
-        columns.append(FAULT.regressor(faulty)[:, 0])
+    columns = [candidate.effect.regressor(seen_by(candidate, ranges, motion))[:, 0] for candidate in candidates]
     whitening = 1.0 / np.sqrt(changing_variance(ranges, motion.covariates["elevation"]))
     everything = np.hstack([state, common, *columns, residual[:, None]]) * whitening[:, None]
     free = project_out(everything, nuisance * whitening[:, None], ranges.epoch, len(ranges.t))
     m = state.shape[1] + 3
     return Columns(free[:, :m], free[:, m:-1], free[:, -1], blocks_of(ranges))
+
+
+def seen_by(candidate: Candidate, ranges: Pseudoranges, motion: Motion) -> Motion:
+    """The circumstances as a candidate needs them: a fault its rows and the time since its onset."""
+    if candidate.satellite is None:
+        return motion
+    elapsed = motion.covariates["elapsed"] - candidate.onset
+    faulty = (ranges.satellite == candidate.satellite) & (elapsed >= 0.0)
+    return motion.with_covariates(faulty=faulty.astype(np.float64), elapsed=elapsed)
 
 
 def satellite_columns(all_ranges: Pseudoranges, ranges: Pseudoranges) -> FloatArray:
@@ -275,78 +282,69 @@ def full_sizes(location: Location, position: FloatArray) -> dict[str, FloatArray
 
 
 def next_effect(
-    location: Location,
-    position: FloatArray,
-    keep: BoolArray,
-    alpha: float,
-    *,
-    known: bool = False,
-    fitting: bool = False,
-    refused: Sequence[str] = (),
-) -> tuple[Called | None, list[Statistic], Evidence]:
-    """The strongest effect that passes at family-wise error alpha, and the statistics of all candidates.
+    location: Location, position: FloatArray, keep: BoolArray, alpha: float, known: bool = False, fitting: bool = False
+) -> tuple[Called | None, list[Statistic]]:
+    """The strongest effect that passes at family-wise error alpha, and the statistics of all that are not modelled.
 
-    A fault competes with the others on the same terms; its onset is searched once its satellite is named.
+    The size that is known must also fit better than none.
     """
-    there = location.ranges.rows(keep)
-    candidates = [c for c in names_of(there, location.effects) if key_of(*c) not in refused]
-    found = part_of(evidence(location, position, candidates, keep, known=known), fitting)
-    statistics = [statistic_of(found, key_of(*candidate)) for candidate in candidates]
+    candidates = [Candidate(name) for name in MODELLED if name not in location.effects]
+    if not candidates:
+        return None, []
+    found = part_of(evidence(location, position, candidates, keep, known), fitting)
+    statistics = [statistic_of(found, candidate.key) for candidate in candidates]
     full = full_sizes(location, position)
-    threshold = alpha / len(candidates)
-    passing = []
-    for (name, satellite), statistic in zip(candidates, statistics, strict=True):
-        fits = satellite is not None or gain(found, name, full[name]) > 0.0
-        if statistic.p_value < threshold and fits:
-            passing.append((statistic.log_p_corrected, name, satellite, statistic))
+    threshold = alpha / (len(MODELLED) + 1)
+    passing = [s for s in statistics if s.p_value < threshold and gain(found, s.name, full[s.name]) > 0.0]
     if not passing:
-        return None, statistics, found
-    _, name, satellite, statistic = min(passing, key=lambda entry: entry[0])
-    interval = None
-    if satellite is not None:
-        interval, statistic = onset_of(location, position, satellite, keep, known, fitting, statistic)
-    rivals = () if satellite is not None else rivals_of(found, name, full, threshold, passing)
-    size = statistic.beta if satellite is not None else full[name]
-    return Called(name, satellite, statistic, size, rivals, interval, known), statistics, found
+        return None, statistics
+    best = min(passing, key=lambda s: s.log_p_corrected)
+    rivals = rivals_of(found, best.name, full, threshold, passing)
+    return Called(best.name, None, best, full[best.name], rivals, None, known), statistics
 
 
 def rivals_of(
-    found: Evidence,
-    name: str,
-    full: Mapping[str, FloatArray],
-    threshold: float,
-    passing: Sequence[tuple[float, str, str | None, Statistic]],
+    found: Evidence, name: str, full: Mapping[str, FloatArray], threshold: float, passing: Sequence[Statistic]
 ) -> tuple[str, ...]:
     """Effects that explain the same nearly as well: given either one, nothing calls for the other."""
     best = gain(found, name, full[name])
     rivals = []
-    for _, other, satellite, _ in passing:
-        if satellite is not None or other == name or gain(found, other, full[other]) < best - 10.0:
+    for other in (s.name for s in passing if s.name != name):
+        if gain(found, other, full[other]) < best - 10.0:
             continue
         if min(statistic_of(found, name, [other]).p_value, statistic_of(found, other, [name]).p_value) > threshold:
             rivals.append(other)
     return tuple(rivals)
 
 
-def onset_of(
-    location: Location,
-    position: FloatArray,
-    satellite: str,
-    keep: BoolArray,
-    known: bool,
-    fitting: bool,
-    whole: Statistic,
-) -> tuple[tuple[float, float], Statistic]:
-    """Interval and statistic of a fault: the onset among the starts of the blocks that explains most."""
-    t = location.ranges.t
-    span = float(np.ptp(t))
-    best, start = whole, 0.0
-    for k in range(1, BLOCKS - 1):
-        onset = span * k / BLOCKS
-        here = part_of(
-            evidence(location, position, [(FAULT.name, satellite)], keep, known=known, onset=onset), fitting
-        )
-        statistic = statistic_of(here, key_of(FAULT.name, satellite))
-        if statistic.statistic > best.statistic:
-            best, start = statistic, onset
-    return (float(start), span), best
+def next_fault(
+    location: Location, position: FloatArray, keep: BoolArray, alpha: float, fitting: bool = False
+) -> Called | None:
+    """The satellite whose fault explains most, with its onset, if it passes at family-wise error alpha.
+
+    To be asked about a fix that models every known effect: what these explain is no fault. All satellites are scored
+    over the whole time, the strongest of them with every onset; the likelihood names satellite and onset.
+    """
+    names = np.unique(location.ranges.satellite[keep & np.isfinite(location.fixes.residual)]).tolist()
+    whole = [Candidate(FAULT.name, name) for name in names]
+    if not whole:
+        return None
+    found = part_of(evidence(location, position, whole, keep), fitting)
+    scores = {candidate: statistic_of(found, candidate.key) for candidate in whole}
+    if min(s.log_p for s in scores.values()) > np.log(alpha / ((len(MODELLED) + 1) * len(names))):
+        return None
+    strongest = sorted(whole, key=lambda c: -scores[c].statistic)[:SHORTLIST]
+    span = float(np.ptp(location.ranges.t))
+    onsets = [span * k / BLOCKS for k in range(BLOCKS - 1)] if span > 0.0 else [0.0]
+    threshold = alpha / ((len(MODELLED) + 1) * len(names) * len(onsets))
+    options = [Candidate(FAULT.name, c.satellite, onset) for c in strongest for onset in onsets]
+    found = part_of(evidence(location, position, options, keep), fitting)
+    scored = [(statistic_of(found, option.key), option) for option in options]
+    statistic, chosen = max(scored, key=lambda pair: pair[0].statistic)
+    if not statistic.p_value < threshold:
+        return None
+    rivals = {
+        o.satellite for s, o in scored if o.satellite != chosen.satellite and s.statistic > statistic.statistic - 10
+    }
+    confused = tuple(sorted(f"{FAULT.name} of {name}" for name in rivals))
+    return Called(FAULT.name, chosen.satellite, statistic, statistic.beta, confused, (chosen.onset, span), False)
