@@ -249,10 +249,10 @@ def _on_cluster(scenario: Scenario, seed: int, missing: list[int], address: str)
     except ImportError:
         raise InputError("--dask", "distributed is not installed", "pip install sinan-nav[dask]") from None
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout="5s", set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(f"--dask {address}", str(error) or "no answer", "the address of a Dask scheduler") from None
-    with client:
+    with client, client.as_current():
         workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         tasks = [client.submit(fly_batch, scenario, seed, batch, pure=False) for batch in _batches(missing, workers)]
         for task in as_completed(tasks):
