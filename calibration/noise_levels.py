@@ -1,0 +1,229 @@
+"""Noise levels of a log that declares none: first guesses from the readings, then the levels that make its flight likeliest.
+
+The likelihood of the filter's innovations is the one criterion: it is largest where the innovations are white and as large
+as the filter says. Vibration, aliasing and colour then count as noise where they act, as they must.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calibration.noise_start import imu_density, reading_noise
+from estimator.events import collect
+from estimator.filter import prepare, run
+from estimator.flight_model import FlightModel, flight_model
+from estimator.journal import Journal
+from sensors.arrays import FloatArray
+from sensors.recording import GYRO, MAG, POSITION, VELOCITY, Recording, SensorSpec
+
+#: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
+#: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
+#: 0.6 m/s^2 and 0.09 rad/s before it.
+BIAS_STD = {"accel": 0.3, "gyro": 0.03, "baro": 2.0}
+#: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
+MAG_BIAS_STD = 0.15
+#: First guess of a bias walk: the noise density, or one reading's noise, times this a sqrt(s).
+WALK_START = 0.05
+#: How far a level may move from its first guess, as a factor down and up; a walk's range hangs on the noise of its sensor.
+NOISE_RANGE = (0.05, 300.0)
+WALK_RANGE = (1e-3, 30.0)
+#: A walk is taken at the upper end of what the log allows: where 2 log L has fallen by this much, one sigma.
+#: Too large a walk loses power, too small a one blames effects that are not there.
+WALK_SLACK = 1.0
+#: Readings whose NIS has a smaller tail probability count as outliers: less weight in the filter and in the likelihood.
+OUTLIER_LEVEL = 1e-3
+#: The fit ends when an iteration gains less than this in log L over log L.
+GAIN = 1e-7
+MOST_ITERATIONS = 40
+#: Passes that bring the NIS of each stream to one, and how near.
+POLISH_PASSES, POLISHED = 8, 0.02
+
+Key = tuple[str, str]
+_SPLIT = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}
+
+
+@dataclass(frozen=True)
+class NoiseFit:
+    """Noise levels of a recording, and how they were found.
+
+    Attributes
+    ----------
+    specs : by sensor, complete: what was declared and what was estimated
+    estimated : (sensor, key) of what the log gave
+    assumed : (sensor, key) of what neither the recording nor the log says and the class of instrument gives
+    nis : mean NIS over dof by sensor at these levels
+    log_likelihood : of the innovations at these levels
+    runs : of the filter
+    """
+
+    specs: Mapping[str, SensorSpec]
+    estimated: tuple[Key, ...]
+    assumed: tuple[Key, ...]
+    nis: Mapping[str, float] = field(default_factory=dict)
+    log_likelihood: float = float("nan")
+    runs: int = 0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line a level, for reports."""
+        words = [(key, "estimated from the log") for key in self.estimated]
+        words += [(key, "assumed for an instrument of its class") for key in self.assumed]
+        return tuple(f"{s}: {k} {getattr(self.specs[s], k):.3g}, {how}" for (s, k), how in words)
+
+
+def noise_levels(recording: Recording) -> Mapping[str, SensorSpec]:
+    """`SensorSpec` of every sensor of a flight: what the recording declares, completed from the log itself.
+
+    Parameters
+    ----------
+    recording : a flight
+
+    Returns
+    -------
+    by sensor; ready for `flight_model(recording, specs=...)`. `fit_noise_levels` also says how each was found.
+
+    Raises
+    ------
+    InputError : what `flight_model` raises
+    """
+    return fit_noise_levels(recording).specs
+
+
+def fit_noise_levels(recording: Recording) -> NoiseFit:
+    """Noise levels of a flight by maximum likelihood of its innovations; see `noise_levels`."""
+    specs, missing, assumed = first_guess(recording)
+    if not missing:
+        return NoiseFit(specs, (), assumed)
+    problem = _Problem(recording, specs, tuple(missing))
+    theta = problem.maximise(np.zeros(len(missing)))
+    theta = problem.upper_walks(theta)
+    theta = problem.polished(theta)
+    journal = problem.journal(theta)
+    specs = problem.specs_of(theta)
+    return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta), problem.runs)
+
+
+def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key], tuple[Key, ...]]:
+    """Complete specs from the readings alone, the keys that the likelihood is to find, and those that were assumed."""
+    streams = recording.streams
+    found: dict[Key, float] = {}
+    found["accel", "noise_density"] = imu_density(recording)
+    found["gyro", "noise_density"] = imu_density(recording, GYRO)
+    for name, columns in (("mag", MAG), ("baro", ("height",)), ("sonar", ("range",)), ("laser", ("range",)), ("gps", POSITION), ("base", POSITION)):
+        if name in streams and streams[name].has(columns):
+            found[name, "noise_std"] = reading_noise(streams[name].array(columns))
+    if "gps" in streams and streams["gps"].has(VELOCITY):
+        found["gps", "velocity_noise_std"] = reading_noise(streams["gps"].array(VELOCITY))
+    believed: dict[Key, float] = {}
+    for name in ("accel", "gyro"):
+        believed[name, "bias_std"] = BIAS_STD[name]
+    if "mag" in streams:
+        believed["mag", "bias_std"] = MAG_BIAS_STD * float(np.median(np.linalg.norm(streams["mag"].array(MAG), axis=1)))
+    if "baro" in streams:
+        believed["baro", "bias_std"] = BIAS_STD["baro"]
+    if "gps" in streams:
+        believed["gps", "bias_std"] = 2.0 * found["gps", "noise_std"]
+    for name in ("accel", "gyro", "mag", "baro", "gps"):
+        if (name, "bias_std") in believed:
+            noise = found.get((name, "noise_density")) or found[name, "noise_std"]
+            found[name, "bias_walk"] = WALK_START * noise
+    specs = {name: recording.spec(name) for name in {key[0] for key in found}}
+    missing = [key for key in found if getattr(specs[key[0]], key[1]) is None]
+    assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
+    for name, key in [*missing, *assumed]:
+        specs[name] = replace(specs[name], **{key: {**believed, **found}[name, key]})
+    return specs, missing, tuple(assumed)
+
+
+@dataclass
+class _Problem:
+    """Log-likelihood over theta, the logarithms of the levels over their first guess."""
+
+    recording: Recording
+    start: Mapping[str, SensorSpec]
+    keys: tuple[Key, ...]
+    runs: int = 0
+
+    def __post_init__(self) -> None:
+        self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
+        self.events = collect(self.recording, self.model)
+        ranges = [WALK_RANGE if key == "bias_walk" else NOISE_RANGE for _, key in self.keys]
+        self.bounds = np.log(np.array(ranges))
+
+    def specs_of(self, theta: FloatArray) -> dict[str, SensorSpec]:
+        specs = dict(self.start)
+        for (name, key), shift in zip(self.keys, theta, strict=True):
+            specs[name] = replace(specs[name], **{key: getattr(specs[name], key) * float(np.exp(shift))})
+        return specs
+
+    def model_of(self, theta: FloatArray) -> FlightModel:
+        m = flight_model(self.recording, specs=self.specs_of(theta), gate_level=None, robust_level=OUTLIER_LEVEL,
+                         magnetic_field=self.model.m_n)  # fmt: skip
+        return m
+
+    def journal(self, theta: FloatArray) -> Journal:
+        self.runs += 1
+        return run(prepare(self.recording, self.model_of(theta), events=self.events), "numba", stride=0)
+
+    def log_likelihood(self, theta: FloatArray) -> float:
+        """Of the innovations; an outlier counts with the logarithm of its NIS (the tail that its weight belongs to)."""
+        journal = self.journal(theta)
+        used = journal.accepted
+        limit = np.array([journal.model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
+        over = np.maximum(journal.nis / limit, 1.0)
+        bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
+        return float(np.sum((journal.loglik + 0.5 * (journal.nis - bounded))[used]))
+
+    def maximise(self, theta: FloatArray) -> FloatArray:
+        from scipy.optimize import minimize
+
+        step = 0.02
+        def slope(x: FloatArray) -> tuple[float, FloatArray]:
+            here = self.log_likelihood(x)
+            gradient = [(self.log_likelihood(x + step * axis) - here) / step for axis in np.eye(len(x))]
+            return -here, -np.array(gradient)
+        found = minimize(slope, theta, jac=True, method="L-BFGS-B", bounds=self.bounds,
+                         options={"maxiter": MOST_ITERATIONS, "ftol": GAIN})  # fmt: skip
+        return np.asarray(found.x)
+
+    def upper_walks(self, theta: FloatArray) -> FloatArray:
+        """Every walk at the upper end of what the log allows."""
+        best, moved = self.log_likelihood(theta), theta.copy()
+        for i, (_, key) in enumerate(self.keys):
+            if key != "bias_walk":
+                continue
+            low, high = theta[i], self.bounds[i, 1]
+            for _ in range(8):
+                middle = 0.5 * (low + high)
+                trial = theta.copy()
+                trial[i] = middle
+                if 2.0 * (best - self.log_likelihood(trial)) < WALK_SLACK:
+                    low = middle
+                else:
+                    high = middle
+            moved[i] = low
+        return moved
+
+    def polished(self, theta: FloatArray) -> FloatArray:
+        """The noise of each stream so that its NIS is one."""
+        for _ in range(POLISH_PASSES):
+            journal, worst = self.journal(theta), 0.0
+            for i, (name, key) in enumerate(self.keys):
+                if name not in journal.sensors or key not in _SPLIT:
+                    continue
+                stream = journal.stream(name)
+                part = _SPLIT[key] if name == "gps" else slice(None)
+                used, R = stream.accepted, np.diag(journal.model.sensors[name].R)[part]
+                weight = stream.weight[used, None]
+                variance = np.einsum("kii->ki", stream.S[used])[:, part]
+                ratio = float(np.mean(weight * stream.nu[used][:, part] ** 2 / variance))
+                change = float(np.clip(1.0 + (ratio - 1.0) * np.mean(variance) / np.mean(R), 0.25, 4.0))
+                theta = theta.copy()
+                theta[i] = np.clip(theta[i] + 0.5 * np.log(change), *self.bounds[i])
+                worst = max(worst, abs(ratio - 1.0))
+            if worst < POLISHED:
+                break
+        return theta

@@ -1,0 +1,75 @@
+"""First guesses of noise levels from the readings alone: still stretches, differences, resolution. No filter runs here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.allan import white_density
+from calibration.segments import still_rows
+from sensors.arrays import FloatArray
+from sensors.recording import ACCEL, GYRO, Recording
+
+#: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
+LEAST_STILL = 1.0
+#: Readings that repeat their neighbour tell the resolution, not the noise; the noise of rounding is a step over sqrt(12).
+ROUNDING = 1.0 / np.sqrt(12.0)
+#: Median of the magnitude of a standard normal.
+MEDIAN_NORMAL = 0.6745
+
+
+def imu_density(recording: Recording, names: tuple[str, ...] = ACCEL) -> float:
+    """White-noise density [unit/sqrt(Hz)] of a triad of the IMU: the root mean square over its axes.
+
+    From the longest still stretch of the log, else from all of it; then motion and vibration count as noise, and the
+    value is an upper bound.
+    """
+    imu = recording.streams["imu"]
+    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    values = imu.array(names)
+    start, stop = longest_still(recording)
+    if imu.t[stop - 1] - imu.t[start] >= LEAST_STILL:
+        values = values[start:stop]
+    density = float(np.sqrt(np.mean([white_density(column, rate) ** 2 for column in values.T])))
+    return max(density, resolution(imu.array(names)) * ROUNDING / np.sqrt(rate))
+
+
+def longest_still(recording: Recording) -> tuple[int, int]:
+    """Rows [start, stop) of the longest stretch in which the IMU lies still; one row where it never does."""
+    imu = recording.streams["imu"]
+    still = still_rows(imu.t, imu.array(ACCEL), imu.array(GYRO))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    if not len(edges):
+        return 0, 1
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]), int(edges[2 * longest + 1])
+
+
+def reading_noise(values: FloatArray) -> float:
+    """Standard deviation of the white noise of one reading, of the columns together; deaf to smooth motion and to jumps.
+
+    Third differences of white noise have 20 times its variance and of a parabola none; their median magnitude does not
+    see outliers. Not below the noise of rounding.
+
+    Parameters
+    ----------
+    values : (n, columns)
+    """
+    floor = resolution(values) * ROUNDING
+    if len(values) < 8:
+        return max(float(np.std(values)), floor)
+    third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
+    spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
+    spread = np.where(spread > 0.0, spread, np.std(third, axis=0))
+    return max(float(np.sqrt(np.mean(spread**2))), floor)
+
+
+def resolution(values: FloatArray) -> float:
+    """Smallest step between readings of a column, the largest over the columns; tiny where nothing ever changes.
+
+    The tenth percentile of the steps that are not zero: rounding in the last digit of a float makes smaller ones.
+    """
+    steps = [np.abs(np.diff(column)) for column in values.T]
+    smallest = [float(np.percentile(step[step > 0.0], 10)) if np.any(step > 0.0) else 0.0 for step in steps]
+    repeated = [bool(np.mean(step == 0.0) > 0.05) for step in steps]  # noise finer than the step repeats readings
+    coarse = [step for step, often in zip(smallest, repeated, strict=True) if often]
+    return max(coarse, default=float(np.finfo(float).tiny))
