@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+# The matrices are small: more threads only get in each other's way, and the last bits would depend on their number.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 app = typer.Typer(
     name="sinan",
@@ -62,8 +67,9 @@ def fetch(
     from experiments.report.console import progress
 
     with progress("fetching") as step:
-        for line in fetch_sets(names or [], step):
-            typer.echo(line)
+        folders = fetch_sets(names or [], lambda name, file, done, total: step(f"{name}/{file}", done, total))
+    for name, folder in folders.items():
+        typer.echo(f"{name}: {folder}")
 
 
 @app.command()
@@ -88,9 +94,10 @@ def convert(
     input: Input, out: Annotated[Path, typer.Argument(help="folder of the recording")], map: Map = None
 ) -> None:
     """Any readable log -> plain recording."""
-    from experiments.datasets.convert import convert as convert_log
+    from experiments.datasets import convert as convert_log
 
-    typer.echo(convert_log(input, out, map))
+    recording = convert_log(input, out, map)
+    typer.echo(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
 
 
 @app.command()

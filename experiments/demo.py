@@ -16,6 +16,7 @@ from experiments.report.words import trace_summary
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.trace import report, trace
 from experiments.scenarios.loader import load_scenario
+from sensors.errors import InputError
 from sensors.formats.plain import write_recording
 from sensors.recording import Recording
 from sensors.simulate import simulate
@@ -60,6 +61,9 @@ def demonstrate(recording: Recording, out: Path, name: str, say: Callable[[str],
 
 def measured_recording() -> Recording | None:
     """The course's magnetometer readings, if the data set is on this machine; nothing is downloaded."""
-    from experiments.datasets import find, resolve
+    from experiments.datasets import resolve
 
-    return resolve(MEASURED) if find(MEASURED) is not None else None
+    try:
+        return resolve(MEASURED)
+    except InputError:
+        return None

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")  # two workers share two cores
+
 ROOT = Path(__file__).resolve().parents[1]
 NO_DATA = "no measured data: set SINAN_DATA, or run `sinan fetch`"
 

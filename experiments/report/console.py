@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress(what: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
-    """A progress line on stderr; the callable advances it by one and names what is being done."""
+def progress(what: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A progress line on stderr; the callable says what is being done, how much is done, and how much there is."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -20,9 +20,9 @@ def progress(what: str, total: int | None = None) -> Iterator[Callable[[str], No
         TimeRemainingColumn(),
     ]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(what, total=None)
 
-        def step(description: str = "") -> None:
-            bar.update(task, advance=1, description=f"{what} {description}".strip())
+        def step(description: str, done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total, description=f"{what} {description}".strip())
 
         yield step

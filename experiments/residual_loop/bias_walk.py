@@ -36,7 +36,10 @@ class BiasWalk:
 
     def value(self, t: FloatArray, x: FloatArray) -> FloatArray:
         """(n, 3) bias at the instants t, of the parameters x (knots - 1, 3) flattened."""
-        return self.weights(t) @ x.reshape(-1, 3)
+        if len(self.t) == 1:
+            return np.zeros((len(t), 3))
+        values = np.vstack([np.zeros(3), x.reshape(-1, 3)])
+        return np.stack([np.interp(t, self.t, column) for column in values.T], axis=1)
 
     def derivative(self, t: FloatArray, by_bias: FloatArray) -> FloatArray:
         """(n, ..., 3 (knots - 1)) of something whose derivative by the bias at its own instant is (n, ..., 3)."""

@@ -152,7 +152,7 @@ class LeastSquaresSource:
         for _ in range(passes):
             x, beta, information = self._minimise(x, beta, used & ~wrong)
             if passes > 1:
-                wrong = self._wrong_rows(x, beta)
+                wrong = self._wrong_rows(self._problem.rows(x, beta, ()))
         rows = self._problem.rows(x, beta, ())
         active = used & ~wrong
         r = rows.residual[active]
@@ -269,7 +269,7 @@ class LeastSquaresSource:
         moving = [term for term in fit.terms if term.in_mean]
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
-        wrong = self._wrong_rows(state.nuisance, fit.beta, _SUSPECT)  # an interval must not live on one wrong reading
+        wrong = self._wrong_rows(rows, _SUSPECT)  # an interval must not live on one wrong reading
         scan_rows = np.flatnonzero(active & self._measured & ~wrong)
         scan_rows = scan_rows[np.argsort(self._problem.t[scan_rows], kind="stable")]
         everything = np.concatenate([scan_rows, np.flatnonzero(active & ~self._measured)])
@@ -288,8 +288,7 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(self, x: FloatArray, beta: Mapping[Term, FloatArray], threshold: float = _OUTLIER) -> BoolArray:
-        rows = self._problem.rows(x, beta, ())
+    def _wrong_rows(self, rows: Rows, threshold: float = _OUTLIER) -> BoolArray:
         wrong = np.zeros(len(rows.residual), dtype=bool)
         index = np.flatnonzero(self._measured)
         index = index[np.argsort(self._problem.t[index], kind="stable")]
@@ -299,7 +298,7 @@ class LeastSquaresSource:
     def _outlier_finding(self, fit: Fit, rows: Rows) -> LocalFinding | None:
         if any(not term.in_mean for term in fit.terms):
             return None
-        wrong = self._wrong_rows(_state(fit).nuisance, fit.beta) & _state(fit).used
+        wrong = self._wrong_rows(rows) & _state(fit).used
         count = int(np.sum(wrong))
         if count < _LEAST_OUTLIERS:
             return None

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.gyro import GyroLog, calibrate_gyro, integrate_turns, noise_of_turns
+from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
 from experiments.residual_loop.bias_walk import bias_walk
 from experiments.residual_loop.least_squares_source import Rows
 from experiments.residual_loop.term import (
@@ -85,6 +85,7 @@ class GyroTurns:
             return np.concatenate([*(values[turn] for turn in turns), *rests])
 
         self._row_t, self._reading, self._f_b = kept(log.t), kept(log.reading), kept(log.f_b)
+        self._weights = self._walk.weights(self._row_t)
         self._covariates = {name: kept(value) for name, value in covariates.items()}
         self._log_covariates = {name: value for name, value in covariates.items() if value.ndim == 1}
 
@@ -141,28 +142,25 @@ class GyroTurns:
         w, B = self.true_rate(nuisance, model)
         motion = self._motion(w)
         by_bias = inverse(np.asarray(B))  # -d w / d bias
-        columns = [by_bias, self._walk.derivative(self._row_t, by_bias)]
+        columns = [by_bias]
         names: list[str] = []
         for key, entry, beta in derivatives_wanted(model, wanted):
             columns.append(by_bias @ entry.slope(w, beta, motion))
             names.append(key)
-        D = np.concatenate(columns, axis=2)
-        residual, J, raw = self._project(w, D)
+        residual, J, raw = self._project(w, np.concatenate(columns, axis=2))
         prior_r, prior_N, _ = self._walk.prior(nuisance[3:])
         m, size = len(prior_r), len(nuisance)
-        priors = np.zeros((m, D.shape[2]))
-        priors[:, 3:size] = prior_N
-        J = np.vstack([J, priors])
+        J = np.vstack([J, np.zeros((m, J.shape[1]))])
+        J[len(residual) :, 3:size] = prior_N
         effects, column = {}, size
-        for key, part in zip(names, columns[2:], strict=True):
+        for key, part in zip(names, columns[1:], strict=True):
             effects[key] = J[:, column : column + part.shape[2]]
             column += part.shape[2]
-        offset = J[:, :3].copy()
         return Rows(
             residual=np.concatenate([residual, prior_r]),
             nuisance=J[:, :size],
             effects=effects,
-            offset=offset,
+            offset=J[:, :3].copy(),
             measured=np.concatenate([np.ones(len(residual), dtype=bool), np.zeros(m, dtype=bool)]),
             raw=np.concatenate([raw, np.zeros(m)]),
         )
@@ -170,6 +168,7 @@ class GyroTurns:
     def _project(self, w: FloatArray, D: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Residuals of the turns across the direction, then of the rests; whitened, with J = -d residual / d theta.
 
+        D (n, 3, m) begins with the derivative by the bias; that by the knots of its walk is put in behind it.
         Neighbouring turns share a pose, whose direction noise enters both: their covariance is block tridiagonal.
         """
         turns = integrate_turns(self._row_t, self._turn_rows, self.log.direction[:-1], w)
@@ -177,16 +176,30 @@ class GyroTurns:
         across = _tangents(self.log.direction[1:])
         g = self.log.gravity
         r_turn = np.einsum("kai,ki->ka", across, miss).ravel()
-        J_turn = np.einsum("kai,kim->kam", across, turns.derivative(D)).reshape(len(r_turn), -1)
+        moved = np.concatenate(
+            [turns.derivative(D[:, :, :3]), self._by_knots(turns, D), turns.derivative(D[:, :, 3:])], 2
+        )
+        J_turn = np.einsum("kai,kim->kam", across, moved).reshape(len(r_turn), -1)
         L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across))
         poses = self.log.poses
-        r_rest, J_rest = w[self._n_turning :], D[self._n_turning :]
+        r_rest, at_rest = w[self._n_turning :], D[self._n_turning :]
+        knots = self._walk.derivative(poses.t, at_rest[:, :, :3])
+        J_rest = np.concatenate([at_rest[:, :, :3], knots, at_rest[:, :, 3:]], axis=2)
         sigma = np.repeat(self._sigma_rest, 3)
         residual = np.concatenate([np.linalg.solve(L, r_turn), r_rest.ravel() / sigma])
         J = np.concatenate([np.linalg.solve(L, J_turn), J_rest.reshape(len(sigma), -1) / sigma[:, None]])
         # rests are shown as the angle they would make over their own turn, so that both have one unit
         time = np.repeat(np.median(np.diff(poses.t)), len(sigma))
         return residual, J, np.concatenate([r_turn / g, r_rest.ravel() * time])
+
+    def _by_knots(self, turns: Turns, D: FloatArray) -> FloatArray:
+        """(turns, 3, 3 (knots - 1)) derivative of the predicted directions by the knots of the bias's walk."""
+        J = np.zeros((len(turns.rows), 3, self._weights.shape[1], 3))
+        for k, (response, rows) in enumerate(zip(turns.sensitivity, turns.rows, strict=True)):
+            near = np.flatnonzero(np.any(self._weights[rows] != 0.0, axis=0))
+            by_bias = response @ D[rows, :, :3]
+            J[k][:, near] = np.einsum("nj,nim->ijm", self._weights[rows][:, near], by_bias)
+        return J.reshape(len(turns.rows), 3, -1)
 
     def _turn_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
         """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2]."""

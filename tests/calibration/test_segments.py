@@ -17,7 +17,7 @@ def hand_turned(rng: np.random.Generator, poses: int, tremor: float = 0.0) -> tu
     angle = 0.9 * (k + 3 * phase**2 - 2 * phase**3)
     rate = np.gradient(angle, t)
     accel = 9.8 * np.stack([np.sin(angle), np.zeros_like(t), -np.cos(angle)], axis=1)
-    gyro = [*np.stack([np.zeros_like(t), rate, np.zeros_like(t)], axis=1), 0.02, -0.01, 0.03]
+    gyro = np.stack([np.full_like(t, 0.02), rate - 0.01, np.full_like(t, 0.03)], axis=1)
     gyro += tremor * np.sin(2 * np.pi * 3.0 * t)[:, None]
     return t, accel + 0.03 * rng.standard_normal(accel.shape), gyro + 0.002 * rng.standard_normal(gyro.shape)
 

@@ -1,0 +1,113 @@
+"""The command line: what it writes, how it refuses, and that help does not wait for what it does not need."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "experiments", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cli") / "run1"
+    result = sinan("simulate", "mag_poses", str(folder), "--effect", "mag.cross_axis=0.03,0,-0.02", "--seed", "7")
+    assert result.returncode == 0, result.stderr
+    return folder
+
+
+def test_help_imports_no_numerics() -> None:
+    code = "import experiments.cli, sys; print([m for m in ('numpy', 'scipy', 'matplotlib', 'numba', 'pandas') if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def test_answer_lies_beside_the_folder_and_not_in_it(poses: Path) -> None:
+    assert poses.with_name("run1.answer.json").is_file()
+    assert all("cross_axis" not in path.read_text() for path in poses.iterdir())
+
+
+def test_calibrate_writes_its_report(poses: Path, tmp_path: Path) -> None:
+    out = tmp_path / "mag.json"
+    result = sinan("calibrate", "mag", str(poses), "--axes", "full", "--json", str(out), "--html", str(tmp_path / "mag.html"))
+    assert result.returncode == 0, result.stderr
+    document = json.loads(out.read_text())
+    assert document["sensor"] == "mag"
+    assert len(document["undetermined"]) == 3
+    assert document["T"][0][1] is None
+    assert document["sse"] < document["sse_before"]
+    assert (tmp_path / "mag.html").read_text().startswith("<!doctype html>")
+
+
+def test_trace_writes_its_report(poses: Path, tmp_path: Path) -> None:
+    out = tmp_path / "trace.json"
+    result = sinan("trace", str(poses), "--json", str(out), "--html", str(tmp_path / "trace.html"))
+    assert result.returncode == 0, result.stderr
+    document = json.loads(out.read_text())
+    assert document["verdict"] == "effects"
+    effect = document["effects"][0]
+    assert effect["name"] == "mag.cross_axis"
+    error = np.abs(np.array(effect["beta"]) - [0.03, 0.0, -0.02])
+    assert np.all(error < 4.0 * np.array(effect["std"]))
+    assert document["error"]["after"]["rms"] < document["error"]["before"]["rms"]
+
+
+def test_same_input_same_report(poses: Path, tmp_path: Path) -> None:
+    for name in ("a.json", "b.json"):
+        assert sinan("trace", str(poses), "--json", str(tmp_path / name)).returncode == 0
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_demo_writes_pages_and_figures(tmp_path: Path) -> None:
+    result = sinan("demo", str(tmp_path / "out"))
+    assert result.returncode == 0, result.stderr
+    assert "mag.cross_axis" in result.stdout
+    assert str(tmp_path / "out") in result.stdout
+    assert (tmp_path / "out" / "simulated.html").stat().st_size > 50_000
+    assert (tmp_path / "out" / "simulated_residuals.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["trace", "nowhere"], 1, "nowhere"),
+        (["calibrate", "gyro", "{poses}"], 1, "no gyro"),
+        (["estimate", "{poses}"], 1, "poses"),
+        (["simulate", "no_such", "{tmp}/x"], 1, "no such scenario"),
+        (["simulate", "mag_poses", "{tmp}/x", "--effect", "mag.nothing=1"], 1, "mag.nothing"),
+        (["trace", "{poses}", "--json", "/proc/none/x.json"], 1, "/proc/none"),
+        (["trace"], 2, "INPUT"),
+        (["calibrate", "nose", "{poses}"], 2, "nose"),
+        (["lab", "nothing"], 1, "one of accelerometer"),
+    ],
+)
+def test_bad_input_is_one_line(poses: Path, tmp_path: Path, arguments: list[str], status: int, says: str) -> None:
+    result = sinan(*(a.format(poses=poses, tmp=tmp_path) for a in arguments))
+    assert result.returncode == status, result.stderr
+    assert says in result.stderr
+    assert "Traceback" not in result.stderr
+    if status == 1:
+        assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_nan_is_named_with_file_and_row(poses: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    for path in poses.iterdir():
+        (broken / path.name).write_text(path.read_text())
+    lines = (broken / "mag.csv").read_text().splitlines()
+    lines[5] = lines[5].rsplit(",", 1)[0] + ",nan"
+    (broken / "mag.csv").write_text("\n".join(lines) + "\n")
+    result = sinan("trace", str(broken))
+    assert result.returncode == 1
+    assert "mag" in result.stderr
+    assert "5" in result.stderr
