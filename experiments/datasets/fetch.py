@@ -8,8 +8,8 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from experiments.datasets.inputs import DATA_VARIABLE, cache_folder
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
-from experiments.datasets.resolve import DATA_VARIABLE, cache_folder
 from sensors.errors import InputError
 
 #: Called before each file: data set, file, how many are done, how many there are.

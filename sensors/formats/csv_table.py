@@ -65,11 +65,11 @@ def read_header_line(path: Path) -> list[str]:
         raise InputError(path, "empty first line", "a header that names the columns", "line 1")
     if not all(name.isprintable() for name in names) or len(line) >= _HEADER_LIMIT:
         raise InputError(path, "binary data", "a header that names the columns", "line 1")
+    if all(is_number(name) for name in names):
+        raise InputError(path, f"numbers ({names[0]} ...)", "a header that names the columns", "line 1")
     for k, name in enumerate(names):
         if not name:
             raise InputError(path, f"no name for column {k + 1}", "a header that names the columns", "line 1")
         if name in names[:k]:
             raise InputError(path, f"column {name} twice", "every column once", "line 1")
-    if all(is_number(name) for name in names):
-        raise InputError(path, f"numbers ({names[0]} ...)", "a header that names the columns", "line 1")
     return names

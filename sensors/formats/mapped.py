@@ -209,7 +209,7 @@ def _time(log: _Log, clock: Clock, file: str, n: int, place: str) -> FloatArray:
     """(n,) time of the rows [s]: from a column, or counted."""
     factor = UNITS["time"][clock.unit][0] if clock.rate is None else 1.0 / clock.rate
     if not clock.column:
-        return (np.arange(n) - clock.zero) * factor
+        return (np.arange(n, dtype=np.float64) - clock.zero) * factor
     shown = log.column(file, clock.column, f"{place} time")
     if len(shown) != n:
         raise InputError(log.rules.path, f"{len(shown)} times for {n} rows", "one length", f"{place} time")
@@ -222,7 +222,7 @@ def _time(log: _Log, clock: Clock, file: str, n: int, place: str) -> FloatArray:
 def _evenly(t: FloatArray) -> FloatArray:
     """(n,) the line fitted to the stamps over the row index, by least squares."""
     k = np.arange(len(t)) - 0.5 * (len(t) - 1)
-    return np.asarray(t.mean() + k * (k @ t) / (k @ k))
+    return np.asarray(t.mean() + k * (k @ t) / (k @ k), dtype=np.float64)
 
 
 def _rows(

@@ -185,8 +185,8 @@ def _read_hdf5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
 def columns_of(arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Variables as columns: `name` for a vector, `name.1` to `name.k` for a matrix with one reading a row or a column.
 
-    The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also "1"
-    to "k".
+    The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also
+    "1" to "k".
     """
     columns: dict[str, FloatArray] = {}
     for name, array in arrays.items():

@@ -1,0 +1,332 @@
+"""Logs told by their content: what can be read, and what a damaged one says."""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sensors.errors import InputError
+from sensors.formats import open_log
+from sensors.formats.columns import FileOptions, content_of, read_columns
+from sensors.formats.matlab import read_matlab
+from sensors.formats.mwlog import read_mwlog
+from sensors.formats.records import RecordLayout, read_records
+from sensors.formats.ubx import read_ubx
+
+POSES = np.array([[0.0, 0.0, -9.8], [9.8, 0.0, 0.0], [0.0, 9.8, 0.1], [0.0, -9.8, 0.2]])
+
+
+def mwlog(values: np.ndarray, kind: int = 2, signals: int | None = None, size: int | None = None) -> bytes:
+    """An MWLOGV01 log of singles; `signals` and `size` overwrite what its header says."""
+    count = values.shape[1] if signals is None else signals
+    header = struct.pack("<8sIBBH", b"MWLOGV01", 0, count, kind, 4 * values.shape[1] if size is None else size)
+    return header + values.astype("<f4").tobytes()
+
+
+def ubx(payload: bytes, kind: bytes = b"\x01\x07") -> bytes:
+    """A UBX message with its checksum."""
+    body = kind + struct.pack("<H", len(payload)) + payload
+    a = b = 0
+    for byte in body:
+        a, b = (a + byte) & 0xFF, (b + a + byte) & 0xFF
+    return b"\xb5\x62" + body + bytes((a, b))
+
+
+def message(path: Path) -> str:
+    """The one line that reading raises."""
+    with pytest.raises(InputError) as caught:
+        open_log(path)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+# --- what a log is ---------------------------------------------------------------------------------------
+
+
+def test_content_not_suffix_decides(tmp_path: Path) -> None:
+    path = tmp_path / "poses.txt"
+    scipy.io.savemat(path, {"acc": POSES}, appendmat=False)
+    assert content_of(path) == "matlab"
+    assert len(open_log(path).streams["poses"]) == len(POSES)
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "an empty file"),
+        (mwlog(POSES), "MWLOGV01"),
+        (b"1 2 3\n", "text or unknown data"),
+        (b"PK\x03\x04rest", "a zip"),
+        (b"\x1f\x8b\x08rest", "compressed data"),
+        (ubx(b""), "a u-blox log"),
+        (b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n", "a text dataflash log"),
+        (bytes(range(256)), "text or unknown data"),
+    ],
+)
+def test_log_without_map_says_what_it_is(tmp_path: Path, content: bytes, found: str) -> None:
+    (tmp_path / "log").write_bytes(content)
+    text = message(tmp_path / "log")
+    assert found in text
+    assert "--map" in text
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    assert "no such file" in message(tmp_path / "absent.bin")
+
+
+# --- MATLAB ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["AccRaw", "acc"])
+@pytest.mark.parametrize("array", [POSES, POSES.T, POSES[:3]])
+def test_matlab_poses(tmp_path: Path, name: str, array: np.ndarray) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {name: array}, do_compression=len(array) == 4)
+    recording = open_log(tmp_path / "a.mat")
+    rows = array if array.shape[0] == 4 else array.T
+    assert recording.kind == "poses"
+    np.testing.assert_array_equal(recording.streams["poses"].array(("accel_x", "accel_y", "accel_z")), rows)
+    np.testing.assert_array_equal(recording.streams["poses"].t, np.arange(len(rows)))
+
+
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({"x": POSES}, "variables x"),
+        ({"acc": POSES, "mag": POSES}, "one of AccRaw"),
+        ({"acc": np.ones((4, 4))}, "3 x n"),
+        ({"acc": np.ones((3, 4, 5))}, "3 x n"),
+        ({"acc": 3.0}, "3 x n"),
+        ({"acc": POSES * np.nan}, "nan"),
+        ({"acc": "text"}, "no variable that holds numbers"),
+        ({"acc": POSES + 1j}, "no variable that holds numbers"),
+        ({"acc": {"field": POSES}}, "no variable that holds numbers"),
+        ({"acc": np.array([POSES, "x"], dtype=object)}, "no variable that holds numbers"),
+        ({"acc": POSES / 9.8}, "looks like g"),
+    ],
+)
+def test_matlab_variable_that_does_not_fit(tmp_path: Path, variables: dict[str, object], expected: str) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", variables)
+    assert expected in message(tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matlab_cut_off_anywhere(tmp_path: Path, compressed: bool) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"mag": POSES}, do_compression=compressed)
+    data = (tmp_path / "a.mat").read_bytes()
+    for end in range(20, len(data), 7):
+        (tmp_path / "b.mat").write_bytes(data[:end])
+        with pytest.raises(InputError):
+            open_log(tmp_path / "b.mat")
+
+
+def test_matlab_length_beyond_the_file_allocates_nothing(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"mag": POSES})
+    data = bytearray((tmp_path / "a.mat").read_bytes())
+    data[132:136] = struct.pack("<I", 2**32 - 1)
+    (tmp_path / "a.mat").write_bytes(data)
+    assert "an element of 4294967295 bytes" in message(tmp_path / "a.mat")
+
+
+def test_matlab_dimensions_beyond_the_data(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"mag": POSES})
+    data = (tmp_path / "a.mat").read_bytes()
+    shape, huge = struct.pack("<ii", *POSES.shape), struct.pack("<ii", 2**30, 3)
+    assert data.count(shape) == 1
+    (tmp_path / "a.mat").write_bytes(data.replace(shape, huge))
+    assert "1073741824 x 3" in message(tmp_path / "a.mat")
+
+
+def test_matlab_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sensors.formats.matlab.UNFOLDED_LIMIT", 10_000)
+    scipy.io.savemat(tmp_path / "a.mat", {"mag": np.zeros((3, 10_000))}, do_compression=True)
+    assert "in compressed elements" in message(tmp_path / "a.mat")
+
+
+def test_hdf5_poses_and_oddities(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["mag"] = POSES  # HDF5 lists dimensions in the opposite order of MATLAB: 3 x 4 there
+        file["words"] = "text"
+        file.create_group("group")
+        file["elsewhere"] = h5py.ExternalLink("other.mat", "/x")
+        file["nowhere"] = h5py.SoftLink("/absent")
+    assert len(open_log(tmp_path / "a.mat").streams["poses"]) == len(POSES)
+
+
+@pytest.mark.parametrize("shape", [(0,), (4,), (2, 2), (3, 4, 5), ()])
+def test_hdf5_of_another_shape(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["acc"] = np.ones(shape)
+    with pytest.raises(InputError):
+        open_log(tmp_path / "a.mat")
+
+
+def test_hdf5_that_says_ten_gigabytes(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file.create_dataset("mag", shape=(3, 450_000_000), dtype="f8", chunks=(3, 1000))
+    assert (tmp_path / "a.mat").stat().st_size < 100_000
+    assert "450000000" in message(tmp_path / "a.mat")
+
+
+def test_hdf5_cut_off(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["mag"] = POSES
+    data = (tmp_path / "a.mat").read_bytes()
+    for end in range(8, len(data), 97):
+        (tmp_path / "b.mat").write_bytes(data[:end])
+        with pytest.raises(InputError):
+            open_log(tmp_path / "b.mat")
+
+
+@settings(max_examples=80, deadline=None)
+@given(at=st.integers(128, 400), byte=st.integers(0, 255), compressed=st.booleans())
+def test_matlab_with_one_wrong_byte(
+    tmp_path_factory: pytest.TempPathFactory, at: int, byte: int, compressed: bool
+) -> None:
+    path = tmp_path_factory.mktemp("mat") / "a.mat"
+    scipy.io.savemat(path, {"mag": POSES}, do_compression=compressed)
+    data = bytearray(path.read_bytes())
+    data[at % len(data)] = byte
+    path.write_bytes(data)
+    with suppress(InputError):
+        read_matlab(path)
+
+
+# --- MWLOGV01 --------------------------------------------------------------------------------------------
+
+
+def test_mwlog_round_trip(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(mwlog(POSES))
+    columns = read_mwlog(tmp_path / "a")
+    np.testing.assert_array_equal(np.stack([columns[k] for k in "123"], axis=1), POSES.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"MWLOGV02" + bytes(8), "magic"),
+        (b"MWLOGV01\0\0", "a header of 10 bytes"),
+        (mwlog(POSES, kind=77), "type 77"),
+        (mwlog(POSES)[:-1], "cut off"),
+        (mwlog(POSES, signals=255, size=65535), "records of 65535 bytes with 255 signals"),
+        (mwlog(POSES, signals=0, size=0), "at least one signal"),
+        (mwlog(POSES, size=8), "3 x 4"),
+    ],
+)
+def test_mwlog_damaged(tmp_path: Path, data: bytes, expected: str) -> None:
+    (tmp_path / "a").write_bytes(data)
+    with pytest.raises(InputError, match=expected):
+        read_mwlog(tmp_path / "a")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=80))
+def test_mwlog_any_bytes(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+    path = tmp_path_factory.mktemp("mwlog") / "a"
+    path.write_bytes(b"MWLOGV01" + data)
+    try:
+        columns = read_mwlog(path)
+    except InputError:
+        return
+    assert sum(column.size for column in columns.values()) <= len(data)
+
+
+# --- fixed records, u-blox, dataflash, compressed text ---------------------------------------------------
+
+LAYOUT = RecordLayout((("magic", "uint16"), ("more", "uint8"), ("x", "float32")), 0xA55A, (("h", "int32"),), "more")
+
+
+def test_records_with_a_tail(tmp_path: Path) -> None:
+    data = b"".join(
+        struct.pack("<HBf", 0xA55A, k % 2, k) + (struct.pack("<i", 100 * k) if k % 2 else b"") for k in range(5)
+    )
+    (tmp_path / "a").write_bytes(data)
+    columns = read_records(tmp_path / "a", LAYOUT)
+    np.testing.assert_array_equal(columns["x"], np.arange(5))
+    np.testing.assert_array_equal(columns["tail.h"], [100, 300])
+    np.testing.assert_array_equal(columns["tail.row"], [1, 3])
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"", "no record"),
+        (struct.pack("<HBf", 0xA55B, 0, 1), "byte 0, record 1: 0xa55b"),
+        (struct.pack("<HBf", 0xA55A, 0, 1) + b"\x5a", "byte 7, record 2: a record cut off"),
+        (struct.pack("<HBf", 0xA55A, 1, 1), "tail is cut off"),
+    ],
+)
+def test_records_damaged(tmp_path: Path, data: bytes, expected: str) -> None:
+    (tmp_path / "a").write_bytes(data)
+    with pytest.raises(InputError, match=expected):
+        read_records(tmp_path / "a", LAYOUT)
+
+
+def test_ubx_passes_over_other_messages(tmp_path: Path) -> None:
+    payload = struct.pack("<I", 1000) + bytes(20) + struct.pack("<ii", 1_160_000_000, 400_000_000) + bytes(60)
+    (tmp_path / "a").write_bytes(b"$GNGGA\r\n" + ubx(b"\0" * 4, b"\x01\x22") + ubx(payload))
+    columns = read_ubx(tmp_path / "a")
+    assert columns["NAV-PVT.iTOW"] == 1000
+    assert columns["NAV-PVT.lat"] == 400_000_000
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (ubx(bytes(92))[:-1], "cut off"),
+        (ubx(bytes(92))[:-1] + b"\0", "checksum"),
+        (ubx(bytes(80)), "NAV-PVT of 80 bytes"),
+        (ubx(b"", b"\x01\x22"), "no NAV-PVT"),
+        (b"\xb5\x62\x01\x07\xff\xff", "cut off"),
+    ],
+)
+def test_ubx_damaged(tmp_path: Path, data: bytes, expected: str) -> None:
+    (tmp_path / "a").write_bytes(data)
+    with pytest.raises(InputError, match=expected):
+        read_ubx(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("CTUN, 1, x\n", "line 2: `x` in CTUN.Alt"),
+        ("CTUN, 1\n", "line 2: 1 fields"),
+        ("CTUN, 1, \xff\n", "UTF-8"),
+    ],
+)
+def test_dataflash_damaged(tmp_path: Path, text: str, expected: str) -> None:
+    (tmp_path / "a").write_bytes(("FMT, 128, 9, CTUN, ff, Thr,Alt\n" + text).encode("latin-1"))
+    with pytest.raises(InputError, match=expected):
+        read_columns(tmp_path / "a", FileOptions(), {"CTUN.Alt"})
+
+
+@pytest.mark.parametrize("content", [b"\x1f\x8b\x08\x00damaged", b"PK\x03\x04damaged"])
+def test_compressed_text_damaged(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(InputError, match="undamaged compressed file"):
+        read_columns(tmp_path / "a", FileOptions(member="x"), {"1"})
+
+
+def test_compressed_text_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import gzip
+
+    monkeypatch.setattr("sensors.formats.columns.UNFOLDED_LIMIT", 1000)
+    (tmp_path / "a").write_bytes(gzip.compress(b"0" * 100_000))
+    with pytest.raises(InputError, match="once unfolded"):
+        read_columns(tmp_path / "a", FileOptions(), {"1"})
+
+
+def test_ulog_damaged(tmp_path: Path) -> None:
+    pytest.importorskip("pyulog")
+    (tmp_path / "a").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\x05\x00Bxxxxx")
+    assert "expected" in message(tmp_path / "a")

@@ -1,0 +1,321 @@
+"""Maps: every key does what the manual says, and every fault in one is named."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from sensors.errors import InputError
+from sensors.formats import open_log
+from sensors.formats.map_file import read_map
+from sensors.formats.mapped import read_reference
+from sensors.recording import ACCEL, GYRO, MAG, Recording
+
+ROUNDING = 1e-12
+TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"
+IMU = """
+kind = "flight"
+[streams.imu]
+time = { column = 1, unit = "ms" }
+accel = { columns = [2, 3, 4], unit = "g", axes = ["x", "-y", "-z"] }
+gyro = { columns = [5, 6, 7], unit = "deg/s", axes = ["x", "-y", "-z"] }
+"""
+MAG_POSES = 'kind = "poses"\n[streams.poses]\nmag = [5, 6, 7]\n'
+
+
+def read(tmp_path: Path, rules: str, text: str | bytes = TEXT, name: str = "log.txt") -> Recording:
+    """The recording of a log of text and a map."""
+    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    (tmp_path / "map.toml").write_text(rules)
+    return open_log(tmp_path / name, tmp_path / "map.toml")
+
+
+def message(tmp_path: Path, rules: str, text: str | bytes = TEXT) -> str:
+    """The one line that reading raises."""
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, rules, text)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def mag(recording: Recording) -> np.ndarray:
+    """(n, 3) the magnetometer."""
+    return recording.streams["poses" if "poses" in recording.streams else "mag"].array(MAG)
+
+
+def test_time_units_and_axes(tmp_path: Path) -> None:
+    imu = read(tmp_path, IMU).streams["imu"]
+    np.testing.assert_allclose(imu.t, [0.0, 0.01, 0.02], rtol=ROUNDING)
+    np.testing.assert_allclose(imu.array(ACCEL)[0], 9.80665 * np.array([0.1, -0.2, -1.0]), rtol=ROUNDING)
+    np.testing.assert_allclose(imu.array(GYRO)[0], np.radians([1.0, -2.0, -3.0]), rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "first"),
+    [
+        ("[5, 6, 7]", [1, 2, 3]),
+        ('{ columns = [5, 6, 7], unit = "mGauss" }', [1e-3, 2e-3, 3e-3]),
+        ('{ columns = [5, 6, 7], unit = "uT" }', [1e-2, 2e-2, 3e-2]),
+        ('{ columns = [5, 6, 7], unit = "count" }', [1, 2, 3]),
+        ('{ columns = [5, 6, 7], axes = ["y", "z", "x"] }', [2, 3, 1]),
+        ("{ columns = [5, 6, 7], axes = [[0, 1, 0], [0, 0, 1], [2, 0, 0]] }", [2, 3, 2]),
+        ("{ columns = [5, 6, 7], undo = { offset = [1, 1, 1], scale = [2, 1, 0.5] } }", [1, 3, 8]),
+        ("{ columns = [5, 6, 7], counts = { zero = 1, per_unit = [2, 4, 8] } }", [0, 0.25, 0.25]),
+    ],
+)
+def test_ways_to_a_value(tmp_path: Path, quantity: str, first: list[float]) -> None:
+    recording = read(tmp_path, MAG_POSES.replace("[5, 6, 7]", quantity))
+    np.testing.assert_allclose(mag(recording)[0], first, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("clock", "t"),
+    [
+        ("{ rate = 50 }", [0.0, 0.02, 0.04]),
+        ('{ column = 1, unit = "ms", zero = 10 }', [-0.01, 0.0, 0.01]),
+        ("{ column = 1, rate = 100 }", [0.0, 0.1, 0.2]),
+        ("1", [0.0, 10.0, 20.0]),
+        ("{ column = 1, even = true }", [0.0, 10.0, 20.0]),
+    ],
+)
+def test_clocks(tmp_path: Path, clock: str, t: list[float]) -> None:
+    rules = f'kind = "poses"\n[streams.mag]\ntime = {clock}\nmag = [5, 6, 7]\n'
+    np.testing.assert_allclose(read(tmp_path, rules).streams["mag"].t, t, atol=1e-12)
+
+
+def test_clock_that_starts_again(tmp_path: Path) -> None:
+    rules = 'kind = "poses"\n[streams.mag]\ntime = { column = 1, wrap = 100 }\nmag = [2, 3, 4]\n'
+    recording = read(tmp_path, rules, "98 1 2 3\n99 1 2 4\n1 1 2 5\n3 1 2 6\n")
+    np.testing.assert_allclose(recording.streams["mag"].t, [98, 99, 101, 103])
+
+
+def test_stamps_in_bursts_are_spread(tmp_path: Path) -> None:
+    rules = 'kind = "poses"\n[streams.mag]\ntime = { column = 1, even = true }\nmag = [2, 3, 4]\n'
+    t = read(tmp_path, rules, "".join(f"{k // 4 * 4} {k} 2 3\n" for k in range(40))).streams["mag"].t
+    assert np.ptp(np.diff(t)) < ROUNDING * 100
+    assert np.median(np.diff(t)) == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("extra", "rows", "note"),
+    [
+        ("skip_rows = 1", 4, ""),
+        ('drop = ["zeros"]', 4, "all zeros"),
+        ('drop = ["held value"]', 4, "the value before is repeated"),
+        ('drop = ["repeated time"]', 4, "time of the row before"),
+        ("keep = { column = 5, equals = 1 }", 3, "5 is not 1"),
+        ("keep = { column = 5, above = 0, below = 2 }", 3, "between 0 and 2"),
+        ("keep = [{ column = 5, above = 0 }, { column = 1, below = 4 }]", 3, "1 is not between"),
+        ('drop = ["zeros", "held value"]', 3, "all zeros"),
+    ],
+)
+def test_rows_that_do_not_count(tmp_path: Path, extra: str, rows: int, note: str) -> None:
+    text = "0 0 0 0 1\n1 1 2 3 1\n2 1 2 3 0\n3 4 5 6 1\n4 4 5 7 2\n".replace(
+        "4 4 5 7 2", "3 4 5 7 2" if "time" in extra else "4 4 5 7 2"
+    )
+    recording = read(tmp_path, f'kind = "poses"\n[streams.mag]\ntime = 1\nmag = [2, 3, 4]\n{extra}\n', text)
+    assert len(recording.streams["mag"]) == rows
+    assert any(note in entry for entry in recording.notes) == bool(note)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ("skip_lines = 1", "# remark\n" + TEXT),
+        ("skip_lines = 1\nskip_end = 1", "5,5\n" + TEXT + "20 0.1\n"),
+        ('delimiter = "comma"', TEXT.replace(" ", ",")),
+        ('delimiter = "tab"', TEXT.replace(" ", "\t")),
+        ("", TEXT.replace(" ", ";")),
+        ("", TEXT.replace(" ", " , ")),
+        ("", TEXT.replace("\n", "\r\n")),
+        ("", "\ufeff" + TEXT),
+        ("", TEXT.replace("0.2", "  2.0e-1")),
+    ],
+)
+def test_ways_to_write_text(tmp_path: Path, options: str, text: str) -> None:
+    recording = read(tmp_path, MAG_POSES.replace("[streams", f"[file]\n{options}\n[streams"), text)
+    np.testing.assert_array_equal(mag(recording), [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+
+
+def test_named_columns_beside_text(tmp_path: Path) -> None:
+    rules = 'kind = "poses"\n[file]\nheader = true\n[streams.poses]\nmag = ["mx", "my", "mz"]\n'
+    text = 'when,mx,my,mz,remark,\n"now, then",1,2,3,ok,\nlater,4,5,6,,\n'
+    np.testing.assert_array_equal(mag(read(tmp_path, rules, text)), [[1, 2, 3], [4, 5, 6]])
+
+
+def test_columns_named_by_the_map(tmp_path: Path) -> None:
+    rules = 'kind = "poses"\n[file]\ncolumns = ["t", "a", "b", "c", "x", "y", "z"]\n[streams.poses]\nmag = ["x", "y", "z"]\n'
+    np.testing.assert_array_equal(mag(read(tmp_path, rules))[0], [1, 2, 3])
+
+
+def test_several_files_on_one_clock(tmp_path: Path) -> None:
+    (tmp_path / "gyro.txt").write_text("0 1 2 3\n10 1 2 3\n")
+    rules = """
+kind = "flight"
+[files.g]
+path = "gyro.txt"
+[streams.imu]
+time = { column = 1, unit = "ms" }
+accel = { columns = [2, 3, 4], unit = "g" }
+gyro = { file = "g", columns = [2, 3, 4], unit = "deg/s" }
+"""
+    assert "align" in message(tmp_path, rules)
+    imu = read(tmp_path, rules.replace("[streams.imu]", '[streams.imu]\nalign = "interpolate"')).streams["imu"]
+    np.testing.assert_allclose(imu.t, [0.0, 0.01])
+    (tmp_path / "gyro.txt").write_text("0 1 2 3\n10 1 2 3\n20 1 2 3\n")
+    assert len(read(tmp_path, rules).streams["imu"]) == 3
+
+
+def test_folder_and_zip(tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "m.txt").write_text(TEXT)
+    (tmp_path / "map.toml").write_text(MAG_POSES.replace("[streams", '[file]\npath = "m.txt"\n[streams'))
+    assert len(open_log(tmp_path / "log", tmp_path / "map.toml").streams["poses"]) == 3
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        archive.writestr("m.txt", TEXT)
+    (tmp_path / "map.toml").write_text(MAG_POSES.replace("[streams", '[file]\nmember = "m.txt"\n[streams'))
+    assert len(open_log(tmp_path / "log.zip", tmp_path / "map.toml").streams["poses"]) == 3
+    (tmp_path / "map.toml").write_text(MAG_POSES)
+    with pytest.raises(InputError, match=r"member = one of m\.txt"):
+        open_log(tmp_path / "log.zip", tmp_path / "map.toml")
+
+
+def test_matlab_variables(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "log.mat", {"m": np.arange(12.0).reshape(4, 3), "t": np.arange(4.0)})
+    (tmp_path / "map.toml").write_text('kind = "poses"\n[streams.mag]\ntime = "t"\nmag = "m"\n')
+    np.testing.assert_array_equal(mag(open_log(tmp_path / "log.mat", tmp_path / "map.toml"))[1], [3, 4, 5])
+
+
+def test_flight_sensors(tmp_path: Path) -> None:
+    rules = (
+        IMU
+        + """
+[streams.gps]
+time = { column = 1, unit = "ms" }
+latitude = { columns = 5, unit = "1e-7 deg" }
+longitude = { columns = 6, unit = "1e-7 deg" }
+height = { columns = 7, unit = "mm" }
+velocity = { polar = [2, 3, 4] }
+[streams.baro]
+time = { column = 1, unit = "ms" }
+pressure = { columns = 2, unit = "hPa", counts = { per_unit = 1e-4 } }
+temperature = { columns = 3, unit = "K" }
+[streams.motors]
+time = { column = 1, unit = "ms" }
+motor = { columns = [2, 3], unit = "percent" }
+[streams.motors.covariates]
+spin = 4
+"""
+    )
+    recording = read(tmp_path, rules)
+    gps, baro = recording.streams["gps"], recording.streams["baro"]
+    assert recording.origin == pytest.approx((1e-7, 2e-7, 3e-3))
+    assert gps["vel_north"][0] == pytest.approx(0.1 * np.cos(np.radians(0.2)))
+    assert gps["vel_down"][0] == 1.0
+    assert baro["pressure"][0] == pytest.approx(100_000.0)
+    assert baro["height"][0] == pytest.approx(110.9, abs=0.1)  # ISO 2533: 1000 hPa
+    assert recording.streams["motors"]["motor_2"][0] == pytest.approx(0.002)
+    assert recording.streams["motors"]["spin"][0] == 1.0
+
+
+def test_reference_is_apart(tmp_path: Path) -> None:
+    rules = (
+        IMU
+        + """
+[reference]
+time = { column = 1, unit = "ms" }
+roll_pitch_yaw = { columns = [5, 6, 7], unit = "deg" }
+position = { columns = [2, 3, 4], enu = true }
+"""
+    )
+    recording = read(tmp_path, rules)
+    reference = read_reference(tmp_path / "log.txt", read_map(tmp_path / "map.toml"))
+    assert set(recording.streams) == {"imu"}
+    np.testing.assert_allclose([reference[name][0] for name in ("north", "east", "down")], [0.2, 0.1, -1.0])
+    assert reference["qw"][0] == pytest.approx(np.cos(np.radians(0.5)), abs=1e-3)
+
+
+def test_attitude_into_east_north_up(tmp_path: Path) -> None:
+    """A sensor with x to the east, y to the north, z up: as a forward-right-down body it heads east, level."""
+    rules = (
+        IMU
+        + """
+[reference]
+time = { column = 1, unit = "ms" }
+quaternion = { columns = [8, 9, 10, 11], enu = true, axes = ["x", "-y", "-z"] }
+"""
+    )
+    read(tmp_path, rules, "".join(line + " 1 0 0 0\n" for line in TEXT.splitlines()))
+    reference = read_reference(tmp_path / "log.txt", read_map(tmp_path / "map.toml"))
+    q = np.array([reference[name][0] for name in ("qw", "qx", "qy", "qz")])
+    np.testing.assert_allclose(np.abs(q), [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], atol=1e-12)
+    assert q[0] * q[3] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("rules", "expected"),
+    [
+        ("[streams.mag]\n", "key kind"),
+        ('kind = "poses"\n', "no stream"),
+        ('kind = "poses"\n[streams.compass]\n', "unknown key"),
+        (MAG_POSES + "mga = 3\n", "(perhaps `mag`)"),
+        (MAG_POSES + "[effects]\n'mag.step' = 1\n", "declares none"),
+        (MAG_POSES.replace("[5, 6, 7]", "[5, 6]"), "3 names or numbers"),
+        (MAG_POSES.replace("[5, 6, 7]", "[5, 6, 8]"), "column `8`"),
+        (MAG_POSES.replace("[5, 6, 7]", "[5, 6, true]"), "3 names or numbers"),
+        (MAG_POSES.replace("[5, 6, 7]", '{ columns = [5, 6, 7], unit = "Gauss" }'), "[streams.poses.mag] unit"),
+        (MAG_POSES.replace("[5, 6, 7]", '{ columns = [5, 6, 7], axes = ["x", "x", "z"] }'), "turned back"),
+        (MAG_POSES.replace("[5, 6, 7]", '{ columns = [5, 6, 7], axes = ["x", "y", "w"] }'), "turned back"),
+        (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], undo = { scale = 0 } }"), "not zero"),
+        (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], undo = { scale = [1, 2] } }"), "a list of 3 numbers"),
+        (MAG_POSES.replace("[5, 6, 7]", '{ columns = [5, 6, 7], file = "x" }'), "a name of [files]"),
+        (MAG_POSES.replace("mag =", 'drop = ["zeroes"]\nmag ='), '"zeros"'),
+        (MAG_POSES.replace("mag =", "keep = 3\nmag ="), "a table or a list of tables"),
+        (MAG_POSES.replace("mag =", "time = { rate = 0 }\nmag ="), "above 0"),
+        (MAG_POSES.replace("mag =", "time = {}\nmag ="), "a rate"),
+        (MAG_POSES.replace("poses]\n", "mag]\n"), "[streams.mag] time"),
+        (MAG_POSES.replace("[streams", '[file]\npath = "absent"\n[streams'), "no such file"),
+        (MAG_POSES.replace("[streams", "[file]\nskip_lines = -1\n[streams"), "a whole number"),
+        (MAG_POSES.replace("[streams", "[file]\nskip_lines = 9\n[streams"), "no text"),
+        (MAG_POSES.replace("[streams", "[file.records]\nfields = [['a', 'int7']]\n[streams"), "int8"),
+        (MAG_POSES.replace("[streams", "[file.records]\nfields = []\n[streams"), "no such key"),
+    ],
+)
+def test_faulty_map_is_named(tmp_path: Path, rules: str, expected: str) -> None:
+    assert expected in message(tmp_path, rules)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "an empty file"),
+        (TEXT.replace("4 5 6", "4 x 6"), "row 2 (line 2): `x` in column 6"),
+        (TEXT.replace("4 5 6", "4 5"), "row 2 (line 2): 6 columns"),
+        (TEXT.replace("4 5 6", "4 5 6 7"), "row 2 (line 2): 8 columns"),
+        (TEXT.replace("4 5 6", "4 5 nan"), "nan"),
+        ("a b c d e f g\n" + TEXT, "header = true"),
+        (TEXT.encode() + b"\xff\n", "UTF-8"),
+        (bytes(range(256)) * 4, "binary data"),
+        ("x" * 10_000_000, "header = true"),
+    ],
+)
+def test_faulty_text_is_named(tmp_path: Path, text: str | bytes, expected: str) -> None:
+    assert expected in message(tmp_path, MAG_POSES, text)
+
+
+def test_time_going_backwards(tmp_path: Path) -> None:
+    assert "strictly increasing" in message(tmp_path, IMU, TEXT.replace("20 0.1", "5 0.1"))
+
+
+def test_wrong_unit_in_a_map(tmp_path: Path) -> None:
+    assert "looks like g" in message(tmp_path, IMU.replace('"g"', '"m/s^2"'))
+
+
+def test_map_that_is_not_there(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text(TEXT)
+    with pytest.raises(InputError, match="a readable TOML file"):
+        open_log(tmp_path / "log", tmp_path / "absent.toml")

@@ -1,0 +1,105 @@
+"""What a wrong unit looks like, and that legitimate readings pass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+from sensors.formats.plausible import check_units
+from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
+
+RATE = 100.0
+
+
+def turning(sway: float = 0.6, seconds: float = 30.0, seed: int = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time, rate and attitude of a body that sways about all axes, by `sway` rad/s."""
+    t = np.arange(int(seconds * RATE)) / RATE
+    w = sway * np.stack([np.sin(0.9 * t), np.cos(1.3 * t), np.sin(0.5 * t + 1.0)], axis=-1)
+    q = np.empty((len(t), 4))
+    q[0] = [1.0, 0.0, 0.0, 0.0]
+    for k in range(1, len(t)):
+        q[k] = quaternion_multiply(q[k - 1], quaternion_exp(0.5 * (w[k - 1] + w[k]) / RATE))
+    return t, w, q
+
+
+def recording(
+    accel_scale: float = 1.0, gyro_scale: float = 1.0, hover: bool = False, gravity: float | None = None,
+    kind: str = "flight", time_scale: float = 1.0,
+) -> Recording:  # fmt: skip
+    """IMU and magnetometer with noise and biases; `hover`: the thrust is the only specific force."""
+    rng = np.random.default_rng(3)
+    t, w, q = turning(0.3 if hover else 0.6)
+    f = np.tile([0.0, 0.0, -9.81], (len(t), 1)) if hover else rotate_back(q, np.array([0.0, 0.0, -9.81]))
+    f = f + rng.normal(scale=0.05, size=f.shape)
+    m = rotate_back(q, np.array([0.5, 0.0, 0.8])) + 0.1 + rng.normal(scale=0.01, size=f.shape)
+    w = w + 0.02 + rng.normal(scale=0.01, size=w.shape)
+    columns = dict(zip((*ACCEL, *GYRO), [*(accel_scale * f).T, *(gyro_scale * w).T], strict=True))
+    imu = Stream(t * time_scale, columns)
+    mag = Stream(t[::10] * time_scale, dict(zip(MAG, m[::10].T, strict=True)))
+    environment = Environment(gravity=gravity)
+    return Recording("units", kind, {"imu": imu, "mag": mag}, environment=environment)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "looks"),
+    [
+        ({"accel_scale": 1.0 / 9.81}, "looks like g;"),
+        ({"accel_scale": 1000.0 / 9.81}, "looks like milli-g"),
+        ({"accel_scale": 16384.0 / 9.81}, "looks like raw counts"),
+        ({"gyro_scale": 180.0 / np.pi}, "looks like deg/s"),
+        ({"gyro_scale": 180.0 / np.pi, "hover": True}, "looks like deg/s"),
+        ({"gyro_scale": 180.0 / np.pi, "kind": "poses"}, "looks like deg/s"),
+        ({"gyro_scale": 2e4}, "looks like raw counts"),
+        ({"accel_scale": 1.0 / 9.81, "kind": "poses", "gravity": 9.8}, "looks like g;"),
+        ({"time_scale": 1e3}, "time looks like ms"),
+        ({"time_scale": 1e6}, "time looks like us"),
+    ],
+)
+def test_wrong_unit_is_recognised(changes: dict[str, float], looks: str) -> None:
+    with pytest.raises(InputError, match=looks):
+        check_units(recording(**changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"hover": True},
+        {"kind": "poses"},
+        {"kind": "poses", "accel_scale": 1.0 / 9.81, "gravity": 1.0},
+        {"kind": "poses", "gravity": 1.0},
+        {"accel_scale": 1.3},
+        {"accel_scale": 0.8},
+        {"gyro_scale": 1.2},
+    ],
+)
+def test_legitimate_readings_pass(changes: dict[str, float]) -> None:
+    check_units(recording(**changes))  # type: ignore[arg-type]
+
+
+def still(w: FloatArray) -> Recording:
+    """A body at rest with the given bias of the gyroscope."""
+    t = np.arange(2000) / RATE
+    rng = np.random.default_rng(5)
+    f = np.array([0.3, -0.2, -9.8]) + rng.normal(scale=0.03, size=(len(t), 3))
+    rate = w + rng.normal(scale=0.02, size=(len(t), 3))
+    return Recording("still", "flight", {"imu": Stream(t, dict(zip((*ACCEL, *GYRO), [*f.T, *rate.T], strict=True)))})
+
+
+def test_rest_that_turns_is_in_degrees() -> None:
+    with pytest.raises(InputError, match="at rest: looks like deg/s"):
+        check_units(still(np.array([4.5, 0.1, 1.1])))
+
+
+def test_large_bias_and_turntable_pass() -> None:
+    check_units(still(np.radians([20.0, 0.0, 10.0])))
+    check_units(still(np.array([0.0, 0.0, 3.0])))
+
+
+def test_pressure_in_hectopascal() -> None:
+    baro = Stream(np.arange(3.0), {"pressure": np.full(3, 1013.0)})
+    with pytest.raises(InputError, match="looks like hPa"):
+        check_units(Recording("baro", "flight", {"baro": baro}))
