@@ -29,8 +29,8 @@ _RECORDS = {"warming": Warming, "baro_warming": Warming, "supply": Supply}
 
 
 def scenario_names() -> tuple[str, ...]:
-    """The scenarios that are shipped."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    """The scenarios that are shipped; files that begin with an underscore are parts that others are `like`."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml") if not path.stem.startswith("_")))
 
 
 def load_scenario(name: str | Path) -> Scenario:
