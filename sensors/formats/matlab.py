@@ -1,18 +1,18 @@
-"""MATLAB files: numeric variables only, of version 5 (scipy) and 7.3 (HDF5), nothing in them is run.
+"""MATLAB files: numeric variables only, of version 5 and 7.3 (HDF5); nothing in them is run.
 
-A version-5 file is walked through first: every size in it must fit into what holds it, so that no header decides how
-much memory is taken. Objects, functions, cells and structures are passed over.
+Version 5 is read here and not by scipy, whose reader ends the process on some damaged files: every size must fit into
+what holds it, so that no header decides how much memory is taken. Objects, functions, cells and structures are passed
+over. Source: MAT-File Format, MathWorks, chapter 1.
 """
 
 from __future__ import annotations
 
+import math
 import struct
-import warnings
 import zlib
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -26,6 +26,8 @@ _COMPRESSED, _MATRIX = 15, 14
 #: mxDOUBLE_CLASS to mxUINT64_CLASS: the array classes that hold plain numbers. MAT-File Format, MathWorks, table 1-3.
 _NUMERIC = range(6, 16)
 _COMPLEX_FLAG = 0x08
+#: miINT8 to miUINT64: how numbers are stored, whatever their class. MAT-File Format, table 1-1.
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
 def is_hdf5(path: Path) -> bool:
@@ -43,75 +45,51 @@ def read_matlab(path: Path) -> dict[str, FloatArray]:
     ------
     InputError : neither MATLAB 5 nor 7.3, truncated, sizes that do not fit, more than 512 MiB unfolded, no numbers
     """
-    if is_hdf5(path):
-        arrays = _read_hdf5(path)
-    else:
-        arrays = _read_5(path)
+    arrays = _read_hdf5(path) if is_hdf5(path) else _read_5(path)
     if not arrays:
         raise InputError(path, "no variable that holds numbers", "at least one numeric array")
     return {name: _flat(array) for name, array in arrays.items()}
 
 
-def _flat(array: npt.NDArray[np.generic]) -> FloatArray:
-    numbers = np.asarray(array, dtype=np.float64)
-    return numbers.ravel() if numbers.ndim == 2 and 1 in numbers.shape else numbers
+def _flat(array: FloatArray) -> FloatArray:
+    return array.ravel() if array.ndim == 2 and 1 in array.shape else array
 
 
-def _read_5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
-    import scipy.io
-
+def _read_5(path: Path) -> dict[str, FloatArray]:
+    """The numeric arrays of a version-5 file. A name given twice: the last one counts, as in MATLAB."""
     data = path.read_bytes()
     if not data.startswith(MAGIC_5):
         raise InputError(path, f"it begins with {data[:8]!r}", "a MATLAB 5 or 7.3 file", "byte 0")
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
         raise InputError(path, "a header that is cut off or damaged", "128 bytes that end in IM or MI", "byte 126")
-    names = _numeric_variables(path, data, "<" if data[126:128] == b"IM" else ">")
-    if not names:
-        return {}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a name given twice: the last one counts, as in MATLAB
-            loaded = scipy.io.loadmat(
-                path, variable_names=names, struct_as_record=True, verify_compressed_data_integrity=True
-            )
-    except Exception as error:  # scipy raises whatever its parser meets in a damaged file
-        raise InputError(path, f"{type(error).__name__}: {error}", "a whole MATLAB 5 file") from None
-    return {
-        name: loaded[name]
-        for name in names
-        if isinstance(loaded.get(name), np.ndarray) and loaded[name].dtype.kind in "fiub"
-    }
-
-
-def _numeric_variables(path: Path, data: bytes, order: str) -> list[str]:
-    """The names of the numeric variables; every size checked against what holds it."""
-    names: list[str] = []
+    order = "<" if data[126:128] == b"IM" else ">"
+    arrays: dict[str, FloatArray] = {}
     position, unfolded = 128, 0
     while position < len(data):
-        if position + 8 > len(data):
-            raise InputError(
-                path, f"{len(data) - position} bytes after the last element", "an element", f"byte {position}"
-            )
-        kind, size = struct.unpack_from(order + "II", data, position)
-        end = position + 8 + size
-        if end > len(data):
-            found = f"an element of {size} bytes, {len(data) - position - 8} are left"
-            raise InputError(path, found, "an element within the file", f"byte {position}")
-        body = data[position + 8 : end]
+        kind, body, end = _element(path, data, position, order)
         if kind == _COMPRESSED:
-            body = _unfold(path, body, UNFOLDED_LIMIT - unfolded, position)
-            unfolded += len(body)
-            kind, size = struct.unpack_from(order + "II", body) if len(body) >= 8 else (0, 0)
-            if size > len(body) - 8:
-                found = f"a compressed element that says {size} bytes and holds {len(body) - 8}"
-                raise InputError(path, found, "an element that fits", f"byte {position}")
-            body = body[8 : 8 + size]
+            inside = _unfold(path, body, UNFOLDED_LIMIT - unfolded, position)
+            unfolded += len(inside)
+            kind, body, _ = _element(path, inside, 0, order, position)
         if kind == _MATRIX:
-            name = _matrix_name(path, body, order, position)
-            if name:
-                names.append(name)
+            arrays.update(_matrix(path, body, order, position))
         position = end
-    return names
+    return arrays
+
+
+def _element(path: Path, data: bytes, at: int, order: str, position: int | None = None) -> tuple[int, bytes, int]:
+    """Type and content of the element at a byte, and the byte after it (before padding)."""
+    place = f"byte {at if position is None else position}"
+    if at + 8 > len(data):
+        raise InputError(path, f"{len(data) - at} bytes where an element begins", "at least 8", place)
+    kind, size = struct.unpack_from(order + "II", data, at)
+    start = at + 8
+    if kind >> 16:  # small element: size and type share a word, the data are the next
+        kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
+    if start + size > len(data) or (start == at + 4 and size > 4):
+        found = f"an element of {size} bytes, {len(data) - start} are left"
+        raise InputError(path, found, "an element within what holds it", place)
+    return kind, data[start : start + size], start + size
 
 
 def _unfold(path: Path, body: bytes, limit: int, position: int) -> bytes:
@@ -127,39 +105,43 @@ def _unfold(path: Path, body: bytes, limit: int, position: int) -> bytes:
     return unfolded
 
 
-def _matrix_name(path: Path, body: bytes, order: str, position: int) -> str:
-    """The name of a numeric array whose parts fit into its element; empty for any other class."""
+def _matrix(path: Path, body: bytes, order: str, position: int) -> dict[str, FloatArray]:
+    """A numeric array by its name; nothing for any other class. Parts: flags, dimensions, name, numbers."""
     parts: list[tuple[int, bytes]] = []
     at = 0
-    while at + 8 <= len(body) and len(parts) < 5:
-        kind, size = struct.unpack_from(order + "II", body, at)
-        if kind >> 16:  # small element: size and type share a word, the data the next
-            kind, size, start, step = kind & 0xFFFF, kind >> 16, at + 4, 8
-            if size > 4:
-                raise InputError(path, f"a small element of {size} bytes", "at most 4", f"byte {position}")
-        else:
-            start, step = at + 8, 8 + -(-size // 8) * 8
-        if len(parts) == 0 and (size != 8 or body[at + 8 + (0 if order == "<" else 3)] not in _NUMERIC):
-            return ""
-        if start + size > len(body):
-            raise InputError(
-                path, f"a part of {size} bytes in an array of {len(body)}", "a part that fits", f"byte {position}"
-            )
-        parts.append((kind, body[start : start + size]))
-        at += step
-    if len(parts) < 4 or len(parts[1][1]) % 4 or parts[0][1][1 if order == "<" else 2] & _COMPLEX_FLAG:
-        return ""
-    shape = np.frombuffer(parts[1][1], order + "i4").astype(np.float64)
-    if len(shape) < 2 or np.any(shape < 0) or np.prod(shape) > len(parts[3][1]):
-        found = f"an array of {' x '.join(f'{n:.0f}' for n in shape)} in {len(parts[3][1])} bytes"
+    while len(parts) < 4:
+        if at >= len(body) and not parts:
+            return {}  # an empty element stands for an empty array without a name
+        kind, part, end = _element(path, body, at, order, position)
+        if not parts and (len(part) < 4 or _array_class(part, order) not in _NUMERIC or _is_complex(part, order)):
+            return {}
+        parts.append((kind, part))
+        at += -(-(end - at) // 8) * 8
+    (_, _), (_, dimensions), (_, name), (kind, numbers) = parts
+    shape = [int(n) for n in np.frombuffer(dimensions[: len(dimensions) // 4 * 4], order + "i4")]
+    dtype = np.dtype(order + _TYPES.get(kind, "V1"))
+    count = math.prod(shape) if len(shape) >= 2 and min(shape) >= 0 else -1
+    if kind not in _TYPES or count * dtype.itemsize != len(numbers):
+        found = f"an array of {' x '.join(str(n) for n in shape)} in {len(numbers)} bytes of type {kind}"
         raise InputError(path, found, "numbers for all of it", f"byte {position}")
-    return parts[2][1].decode("ascii", "replace")
+    if not name:
+        return {}  # what MATLAB keeps for its objects
+    array = np.frombuffer(numbers, dtype).astype(np.float64).reshape(shape, order="F")
+    return {name.decode("ascii", "replace"): array}
 
 
-def _read_hdf5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
+def _array_class(flags: bytes, order: str) -> int:
+    return flags[0 if order == "<" else 3]
+
+
+def _is_complex(flags: bytes, order: str) -> bool:
+    return bool(flags[1 if order == "<" else 2] & _COMPLEX_FLAG)
+
+
+def _read_hdf5(path: Path) -> dict[str, FloatArray]:
     import h5py
 
-    arrays: dict[str, npt.NDArray[np.generic]] = {}
+    arrays: dict[str, FloatArray] = {}
     unfolded = 0
     try:
         with h5py.File(path, "r") as file:
@@ -174,7 +156,7 @@ def _read_hdf5(path: Path) -> dict[str, npt.NDArray[np.generic]]:
                     shape = " x ".join(str(n) for n in dataset.shape)
                     raise InputError(path, f"an array of {shape}", "less than 512 MiB", f"variable {name}")
                 # HDF5 lists the dimensions in the opposite order of MATLAB.
-                arrays[name] = np.asarray(dataset[()]).T
+                arrays[name] = np.asarray(dataset[()], dtype=np.float64).T
     except InputError:
         raise
     except Exception as error:  # h5py raises OSError, KeyError, RuntimeError and others on a damaged file

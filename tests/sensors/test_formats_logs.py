@@ -116,6 +116,16 @@ def test_matlab_variable_that_does_not_fit(tmp_path: Path, variables: dict[str, 
     assert expected in message(tmp_path / "a.mat")
 
 
+@pytest.mark.parametrize("kind", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "?"])
+def test_matlab_numbers_are_those_of_scipy(tmp_path: Path, kind: str) -> None:
+    arrays = {"a": np.arange(12).reshape(3, 4).astype(kind), "b": np.arange(24).reshape(2, 3, 4).astype(kind), "c": 3}
+    scipy.io.savemat(tmp_path / "a.mat", arrays, do_compression=kind.startswith("i"))
+    expected = scipy.io.loadmat(tmp_path / "a.mat")
+    found = read_matlab(tmp_path / "a.mat")
+    for name in arrays:
+        np.testing.assert_array_equal(found[name].squeeze(), expected[name].squeeze())
+
+
 @pytest.mark.parametrize("compressed", [False, True])
 def test_matlab_cut_off_anywhere(tmp_path: Path, compressed: bool) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"mag": POSES}, do_compression=compressed)
@@ -140,7 +150,7 @@ def test_matlab_dimensions_beyond_the_data(tmp_path: Path) -> None:
     shape, huge = struct.pack("<ii", *POSES.shape), struct.pack("<ii", 2**30, 3)
     assert data.count(shape) == 1
     (tmp_path / "a.mat").write_bytes(data.replace(shape, huge))
-    assert "1073741824 x 3" in message(tmp_path / "a.mat")
+    assert "1073741824 x 3 in 96 bytes" in message(tmp_path / "a.mat")
 
 
 def test_matlab_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -148,7 +148,8 @@ def test_named_columns_beside_text(tmp_path: Path) -> None:
 
 
 def test_columns_named_by_the_map(tmp_path: Path) -> None:
-    rules = 'kind = "poses"\n[file]\ncolumns = ["t", "a", "b", "c", "x", "y", "z"]\n[streams.poses]\nmag = ["x", "y", "z"]\n'
+    names = '[file]\ncolumns = ["t", "a", "b", "c", "x", "y", "z"]\n'
+    rules = f'kind = "poses"\n{names}[streams.poses]\nmag = ["x", "y", "z"]\n'
     np.testing.assert_array_equal(mag(read(tmp_path, rules))[0], [1, 2, 3])
 
 
