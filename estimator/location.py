@@ -12,8 +12,7 @@ from estimator.integrity import Integrity, check, worst_rows
 from estimator.point_positioning import CONVERGED, EARTH_RADIUS, Fixes, solve
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.constants import SPEED_OF_LIGHT
-from sensors.motion import Motion
-from sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, full_size, ionosphere_left
+from sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, ionosphere_left, sum_of
 
 MOST_PASSES = 8  # of mask, weights and modelled effects
 MOST_EXCLUDED = 6  # satellites of one epoch
@@ -115,7 +114,7 @@ def locate(
     position = filled(result.position)
     for _ in range(MOST_PASSES):
         motion = circumstances(ranges, position)
-        delay = nothing if not names else sum_of(motion, names)
+        delay = sum_of(motion, names)
         elevation = motion.covariates["elevation"]
         field = common
         if variance is not None:
@@ -148,11 +147,6 @@ def locate(
         checks,
         above & ~used,
     )
-
-
-def sum_of(motion: Motion, names: Iterable[str]) -> FloatArray:
-    """(n,) the named effects at their full size [m]."""
-    return np.asarray(sum(MODELLED[name].regressor(motion)[:, 0, 0] * full_size(name, motion) for name in names))
 
 
 def first_position(ranges: Pseudoranges, z: FloatArray, group: IntArray, allowed: BoolArray) -> FloatArray | None:

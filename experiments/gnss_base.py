@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.location import Location, locate, sum_of
+from estimator.location import Location, locate
 from sensors import dgps
 from sensors.arrays import BoolArray, FloatArray
 from sensors.formats.rinex_navigation import Navigation
 from sensors.formats.rinex_text import WEEK
-from sensors.pseudorange import Pseudoranges, circumstances, ionosphere_left
+from sensors.pseudorange import Pseudoranges, circumstances, ionosphere_left, sum_of
 
 #: Effects whose difference between two receivers is geometry and broadcast data, not a guess about the air.
 CERTAIN = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")

@@ -293,6 +293,18 @@ def full_size(name: str, motion: Motion) -> FloatArray:
     return np.full(len(motion), float(known))
 
 
+def sum_of(motion: Motion, effects: Iterable[str]) -> FloatArray:
+    """(n,) the named effects at their full size, in exact form where there is one [m]."""
+    total = np.zeros(len(motion))
+    for name in effects:
+        effect, size = MODELLED[name], full_size(name, motion)
+        if effect.exact is None:
+            total += effect.regressor(motion)[:, 0, 0] * size
+        else:
+            total += effect.exact(np.zeros((len(motion), 1)), size[:1], motion, None)[:, 0]
+    return total
+
+
 def modelled(ranges: Pseudoranges, receiver_e: FloatArray, effects: Iterable[str]) -> FloatArray:
     """(n,) sum of the named effects at their full size [m], to be taken off the pseudoranges.
 
@@ -303,13 +315,7 @@ def modelled(ranges: Pseudoranges, receiver_e: FloatArray, effects: Iterable[str
     effects : names out of `MODELLED`
     """
     names = tuple(effects)
-    total = np.zeros(len(ranges))
-    if not names:
-        return total
-    motion = circumstances(ranges, receiver_e)
-    for name in names:
-        total += MODELLED[name].regressor(motion)[:, 0, 0] * full_size(name, motion)
-    return total
+    return sum_of(circumstances(ranges, receiver_e), names) if names else np.zeros(len(ranges))
 
 
 def line_of_sight(satellite_e: FloatArray, receiver_e: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -378,4 +384,5 @@ __all__ = [
     "line_of_sight",
     "modelled",
     "pseudoranges",
+    "sum_of",
 ]

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.location import Location, sum_of
+from estimator.location import Location
 from estimator.point_positioning import rectangle
 from estimator.score import Evidence, Statistic, statistic_of
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -38,6 +38,7 @@ from sensors.pseudorange import (
     full_size,
     ionosphere_left,
     line_of_sight,
+    sum_of,
 )
 
 BLOCKS = 20  # of time
@@ -155,7 +156,7 @@ def linearise(
     motion = circumstances(ranges, np.where(np.isfinite(position), position, 1e7))
     distance, direction = line_of_sight(ranges.position, position[ranges.epoch])
     residual = ranges.value + SPEED_OF_LIGHT * ranges.clock - distance
-    residual = residual - (sum_of(motion, location.effects) if location.effects else 0.0)
+    residual = residual - sum_of(motion, location.effects)
     clocks = np.eye(len(location.clock_names))[location.clock_group[rows]]
     nuisance = clocks if known else np.hstack([direction, clocks])
     state = satellite_columns(location.ranges, ranges)

@@ -20,6 +20,7 @@ from sensors.formats.rinex_text import (
     century,
     gps_seconds,
     leap_seconds,
+    names_in,
     number,
     printable,
     read_header,
@@ -179,8 +180,7 @@ def records_3(text: Text, header: Header, journal: Journal) -> tuple[IntArray, n
                 journal.add(f"message {printable(' '.join(words[3:4]))}: not read", f"line {mark[k] + 1}")
     keep = legacy & ~is_title
     mark, size = mark[keep], size[keep]
-    names = text.fields(mark, np.array([0]), 3)[:, 0].copy().view("S3")[:, 0]
-    return mark, np.char.replace(np.char.decode(names, "latin-1"), " ", "0"), size
+    return mark, names_in(text, mark), size
 
 
 def records_2(text: Text, header: Header, journal: Journal) -> tuple[IntArray, npt.NDArray[np.str_], IntArray]:

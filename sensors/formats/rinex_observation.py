@@ -23,6 +23,7 @@ from sensors.formats.rinex_text import (
     fixed_point,
     gps_seconds,
     leap_seconds,
+    names_in,
     number,
     printable,
     read_header,
@@ -190,7 +191,7 @@ def walk_3(text: Text, header: Header, journal: Journal) -> Layout:
     head = text.data[text.start] == ord(">")
     head[: header.size] = False
     marks = np.flatnonzero(head)
-    ends = np.append(marks[1:], len(text))
+    ends = np.append(marks, len(text))[1:]
     layout = Layout([], [], [], [])
     for mark, end in zip(marks.tolist(), ends.tolist(), strict=True):
         read = epoch_3(text.line(mark))
@@ -216,7 +217,7 @@ def walk_3(text: Text, header: Header, journal: Journal) -> Layout:
             lines = np.arange(mark + 1, mark + 1 + count)
             layout.first_line.append(lines)
             layout.epoch.append(np.full(count, len(layout.times) - 1))
-            layout.names.append(text.fields(lines, np.array([0]), 3)[:, 0].view("S3")[:, 0].astype("<U3"))
+            layout.names.append(names_in(text, lines))
     return layout
 
 
@@ -312,7 +313,7 @@ def table(
     empty = np.zeros(0, dtype=np.int64)
     line = np.concatenate([empty, *layout.first_line])
     epoch = np.concatenate([empty, *layout.epoch])
-    name = np.char.replace(np.concatenate([np.zeros(0, dtype="<U3"), *layout.names]), " ", "0")
+    name = np.concatenate([np.zeros(0, dtype="<U3"), *layout.names])
     keep = named_once(text, name, epoch, line, types, systems, journal)
     line, epoch, name = line[keep], epoch[keep], name[keep]
     values: dict[str, FloatArray] = {}

@@ -77,6 +77,13 @@ class Text:
         return np.where(np.arange(width) < left[..., None], field, np.uint8(32))
 
 
+def names_in(text: Text, lines: IntArray) -> npt.NDArray[np.str_]:
+    """(len(lines),) the first three columns, satellite names in most lines: blanks as 0, what does not print as ?."""
+    field = text.fields(lines, np.array([0]), 3)[:, 0]
+    field = np.where(field == 32, np.uint8(48), np.where((field < 33) | (field > 126), np.uint8(63), field))
+    return np.ascontiguousarray(field).view("S3")[:, 0].astype("<U3")
+
+
 def unpack(path: Path | str) -> Text:
     """Read a file, plain or packed (gzip; compact RINEX, Z, bzip2 and zip through the library `hatanaka`).
 
