@@ -59,9 +59,7 @@ def one_row(**changes: float) -> tuple[int, float]:
     t = changes.pop("t", simulation.START)
     for name, value in changes.items():
         navigation.kepler[name] = value
-    states = satellite_states(
-        navigation, np.array(["G01"]), simulation.WEEK_NUMBER, np.array([t]), np.array([2.2e7])
-    )
+    states = satellite_states(navigation, np.array(["G01"]), simulation.WEEK_NUMBER, np.array([t]), np.array([2.2e7]))
     return int(states.status[0]), float(states.position[0, 0])
 
 

@@ -182,9 +182,7 @@ def test_any_bytes_are_read_or_refused(tmp_path: Path, header: str, body: bytes)
     changes=st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(0, 255)), max_size=12),
     cut=st.floats(0.0, 1.0),
 )
-def test_any_change_is_read_or_refused(
-    tmp_path: Path, text: str, changes: list[tuple[float, int]], cut: float
-) -> None:
+def test_any_change_is_read_or_refused(tmp_path: Path, text: str, changes: list[tuple[float, int]], cut: float) -> None:
     data = bytearray(text.encode())
     for place, byte in changes:
         data[int(place * (len(data) - 1))] = byte
