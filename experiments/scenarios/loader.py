@@ -110,7 +110,19 @@ def _scenario(table: Table, name: str) -> Scenario:
         initial=_initial(table.table("initial")),
         **{key: _record(table.table(key), kind) for key, kind in _RECORDS.items()},
     )
-    for key in ("origin", "environment", "initial", "air", "vibration", "turns", "sensors", "manoeuvre", *_RECORDS):
+    for key in (
+        "like",
+        "without",
+        "origin",
+        "environment",
+        "initial",
+        "air",
+        "vibration",
+        "turns",
+        "sensors",
+        "manoeuvre",
+        *_RECORDS,
+    ):
         table.get(key)
     table.done()
     return scenario

@@ -30,6 +30,6 @@ EFFECT = Effect(
     parameters=(Parameter("b", "1/s", PLAUSIBLE),),
     needs=("v_n", "q_nb"),
     regressor=regressor,
-    scenario="no_aiding",
+    scenario="no_aiding_flight",
     separates="steady flight at several speeds",
 )

@@ -31,6 +31,6 @@ EFFECT = Effect(
     parameters=(Parameter("north", "m/s", PLAUSIBLE), Parameter("east", "m/s", PLAUSIBLE)),
     needs=("q_nb", "rotor_drag"),
     regressor=regressor,
-    scenario="no_aiding",
+    scenario="no_aiding_flight",
     separates="yaw turns in the wind, with a declared rotor drag",
 )

@@ -1,0 +1,128 @@
+"""Scenario files, effects on the command line, and what `sinan simulate` leaves on disk."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.scenarios import load_scenario, parse_effect, scenario_names, simulate_to_folder
+from sensors.errors import InputError
+from sensors.formats.plain import read_recording, read_truth
+
+
+def test_every_scenario_says_what_it_is() -> None:
+    assert all(load_scenario(name).summary for name in scenario_names())
+
+
+def test_flights_last_one_to_two_minutes() -> None:
+    flights = [load_scenario(name) for name in scenario_names() if load_scenario(name).kind == "flight"]
+    assert all(60.0 <= flight.duration <= 120.0 for flight in flights)
+
+
+def test_the_field_and_gravity_are_those_of_the_place() -> None:
+    scenario = load_scenario("hover")
+    assert np.linalg.norm(scenario.magnetic_field) == pytest.approx(1.0)
+    assert scenario.gravity == pytest.approx(9.8015, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('like = "nowhere"', "another scenario"),
+        ('like = "hover"\nwithot = ["gps"]', "without"),
+        ('like = "hover"\n[sensors.mag]\nnoise_sdt = 1.0', "noise_std"),
+        ('like = "hover"\n[sensors.mag]\nrate = -5.0', "above 0"),
+        ('like = "hover"\n[sensors.gps]\ndropouts = [[5, 3]]', "start, end"),
+        ('like = "hover"\n[[manoeuvre]]\nkind = "loop"\nduration = 3.0', "figure_eight"),
+        ('like = "hover"\n[[manoeuvre]]\nkind = "hold"', "duration"),
+        ('like = "hover"\nwithout = ["accel"]', "gyro without accel"),
+        ('like = "hover"\n[origin]\ndate = "yesterday"', "2026-06-01"),
+        ("kind = 3", "key"),
+        ("= 3", "TOML"),
+    ],
+)
+def test_a_wrong_file_is_named_with_what_would_do(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r"mine\.toml") as caught:
+        load_scenario(file)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_scenario_is_told_the_names() -> None:
+    with pytest.raises(InputError, match="figure_eight"):
+        load_scenario("figure_nine")
+
+
+def test_a_file_of_ones_own_is_laid_over_a_shipped_one(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text('like = "square"\nwithout = ["sonar"]\n[sensors.gps]\nnoise_std = 1.5\n[air]\nwind = [2.0, 1.0]\n')
+    scenario = load_scenario(file)
+    assert "sonar" not in scenario.sensors
+    assert scenario.sensors["gps"].spec.noise_std == 1.5
+    assert scenario.sensors["gps"].rate == 10.0
+    assert scenario.air.wind == (2.0, 1.0)
+    assert scenario.duration == load_scenario("square").duration
+
+
+def test_an_effect_with_an_interval() -> None:
+    present = parse_effect("gps.transient=3,0,-1@20:30")
+    assert present.effect.name == "gps.transient"
+    np.testing.assert_array_equal(present.beta, [3.0, 0.0, -1.0])
+    assert (present.t0, present.t1) == (20.0, 30.0)
+
+
+def test_a_step_has_no_end() -> None:
+    assert parse_effect("baro.step=2@15").t1 == np.inf
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("mag.curent=1,0,0", "mag.current"),
+        ("mag.current=1", "3: x"),
+        ("mag.current=1,zero,0", "numbers"),
+        ("mag.current=1,nan,0", "finite"),
+        ("mag.current", "NAME=B0"),
+        ("mag.step=1,0,0", "@T0"),
+        ("mag.transient=1,0,0@5", "@T0:T1"),
+        ("mag.transient=1,0,0@9:5", "T0 < T1"),
+    ],
+)
+def test_a_wrong_effect_is_told_what_would_do(text: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_effect(text)
+    assert said in str(caught.value)
+
+
+def test_the_answer_lies_beside_the_folder_and_nothing_in_it_speaks_of_the_effect(tmp_path: Path) -> None:
+    answer = simulate_to_folder("hover", tmp_path / "flight", ["mag.current=0.01,0,0"], seed=4)
+    assert answer == tmp_path / "flight.answer.json"
+    said = json.loads(answer.read_text())
+    assert said["effects"][0]["name"] == "mag.current"
+    assert said["effects"][0]["beta"] == [0.01, 0.0, 0.0]
+    assert not list((tmp_path / "flight").glob("*answer*"))
+    assert "mag.current" not in (tmp_path / "flight" / "recording.toml").read_text()
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    simulate_to_folder("base_receiver", tmp_path / "flight", ["gps.latency=0.1"], declare=True, seed=4)
+    recording = read_recording(tmp_path / "flight")
+    assert recording.effects == {"gps.latency": (0.1,)}
+    assert set(recording.streams) >= {"imu", "mag", "baro", "gps", "base", "power", "motors", "air"}
+    assert "bias_gps_down" in read_truth(tmp_path / "flight")
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_can_be_written_and_read(name: str, tmp_path: Path) -> None:
+    simulate_to_folder(name, tmp_path / "recording", seed=1)
+    assert read_recording(tmp_path / "recording").kind == load_scenario(name).kind
+
+
+def test_an_effect_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="twice"):
+        simulate_to_folder("hover", tmp_path / "flight", ["baro.lag=0.1", "baro.lag=0.2"])
