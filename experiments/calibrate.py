@@ -9,6 +9,7 @@ import numpy as np
 from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
 from calibration.triad import Axes, Calibration, calibrate_norm
 from experiments.datasets import resolve
+from experiments.report.console import tell_notes
 from experiments.report.files import write_json
 from experiments.residual_loop.open_source import TriadReadings, choose_sensor, require_kind, triad_readings
 from sensors.arrays import FloatArray
@@ -27,6 +28,7 @@ def run(
 ) -> str:
     """Calibrate, write what is asked for, return the summary for the terminal."""
     recording = resolve(input, map_file)
+    tell_notes(recording)
     require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace`")
     choose_sensor(recording, sensor)
     readings = None

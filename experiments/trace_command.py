@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.datasets import resolve
+from experiments.datasets import reference_of, resolve
+from experiments.report.console import tell_notes
 from experiments.report.files import write_json
 from experiments.report.words import trace_summary
 from experiments.residual_loop.open_source import pose_source
 from experiments.residual_loop.source import Source
 from experiments.residual_loop.trace import Trace, report, trace
-from sensors.recording import Recording
+from sensors.recording import Recording, Stream
 
 
 def run(
@@ -24,7 +25,9 @@ def run(
 ) -> str:
     """Trace, write what is asked for, return the summary for the terminal."""
     recording = resolve(input, map_file)
-    source, result = trace_recording(recording, sensor, alpha, gravity)
+    tell_notes(recording)
+    reference = reference_of(input, map_file) if recording.kind == "flight" else None
+    source, result = trace_recording(recording, sensor, alpha, gravity, reference)
     document = report(source, result)
     if json is not None:
         write_json(json, document)
@@ -36,8 +39,23 @@ def run(
 
 
 def trace_recording(
-    recording: Recording, sensor: str | None = None, alpha: float = 0.01, gravity: float | None = None
+    recording: Recording,
+    sensor: str | None = None,
+    alpha: float = 0.01,
+    gravity: float | None = None,
+    reference: Stream | None = None,
 ) -> tuple[Source, Trace]:
-    """The loop on a recording of either kind."""
-    source = pose_source(recording, sensor, gravity)
-    return source, trace(source, alpha)
+    """The loop on a recording of either kind.
+
+    Parameters
+    ----------
+    reference : what a flight is scored against, after the decision; columns as in `truth.csv`
+    """
+    if recording.kind == "poses":
+        source = pose_source(recording, sensor, gravity)
+        return source, trace(source, alpha)
+    from experiments.residual_loop.open_flight import flight_source
+    from experiments.residual_loop.reference import score_against
+
+    flight = flight_source(recording)
+    return flight, trace(flight, alpha, None if reference is None else score_against(reference, flight))

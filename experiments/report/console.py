@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sensors.recording import Recording
+
+
+def tell_notes(recording: Recording) -> None:
+    """What the reader chose or left out, on stderr."""
+    for note in recording.notes:
+        sys.stderr.write(f"note: {note}\n")
 
 
 @contextmanager

@@ -24,6 +24,10 @@ CONFUSED = 10.0
 IMPLAUSIBLE = 10.0
 
 
+#: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
+AGREEMENT = 2.0
+
+
 @dataclass(frozen=True)
 class Option:
     """A candidate at one step of the selection: evidence on the first pass, before any refit.
@@ -77,7 +81,7 @@ class Selection:
     plain, final : the first and the last fit
     findings : what was accepted, in order of discovery
     plain_statistics : of every candidate, about the plain model
-    plain_local : the best interval of each time-localised family, about the plain model
+    plain_local : the best interval of each time-localised family about the plain model, where they were searched
     final_statistics : of every candidate that was not accepted, about the final model
     left : options that pass the test about the final model but were not accepted, strongest first
     """
@@ -116,12 +120,13 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     plain = fit
     evidence = source.evidence(fit)
     plain_statistics = tuple(statistic_of(evidence, entry.name) for entry in source.candidates)
-    plain_local = tuple(source.local_findings(fit))
     findings: list[Finding] = []
     refused: set[str] = set()
     options: list[Option] = []
+    plain_local: tuple[LocalFinding, ...] = ()
     while True:
-        options = _options(source, fit, evidence)
+        options, local = _options(source, fit, evidence, threshold)
+        plain_local = local if fit is plain else plain_local
         if len(findings) >= MOST_EFFECTS:
             break
         accepted = _best(source, fit, options, threshold, refused)
@@ -141,18 +146,24 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left)
 
 
-def _options(source: Source, fit: Fit, evidence: Evidence) -> list[Option]:
-    """Every candidate that is not in the model yet, and the best interval of each localised family."""
+def _options(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float
+) -> tuple[list[Option], tuple[LocalFinding, ...]]:
+    """Every candidate that is not in the model yet; and the best interval of each localised family, unless a candidate
+    passes whose blocks agree on one beta: a local disturbance would not let them.
+    """
     given = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
-    options = []
+    options, settled = [], False
     for entry in source.candidates:
         if entry.name not in names:
             s = statistic_of(evidence, entry.name, given)
             options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, s.beta))
-    for found in source.local_findings(fit):
-        options.append(_local_option(found, evidence.noise_dof))
-    return options
+            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT
+    if settled:
+        return options, ()
+    local = tuple(source.local_findings(fit))
+    return options + [_local_option(found, evidence.noise_dof) for found in local], local
 
 
 def _local_option(found: LocalFinding, noise_dof: float) -> Option:

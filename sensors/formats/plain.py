@@ -157,6 +157,10 @@ def write_recording(recording: Recording, folder: Path, truth: Stream | None = N
         raise InputError(folder, error.strerror or type(error).__name__, "a folder that can be written") from None
 
 
+#: Columns that effects use wherever they stand, so that a gap in one is not passed over.
+COVARIATES = ("temperature", "pressure", "current", "voltage", "airspeed")
+
+
 class _AllColumns(tuple[str, ...]):
     """Every name is in it."""
 
@@ -174,7 +178,7 @@ def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
         if name not in REQUIRED_COLUMNS:
             notes.append(f"{path.name} is not a stream of the format and was not read")
             continue
-        own = ("t", *_OWN_COLUMNS[name], *_numbered(path, _NUMBERED.get(name)))
+        own = ("t", *_OWN_COLUMNS[name], *COVARIATES, *_numbered(path, _NUMBERED.get(name)))
         columns, left_out = read_csv(path, own)
         if left_out:
             notes.append(f"{path.name}: not numbers throughout, left out: {', '.join(left_out)}")

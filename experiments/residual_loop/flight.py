@@ -1,0 +1,322 @@
+"""A flight and its filter as a source of information and score.
+
+The whitened innovations of the filter are N(0, 1) where the model is right, and W beta where an effect is missing, W
+being the sensitivity pass: a linear problem with nothing left to project out, since the filter has done that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.effect_forms import Terms, declared_terms, reference_motion, stream_motion, with_covariates
+from estimator.events import ACCEPTED
+from estimator.filter import run_filter
+from estimator.flight_model import FlightModel
+from estimator.imu import imu_table
+from estimator.journal import Journal
+from estimator.score import Evidence
+from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
+from experiments.residual_loop.least_squares_source import isolated_outliers
+from experiments.residual_loop.onsets import best_onsets
+from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
+from experiments.residual_loop.term import Term, declaration
+from sensors.arrays import BoolArray, FloatArray
+from sensors.effects import Effect, effects_for
+from sensors.effects.streams import STREAMS
+from sensors.motion import Motion
+from sensors.recording import Recording
+
+_BLOCKS = 20
+#: The last third of the time is held out.
+_FITTING_SHARE = 2.0 / 3.0
+_MOST_STEPS = 8
+#: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
+_SETTLED = 0.02
+#: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
+_LONGEST_STEP = 20.0
+
+
+@dataclass(frozen=True)
+class _State:
+    journal: Journal
+    betas: tuple[tuple[Effect, FloatArray], ...]
+    motion: Motion
+
+
+class FlightSource:
+    """The `Source` of a flight.
+
+    Parameters
+    ----------
+    recording : a flight
+    model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
+        them, and single wrong readings are taken out instead
+    """
+
+    def __init__(self, recording: Recording, model: FlightModel) -> None:
+        self.model = model.replace(gate_level=None)
+        self.recording, self.wrong = without_wrong_readings(recording, self.model)
+        self._table = imu_table(self.recording, self.model)
+        t = self.recording.streams["imu"].t
+        self._start, self._end = float(t[0]), float(t[-1])
+        self._split = self._start + _FITTING_SHARE * (self._end - self._start)
+        journal = run_filter(self.recording, self.model, {}, engine="numba", stride=0)
+        self._plain_motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
+        self._candidates = self._possible()
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.recording.name
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """The effects that enter a stream of the run and whose covariates vary in the recording."""
+        return self._candidates
+
+    @property
+    def families(self) -> int:
+        """Candidates, and step, transient and outliers of every stream."""
+        return len(self._candidates) + 3 * len(self._local_streams)
+
+    @property
+    def _local_streams(self) -> tuple[str, ...]:
+        return tuple(name for name in candidate_streams(self.model) if name in STREAMS)
+
+    def effect(self, term: Term) -> Effect:
+        """The declaration behind a term, over its interval where it has one."""
+        return declaration(term)
+
+    def _possible(self) -> tuple[Effect, ...]:
+        declared = set(self.recording.effects)
+        found = []
+        for entry in effects_for("flight", candidate_streams(self.model)):
+            if entry.name in declared:
+                continue
+            if entry.stream in self.model.sensors:
+                along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._plain_motion)
+            else:
+                along = with_covariates(self.recording, entry.stream, self._plain_motion)
+            if entry.missing(along):
+                continue
+            known = [along.covariates[name] for name in entry.needs if name in along.covariates]
+            if all(np.ptp(value) > 1e-9 * (1.0 + np.max(np.abs(value))) for value in known):
+                found.append(entry)
+        return tuple(found)
+
+    # ---- fitting
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        """Gauss-Newton over beta with whole filter passes in the effects' exact form."""
+        effects = [declaration(term) for term in terms if term.in_mean]
+        beta = [np.asarray((start or {}).get(term, np.zeros(declaration(term).size))) for term in terms if term.in_mean]
+        motion = self._plain_motion
+        best: tuple[float, list[FloatArray], Journal, Motion, FloatArray] | None = None
+        for _ in range(_MOST_STEPS):
+            journal, sensitivity = self._pass(effects, effects, beta, motion, keep_rows=1)
+            motion = reference_motion(self.recording, journal, self._terms(effects, beta), self._table)
+            deviance = self._deviance(journal, part)
+            W, white = self._rows(sensitivity, journal, part)
+            information = W.T @ W
+            if best is None or deviance < best[0]:
+                best = (deviance, beta, journal, motion, information)
+            if not effects:
+                break
+            step = self._step(information, W.T @ white, effects)
+            sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
+            if np.all(np.abs(step) < _SETTLED * sigma):
+                break
+            beta = [b + s for b, s in zip(beta, np.split(step, np.cumsum([len(b) for b in beta])[:-1]), strict=True)]
+        assert best is not None
+        deviance, beta, journal, motion, information = best
+        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        splits = np.split(std, np.cumsum([len(b) for b in beta])[:-1]) if beta else []
+        in_mean = [term for term in terms if term.in_mean]
+        values, stds = dict(zip(in_mean, beta, strict=True)), dict(zip(in_mean, splits, strict=True))
+        for term in terms:
+            if not term.in_mean:
+                values[term], stds[term] = self._outlier_share(term)
+        state = _State(journal, tuple(zip(effects, beta, strict=True)), motion)
+        return Fit(tuple(terms), values, stds, deviance, part, state)
+
+    def _step(self, information: FloatArray, score: FloatArray, effects: Sequence[Effect]) -> FloatArray:
+        """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
+        scale = np.concatenate([entry.plausible_in(self._plain_motion) for entry in effects])
+        ridge = np.diag(1.0 / (100.0 * scale) ** 2)
+        step = np.linalg.solve(information + ridge, score)
+        return np.asarray(step / max(float(np.max(np.abs(step) / (_LONGEST_STEP * scale))), 1.0))
+
+    @staticmethod
+    def _terms(effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Terms:
+        return Terms(tuple(zip(effects, beta, strict=True)))
+
+    def _pass(
+        self,
+        candidates: Sequence[Effect],
+        effects: Sequence[Effect],
+        beta: Sequence[FloatArray],
+        motion: Motion,
+        keep_rows: int,
+    ) -> tuple[Journal, Sensitivity]:
+        pairs = list(zip(effects, beta, strict=True))
+        return sensitivity_pass(
+            self.recording, self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=keep_rows, stride=0
+        )
+
+    def _in_part(self, t: FloatArray, part: Part) -> BoolArray:
+        return np.ones(len(t), dtype=bool) if part == "all" else np.asarray(t <= self._split)
+
+    def _rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray]:
+        keep = self._in_part(journal.t[sensitivity.event], part)
+        return sensitivity.rows[keep], sensitivity.white[keep]
+
+    def _deviance(self, journal: Journal, part: Part) -> float:
+        used = (journal.status == ACCEPTED) & self._in_part(journal.t, part)
+        return float(-2.0 * np.sum(journal.loglik[used]))
+
+    # ---- evidence
+
+    def evidence(self, fit: Fit) -> Evidence:
+        """Information and score of all candidates and of the fit's own terms, by block of time."""
+        state = _state(fit)
+        in_mean = [term for term in fit.terms if term.in_mean]
+        names = [term.key for term in in_mean]
+        own = [effect for effect, _ in state.betas]
+        others = [entry for entry in self._candidates if entry.name not in names]
+        columns = [*own, *others]
+        journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion, keep_rows=1)
+        W, white = self._rows(sensitivity, journal, fit.part)
+        t = journal.t[sensitivity.event][self._in_part(journal.t[sensitivity.event], fit.part)]
+        block = np.minimum((_BLOCKS * (t - self._start) / (self._end - self._start)).astype(int), _BLOCKS - 1)
+        count = int(block.max()) + 1
+        information, score = np.zeros((count, W.shape[1], W.shape[1])), np.zeros((count, W.shape[1]))
+        for k in range(count):
+            inside = block == k
+            information[k] = W[inside].T @ W[inside]
+            score[k] = W[inside].T @ white[inside]
+        plausible = [entry.plausible_in(self._plain_motion) for entry in columns]
+        return Evidence(
+            (*names, *(entry.name for entry in others)),
+            tuple(entry.size for entry in columns),
+            information,
+            score,
+            np.concatenate(plausible) if plausible else np.zeros(0),
+        )
+
+    # ---- localised effects
+
+    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
+        """The best step and the best transient of every stream, and the wrong readings, about the fit."""
+        state = _state(fit)
+        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
+        last = self._end if fit.part == "all" else self._split
+
+        def rows_of(onsets: Sequence[Effect]) -> tuple[FloatArray, FloatArray, FloatArray]:
+            journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion, keep_rows=1)
+            W, white = self._rows(sensitivity, journal, fit.part)
+            width = sum(entry.size for entry in own)
+            return W[:, :width], W[:, width:], white
+
+        streams = {s: s in self.model.sensors and self._is_coloured(state.journal, s) for s in self._local_streams}
+        worth = float(np.log(0.01 / self.families))
+        found = best_onsets(streams, self._start, last, rows_of, len(state.journal.nu), worth)
+        named = {term.name for term in fit.terms}
+        return [*found, *(o for o in self._outliers() if o.term.name not in named)]
+
+    def _is_coloured(self, journal: Journal, stream: str) -> bool:
+        from estimator.whiteness import whiteness
+
+        one = journal.stream(stream)
+        result = whiteness(one.white[one.accepted])
+        return result is not None and result[1] < 1e-3
+
+    def _outliers(self) -> list[LocalFinding]:
+        from scipy import stats
+
+        found = []
+        for stream, (wrong, count) in self.wrong.items():
+            if wrong >= 3:
+                log_p = float(stats.binom.logsf(wrong - 1, count, 2.0 * stats.norm.sf(6.0)))
+                share = np.array([wrong / count])
+                found.append(LocalFinding(Term(f"{stream}.outliers"), float(wrong), 1, log_p, share))
+        return found
+
+    def _outlier_share(self, term: Term) -> tuple[FloatArray, FloatArray]:
+        wrong, count = self.wrong[term.name.split(".")[0]]
+        share = wrong / count
+        return np.array([share]), np.array([np.sqrt(max(share * (1 - share), 1e-12) / count)])
+
+    # ---- residuals and states
+
+    def states(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
+        """Time [s] and nominal state of the filter after each reading that was used."""
+        journal = _state(fit).journal
+        used = journal.accepted
+        return journal.t[used], journal.x[used]
+
+    def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
+        """Innovations of every sensor with the effects of the fit at their beta, over everything."""
+        journal = _state(fit).journal
+        rows = []
+        for name in self.model.sensors:
+            one = journal.stream(name)
+            keep = one.accepted
+            if np.any(keep):
+                held = one.t[keep] > self._split
+                unit = {"mag": "1", "level": "m/s^2"}.get(name, "m")
+                rows.append(StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}))
+        return rows
+
+    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
+        """What an effect predicts for the whitened innovations of its stream, and those innovations."""
+        if not term.in_mean:
+            return None
+        state = _state(plain)
+        entry = declaration(term)
+        own, known = [e for e, _ in state.betas], [b for _, b in state.betas]
+        journal, sensitivity = self._pass([*own, entry], own, known, state.motion, keep_rows=1)
+        predicted = sensitivity.rows[:, -entry.size :] @ beta
+        sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
+        mine = sensor == entry.stream if entry.stream in journal.sensors else np.ones(len(predicted), dtype=bool)
+        return predicted[mine], sensitivity.white[mine], "sigma"
+
+
+def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Recording, dict[str, tuple[int, int]]]:
+    """The recording without isolated wrong readings, and how many of how many there were by stream.
+
+    A reading is wrong when its whitened innovation leaves those of its neighbours by six sigma, alone: an effect of the
+    catalogue, a step or a disturbance moves neighbours too.
+    """
+    streams, found = dict(recording.streams), {}
+    for _ in range(2):  # what a gross one hides shows when it is gone
+        current = recording.replace(streams=streams)
+        journal = run_filter(current, model, {}, engine="numba", stride=0)
+        more = False
+        for name in model.sensors:
+            if name not in streams:
+                continue
+            one = journal.stream(name)
+            order = np.argsort(one.t, kind="stable")
+            wrong = np.zeros(len(one), dtype=bool)
+            for component in np.nan_to_num(one.white[order].T):
+                wrong[order] |= isolated_outliers(component, 1.0)
+            rows = one.index[wrong]
+            before = found.get(name, (0, len(recording.streams[name])))
+            found[name] = (before[0] + len(rows), before[1])
+            if len(rows):
+                keep = np.ones(len(streams[name]), dtype=bool)
+                keep[rows] = False
+                streams[name] = streams[name].rows(keep)
+                more = True
+        if not more:
+            break
+    return recording.replace(streams=streams), found
+
+
+def _state(fit: Fit) -> _State:
+    assert isinstance(fit.detail, _State)
+    return fit.detail

@@ -1,0 +1,211 @@
+"""Search for the interval of a step or a transient in a flight, where an offset lives on in the filter's state.
+
+The sensitivity of the innovations to a step at each of a grid of onsets comes from one pass; a transient is the
+difference of two steps, so all intervals follow from the steps' joint information.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from scipy import stats
+
+from estimator.score import log_p_value
+from experiments.residual_loop.source import LocalFinding
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray, IntArray
+from sensors.effects import Effect, effect
+
+_ONSETS = 25
+_FINER = 5
+_LEAST_PEERS = 6
+#: An offset direction is seen where its information exceeds this share of that of the best seen one.
+_FLOOR = 1e-3
+
+#: effects over their intervals -> rows of the model's own terms, rows of these, whitened innovations
+Rows = Callable[[Sequence[Effect]], tuple[FloatArray, FloatArray, FloatArray]]
+#: Innovations times columns that one pass may keep in memory.
+_MOST_ELEMENTS = 3e7
+
+
+def best_onsets(
+    streams: Mapping[str, bool], start: float, end: float, rows_of: Rows, readings: int, refine_below: float
+) -> list[LocalFinding]:
+    """The best step and the best transient of every stream.
+
+    Parameters
+    ----------
+    streams : name, and whether its innovations are coloured: then an interval is compared with others of about its
+        length instead of with white noise
+    start, end : of the data [s]
+    rows_of : the sensitivity pass
+    readings : components of all innovations, to keep memory bounded
+    refine_below : logarithm of the p-value below which an interval is worth a finer grid
+    """
+    grid = np.linspace(start, end, _ONSETS + 1)[:-1]
+    found: list[LocalFinding] = []
+    for group in _groups(streams, readings):
+        steps = {stream: effect(f"{stream}.step") for stream in group}
+        columns = [step.over(float(t), np.inf) for step in steps.values() for t in grid]
+        own, W, white = rows_of(columns)
+        at = 0
+        for stream, step in steps.items():
+            width = step.size * len(grid)
+            joint = _Joint(own, W[:, at : at + width], white, step.size, grid)
+            at += width
+            found += _of_stream(stream, step, joint, start, end, rows_of, streams[stream], refine_below)
+    return found
+
+
+def _groups(streams: Mapping[str, bool], readings: int) -> list[list[str]]:
+    """Streams that share a pass."""
+    groups: list[list[str]] = [[]]
+    columns = 0
+    for stream in streams:
+        width = effect(f"{stream}.step").size * _ONSETS
+        if groups[-1] and (columns + width) * readings > _MOST_ELEMENTS:
+            groups.append([])
+            columns = 0
+        groups[-1].append(stream)
+        columns += width
+    return groups
+
+
+def _of_stream(
+    stream: str,
+    step: Effect,
+    joint: _Joint,
+    start: float,
+    end: float,
+    rows_of: Rows,
+    coloured: bool,
+    refine_below: float,
+) -> list[LocalFinding]:
+    """The best step and the best transient of one stream."""
+    grid, found = joint.onsets, []
+    for family, pairs in (("step", joint.steps()), ("transient", joint.transients())):
+        if len(pairs) == 0:
+            continue
+        gain, dof, beta = joint.gain(pairs)
+        k = int(np.argmax(gain - 2.0 * dof))
+        searched = float(np.log(len(pairs) * _FINER))
+        log_p = _log_p(joint, pairs, k, gain, dof, coloured) + searched
+        interval = _times(grid, pairs[k], end)
+        statistic, size = float(gain[k]), int(dof[k])
+        offset = beta[k]
+        if log_p < refine_below:
+            interval, statistic, offset, finer = _refined(rows_of, step, interval, grid[1] - grid[0], start, end)
+            log_p = min(log_p, log_p - 0.5 * max(finer - float(gain[k]), 0.0)) if not coloured else log_p
+        found.append(LocalFinding(Term(f"{stream}.{family}", interval), statistic, size, min(log_p, 0.0), offset))
+    return found
+
+
+class _Joint:
+    """Joint information and score of steps at a grid of onsets, what the model has already projected out."""
+
+    def __init__(self, own: FloatArray, W: FloatArray, white: FloatArray, size: int, onsets: FloatArray) -> None:
+        if own.shape[1]:
+            Q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300))[0]
+            W, white = W - Q @ (Q.T @ W), white - Q @ (Q.T @ white)
+        m = len(onsets)
+        self.onsets, self.size = onsets, size
+        self.L = (W.T @ W).reshape(m, size, m, size).transpose(0, 2, 1, 3)
+        self.b = (W.T @ white).reshape(m, size)
+
+    def steps(self) -> IntArray:
+        """(m - 1, 2) onsets after the first; the second number -1 stands for "to the end"."""
+        inner = np.arange(1, len(self.onsets))
+        return np.stack([inner, np.full(len(inner), -1)], axis=1)
+
+    def transients(self) -> IntArray:
+        """(pairs, 2) onset and end."""
+        i, j = np.triu_indices(len(self.onsets), 1)
+        return np.stack([i, j], axis=1)
+
+    def gain(self, pairs: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Gain, dof and offset of each interval."""
+        i, j = pairs[:, 0], pairs[:, 1]
+        ends = j >= 0
+        L, b = self.L[i, i].copy(), self.b[i].copy()
+        k = np.where(ends, j, 0)
+        cross = self.L[i, k]
+        L += np.where(ends[:, None, None], self.L[k, k] - cross - np.swapaxes(cross, 1, 2), 0.0)
+        b -= np.where(ends[:, None], self.b[k], 0.0)
+        values, vectors = np.linalg.eigh(L)
+        floor = _FLOOR * np.max(values)
+        seen = values > floor
+        projected = np.einsum("mij,mi->mj", vectors, b)
+        inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
+        return (
+            np.sum(projected**2 * inverse, axis=1),
+            seen.sum(axis=1),
+            np.einsum("mij,mj->mi", vectors, projected * inverse),
+        )
+
+    def without(self, pair: IntArray) -> _Joint:
+        """What is left once an offset in this interval is fitted."""
+        other = object.__new__(_Joint)
+        other.onsets, other.size = self.onsets, self.size
+        m, n = len(self.onsets), self.size
+        flat = self.L.transpose(0, 2, 1, 3).reshape(m * n, m * n)
+        select = np.zeros((m * n, n))
+        select[pair[0] * n : pair[0] * n + n] = np.eye(n)
+        if pair[1] >= 0:
+            select[pair[1] * n : pair[1] * n + n] = -np.eye(n)
+        column = flat @ select
+        A = np.linalg.pinv(select.T @ column, rcond=1e-9, hermitian=True)
+        b = self.b.reshape(-1)
+        other.L = (flat - column @ A @ column.T).reshape(m, n, m, n).transpose(0, 2, 1, 3)
+        other.b = (b - column @ (A @ (select.T @ b))).reshape(m, n)
+        return other
+
+
+def _log_p(joint: _Joint, pairs: IntArray, k: int, gain: FloatArray, dof: IntArray, coloured: bool) -> float:
+    """Log p of one interval; in a coloured stream by comparison with others of about its length."""
+    log_p = log_p_value(float(gain[k]), int(dof[k]))
+    if not coloured or dof[k] == 0:
+        return log_p
+    m = len(joint.onsets)
+    length = (pairs[k, 1] if pairs[k, 1] >= 0 else m) - pairs[k, 0]
+    all_pairs = joint.transients()
+    lengths = all_pairs[:, 1] - all_pairs[:, 0]
+    near = np.abs(lengths - min(length, m // 3)) <= 1
+    left, left_dof, _ = joint.without(pairs[k]).gain(all_pairs[near])
+    seen = left_dof > 0
+    if np.sum(seen) < _LEAST_PEERS:
+        return log_p
+    factor = max(float(np.median(left[seen] / stats.chi2.median(left_dof[seen]))), 1.0)
+    independent = max(m / max(min(length, m - length), 1) - 1.0, 1.0)
+    return max(log_p, float(stats.f.logsf(gain[k] / dof[k] / factor, dof[k], dof[k] * independent)))
+
+
+def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
+    return float(grid[pair[0]]), float(grid[pair[1]]) if pair[1] >= 0 else end
+
+
+def _refined(
+    rows_of: Rows, step: Effect, interval: tuple[float, float], spacing: float, start: float, end: float
+) -> tuple[tuple[float, float], float, FloatArray, float]:
+    """The interval on a grid `_FINER` times as fine, twice over; its gain and offset."""
+    a, b = interval
+    to_the_end = b >= end
+    best = (interval, 0.0, np.zeros(step.size), 0.0)
+    for _ in range(2):
+        shifts = np.linspace(-spacing, spacing, 2 * _FINER + 1)
+        first = np.unique(np.clip(a + shifts, start, end))
+        last = np.array([]) if to_the_end else np.unique(np.clip(b + shifts, start, end))
+        onsets = np.unique(np.concatenate([first, last]))
+        joint = _Joint(*rows_of([step.over(float(t), np.inf) for t in onsets]), step.size, onsets)
+        i = np.searchsorted(onsets, first)
+        if to_the_end:
+            pairs = np.stack([i, np.full(len(i), -1)], axis=1)
+        else:
+            j = np.searchsorted(onsets, last)
+            pairs = np.array([(p, q) for p in i for q in j if q > p])
+        gain, _, beta = joint.gain(pairs)
+        k = int(np.argmax(gain))
+        a, b = _times(onsets, pairs[k], end)
+        best = ((a, b), float(gain[k]), beta[k], float(gain[k]))
+        spacing /= _FINER
+    return best

@@ -1,0 +1,57 @@
+"""Errors of a flight's estimate against a reference, read after the decision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.source import Fit
+from experiments.residual_loop.trace import Score
+from sensors.arrays import FloatArray
+from sensors.recording import POSITION, VELOCITY, Stream
+from sensors.rotation import quaternion_conjugate, quaternion_interpolate, quaternion_log, quaternion_multiply
+
+_QUATERNION = ("qw", "qx", "qy", "qz")
+
+
+def score_against(reference: Stream, source: FlightSource) -> Score:
+    """RMS errors of the filter's states at its readings: position [m], velocity [m/s], attitude [rad], where known.
+
+    Readings in gaps of the reference longer than three of its steps, and outside it, do not count.
+    """
+
+    def score(fit: Fit) -> Mapping[str, float]:
+        t, x = source.states(fit)
+        inside = _covered(t, reference.t)
+        t, x = t[inside], x[inside]
+        errors: dict[str, float] = {}
+        if len(t) == 0:
+            return errors
+        if reference.has(POSITION) and source.model.translation:
+            errors["position_rms"] = _rms(x[:, 0:3] - _interpolated(t, reference, POSITION))
+        if reference.has(VELOCITY) and source.model.translation:
+            errors["velocity_rms"] = _rms(x[:, 3:6] - _interpolated(t, reference, VELOCITY))
+        if reference.has(_QUATERNION):
+            q = quaternion_interpolate(t, reference.t, reference.array(_QUATERNION))
+            errors["attitude_rms"] = _rms(quaternion_log(quaternion_multiply(quaternion_conjugate(q), x[:, 6:10])))
+        return errors
+
+    return score
+
+
+def _rms(error: FloatArray) -> float:
+    """Root of the mean squared length."""
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+
+def _interpolated(t: FloatArray, reference: Stream, names: tuple[str, ...]) -> FloatArray:
+    return np.stack([np.interp(t, reference.t, reference[name]) for name in names], axis=1)
+
+
+def _covered(t: FloatArray, known: FloatArray) -> FloatArray:
+    after = np.clip(np.searchsorted(known, t), 1, len(known) - 1)
+    gap = known[after] - known[after - 1]
+    inside = (t >= known[0]) & (t <= known[-1]) & (gap <= 3.0 * np.median(np.diff(known)))
+    return np.asarray(inside)
