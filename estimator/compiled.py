@@ -11,7 +11,7 @@ from estimator.filter import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for
 from estimator.layout import BLOCK_SIZES, CAPACITY
 from sensors.arrays import FloatArray, IntArray
 
-TILE = 8
+TILE = 16  # = engine_numba.TILE
 
 
 def is_compiled() -> bool:
@@ -30,14 +30,15 @@ class Columns:
 
     Attributes
     ----------
-    tiles : columns over 8; a_tiles, g_tiles : those of the accelerometer and of the gyroscope
-    Ga, Gg : (N a_tiles, 24), (N g_tiles, 24) three rows of eight columns: regressors at the samples of the IMU table
+    tiles : columns over 16; a_tiles : those of the accelerometer; g_first, g_tiles : those of the gyroscope; one tile may have both
+    Ga, Gg : (N a_tiles, 48), (N g_tiles, 48) three rows of 16 columns: regressors at the samples of the IMU table
     Gz : flat regressors of the readings; at : (K,) first element of a reading
     first, count : (sensors,) columns of each sensor's effects
     """
 
     tiles: int
     a_tiles: int
+    g_first: int
     g_tiles: int
     Ga: FloatArray
     Gg: FloatArray
@@ -50,7 +51,7 @@ class Columns:
 def no_columns(sensors: int, events: int) -> Columns:
     """No candidates: the plain filter."""
     none = np.zeros(sensors, dtype=np.int64)
-    return Columns(0, 0, 0, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1), np.zeros(max(events, 1), dtype=np.int64), none, none)
+    return Columns(0, 0, 0, 0, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1), np.zeros(max(events, 1), dtype=np.int64), none, none)
 
 
 @dataclass
@@ -62,7 +63,7 @@ class CompiledRun:
     inputs, outputs : of the run
     columns : candidate effects
     x, P : (25,), (1, 576) state and covariance as the kernels hold them
-    V : (tiles, 192) sensitivities of the state error
+    V : (tiles, 384) sensitivities of the state error
     """
 
     inputs: RunInputs
@@ -131,7 +132,7 @@ class CompiledRun:
             out.stride, out.x_imu, out.var_imu,
             bool(record), record.get("steps", none2), record.get("step_of_event", index),
             record.get("step_of_imu", index), record.get("U", none2), record.get("H", none2), record.get("turn", none2),
-            self.V, c.tiles, c.Ga, c.Gg, c.a_tiles, c.g_tiles, c.Gz, c.at, c.first, c.count,
+            self.V, c.tiles, c.Ga, c.Gg, c.a_tiles, c.g_first, c.g_tiles, c.Gz, c.at, c.first, c.count,
             none2 if rows is None else rows, none if white is None else white, index if rows_event is None else rows_event,
         )  # fmt: skip
         raise_for(int(status), int(event), inputs)

@@ -4,7 +4,7 @@ What it computes is what `estimator.strapdown`, `estimator.error_dynamics` and t
 hold it against them and against the filterpy engine. Arrays and floats only; it returns a status, `filter` raises.
 
 Layout: P is flat, 24 to a row (`CAPACITY`), so that offsets are constants and loops fill vector registers; states that
-do not exist keep P = 0. The sensitivities V come in tiles of 24 rows x 8 columns.
+do not exist keep P = 0. The sensitivities V come in tiles of 24 rows x 16 columns.
 
 P stays symmetric to the last bit: the update subtracts sum_k u_k u_k' with u = L^-1 H P, S = L L', whose element (i, j)
 is the same sum as (j, i), and the prediction mirrors one triangle.
@@ -18,16 +18,19 @@ import numpy as np
 from numba import njit
 
 CAP = 24  # = layout.CAPACITY
-TILE = 8  # columns of V that are carried together
+TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
+SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, which would keep a loop from vectors
+P_Z, T_X, T_Y, T_Z = np.uint64(32), np.uint64(96), np.uint64(112), np.uint64(128)  # rows 2, 6, 7, 8 of a tile
 MAX_H = 14  # non-zero columns of a row of H: position, velocity, attitude, bias
 GPS, BASE, MAG, BARO, RANGE, LEVEL = 0, 1, 2, 3, 4, 5
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+_INLINE: dict[str, Any] = {**_OPTIONS, "forceinline": True}  # arrays as arguments cost more than many a body here
 
 
-@njit(inline="always", **_OPTIONS)
+@njit(**_INLINE)
 def _half_angle(square):
     """cos(a/2) and sin(a/2)/a of a^2; the series is exact to rounding below 0.25 rad."""
     if square < 0.0625:
@@ -38,7 +41,7 @@ def _half_angle(square):
     return np.cos(0.5 * a), np.sin(0.5 * a) / a
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _turn(x, dx, dy, dz):
     """q <- q * exp(d), normalised."""
     w, s = _half_angle(dx * dx + dy * dy + dz * dz)
@@ -52,7 +55,7 @@ def _turn(x, dx, dy, dz):
     x[6], x[7], x[8], x[9] = nw * scale, nx * scale, ny * scale, nz * scale
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _matrix(x, C):
     """C_nb of the nominal quaternion, flat (9,)."""
     w, a, b, c = x[6], x[7], x[8], x[9]
@@ -61,7 +64,7 @@ def _matrix(x, C):
     C[6], C[7], C[8] = 2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _right_jacobian(px, py, pz, J):
     """J_r(phi) = I - a [phi]x + b [phi]x^2, flat (9,). Sola eq. 183."""
     square = px * px + py * py + pz * pz
@@ -77,7 +80,7 @@ def _right_jacobian(px, py, pz, J):
     J[6], J[7], J[8] = a * py + b * px * pz, -a * px + b * py * pz, 1 - b * (px * px + py * py)
 
 
-@njit(inline="always", **_OPTIONS)
+@njit(**_INLINE)
 def _cross_times(ax, ay, az, C, scale, out, at):
     """out[at:at+9] = scale [a]x C."""
     for j in range(3):
@@ -86,7 +89,7 @@ def _cross_times(ax, ay, az, C, scale, out, at):
         out[at + 6 + j] = scale * (ax * C[3 + j] - ay * C[j])
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c):
     """One step of the nominal state over h, and the coefficients of its error dynamics.
 
@@ -132,7 +135,7 @@ def _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c):
             c[45 + j] = half * C1[j]
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _turn_earth(x, dx, dy, dz):
     """q <- exp(d) * q: the navigation frame turns under the body."""
     w, s = _half_angle(dx * dx + dy * dy + dz * dz)
@@ -147,7 +150,7 @@ def _turn_earth(x, dx, dy, dz):
 def _propagation(stride):
     """The compiled M <- Phi M for M = M[at], flat with `stride` columns: with constant offsets its loop fills vector registers."""
 
-    @njit(**_OPTIONS)
+    @njit(**_INLINE)
     def propagate(M, at, c):
         """M <- Phi M for the nine rows of position, velocity and attitude.
 
@@ -181,10 +184,10 @@ def _propagation(stride):
     return propagate
 
 
-_propagate_P, _propagate_top, _propagate_tile = _propagation(24), _propagation(12), _propagation(8)
+_propagate_P, _propagate_top, _propagate_tile = _propagation(24), _propagation(12), _propagation(TILE)
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _predict(P, c, top, h, q_accel, q_gyro, walk2):
     """P <- Phi P Phi' + Q, both triangles equal."""
     _propagate_P(P, 0, c)
@@ -211,39 +214,45 @@ def _predict(P, c, top, h, q_accel, q_gyro, walk2):
         P[0, 25 * i] += walk2[i] * h
 
 
-@njit(**_OPTIONS)
-def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_tiles, u00, u01, u10, u11, work):
+@njit(**_INLINE)
+def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_first, g_tiles, u00, u01, u10, u11, work):
     """V <- Phi V - B G, tile by tile; the regressor at the ends of the step is u00 G_k + u01 G_k+1, u10 G_k + u11 G_k+1."""
-    for tile in range(a_tiles):
-        for j in range(9):  # what the accelerometer's effects add to the velocity
-            work[j] = u00 * c[36 + j] + u10 * c[45 + j]
-            work[9 + j] = u01 * c[36 + j] + u11 * c[45 + j]
-        k0, half = at * a_tiles + tile, c[54]
-        k1 = k0 + a_tiles
-        _propagate_tile(V, tile, c)
-        for i in range(3):
-            x0, x1, x2 = work[3 * i], work[3 * i + 1], work[3 * i + 2]
-            y0, y1, y2 = work[9 + 3 * i], work[10 + 3 * i], work[11 + 3 * i]
-            for j in range(8):
-                d = x0 * Ga[k0, j] + x1 * Ga[k0, 8 + j] + x2 * Ga[k0, 16 + j]
-                d += y0 * Ga[k1, j] + y1 * Ga[k1, 8 + j] + y2 * Ga[k1, 16 + j]
-                V[tile, 8 * (3 + i) + j] -= d
-                V[tile, 8 * i + j] -= half * d
+    for j in range(9):  # what the accelerometer's effects add to the velocity
+        work[j] = u00 * c[36 + j] + u10 * c[45 + j]
+        work[9 + j] = u01 * c[36 + j] + u11 * c[45 + j]
+    x0, x1, x2, x3, x4, x5, x6, x7, x8 = work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7], work[8]
+    y0, y1, y2, y3, y4, y5 = work[9], work[10], work[11], work[12], work[13], work[14]
+    y6, y7, y8, half = work[15], work[16], work[17], c[54]
     s0, s1 = 0.5 * (u00 + u10), 0.5 * (u01 + u11)
-    for tile in range(a_tiles, a_tiles + g_tiles):
-        k0 = at * g_tiles + tile - a_tiles
+    for tile in range(tiles):
+        gyro = g_first <= tile < g_first + g_tiles
+        k0 = at * g_tiles + tile - g_first
         k1 = k0 + g_tiles
-        for j in range(24):  # an effect on the gyroscope acts for the step like a bias
-            work[j] = V[tile, 96 + j]
-            V[tile, 96 + j] += s0 * Gg[k0, j] + s1 * Gg[k1, j]
+        if gyro:  # an effect on the gyroscope acts for the step like a bias
+            for j in range(48):
+                work[j] = V[tile, 192 + j]
+                V[tile, 192 + j] += s0 * Gg[k0, j] + s1 * Gg[k1, j]
         _propagate_tile(V, tile, c)
-        for j in range(24):
-            V[tile, 96 + j] = work[j]
-    for tile in range(a_tiles + g_tiles, tiles):
-        _propagate_tile(V, tile, c)
+        if gyro:
+            for j in range(48):
+                V[tile, 192 + j] = work[j]
+        if tile < a_tiles:
+            k0 = at * a_tiles + tile
+            k1 = k0 + a_tiles
+            for j in range(16):
+                a0, a1, a2, b0, b1, b2 = Ga[k0, j], Ga[k0, 16 + j], Ga[k0, 32 + j], Ga[k1, j], Ga[k1, 16 + j], Ga[k1, 32 + j]
+                d0 = x0 * a0 + x1 * a1 + x2 * a2 + y0 * b0 + y1 * b1 + y2 * b2
+                d1 = x3 * a0 + x4 * a1 + x5 * a2 + y3 * b0 + y4 * b1 + y5 * b2
+                d2 = x6 * a0 + x7 * a1 + x8 * a2 + y6 * b0 + y7 * b1 + y8 * b2
+                V[tile, 48 + j] -= d0
+                V[tile, 64 + j] -= d1
+                V[tile, 80 + j] -= d2
+                V[tile, j] -= half * d0
+                V[tile, 16 + j] -= half * d1
+                V[tile, 32 + j] -= half * d2
 
 
-@njit(inline="always", **_OPTIONS)
+@njit(**_INLINE)
 def _put(H_index, H_value, H_n, row, index, value):
     n = H_n[row]
     H_index[row, n] = index
@@ -251,7 +260,7 @@ def _put(H_index, H_value, H_n, row, index, value):
     H_n[row] = n + 1
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_index, H_value, H_n, z_pred):
     """Prediction of one reading and the non-zero elements of its H; False where there is no prediction."""
     for i in range(m):
@@ -299,7 +308,7 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
     return True
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _add_form(m, row, D, ref, event, x, H_index, H_value, H_n, z_pred):
     """z_pred += D (x (-) x_ref), H += D on position, velocity and attitude: an effect's reading along a known motion."""
     d = np.empty(9)
@@ -334,36 +343,34 @@ def _add_form(m, row, D, ref, event, x, H_index, H_value, H_n, z_pred):
             _put(H_index, H_value, H_n, i, kept_index[k], kept_value[k])
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _set_row(M, i, N, k, a):
     """M[i] <- a N[k]."""
     for j in range(24):
         M[i, j] = a * N[k, j]
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _add_row(M, i, N, k, a):
     """M[i] <- M[i] + a N[k]."""
     for j in range(24):
         M[i, j] += a * N[k, j]
 
 
-@njit(**_OPTIONS)
-def _add_tile(W, i, at, V, tile, row, a):
-    """W[i, at:at+8] += a V[tile], its row."""
-    for j in range(8):
-        W[i, at + j] += a * V[tile, row + j]
-
-
 def _subtraction(stride):
-    """The compiled M <- M - U' W: rows 3k to 3k + 2 of U and of W, four rows of M = M[at] at a time."""
+    """The compiled M <- M - U' W: rows k to k + 2 of U and l to l + 2 of W, eight rows of M = M[at] at a time."""
 
-    @njit(**_OPTIONS)
+    @njit(**_INLINE)
     def subtract(M, at, U, k, W, l):
-        for i in range(0, 24, 4):
-            a0, a1, a2, a3 = U[k, i], U[k, i + 1], U[k, i + 2], U[k, i + 3]
-            b0, b1, b2, b3 = U[k + 1, i], U[k + 1, i + 1], U[k + 1, i + 2], U[k + 1, i + 3]
-            c0, c1, c2, c3 = U[k + 2, i], U[k + 2, i + 1], U[k + 2, i + 2], U[k + 2, i + 3]
+        for i in range(0, 24, 8):
+            a0, b0, c0 = U[k, i + 0], U[k + 1, i + 0], U[k + 2, i + 0]
+            a1, b1, c1 = U[k, i + 1], U[k + 1, i + 1], U[k + 2, i + 1]
+            a2, b2, c2 = U[k, i + 2], U[k + 1, i + 2], U[k + 2, i + 2]
+            a3, b3, c3 = U[k, i + 3], U[k + 1, i + 3], U[k + 2, i + 3]
+            a4, b4, c4 = U[k, i + 4], U[k + 1, i + 4], U[k + 2, i + 4]
+            a5, b5, c5 = U[k, i + 5], U[k + 1, i + 5], U[k + 2, i + 5]
+            a6, b6, c6 = U[k, i + 6], U[k + 1, i + 6], U[k + 2, i + 6]
+            a7, b7, c7 = U[k, i + 7], U[k + 1, i + 7], U[k + 2, i + 7]
             n = stride * i
             for j in range(stride):
                 u, v, w = W[l, j], W[l + 1, j], W[l + 2, j]
@@ -371,14 +378,42 @@ def _subtraction(stride):
                 M[at, n + stride + j] = M[at, n + stride + j] - a1 * u - b1 * v - c1 * w
                 M[at, n + 2 * stride + j] = M[at, n + 2 * stride + j] - a2 * u - b2 * v - c2 * w
                 M[at, n + 3 * stride + j] = M[at, n + 3 * stride + j] - a3 * u - b3 * v - c3 * w
+                M[at, n + 4 * stride + j] = M[at, n + 4 * stride + j] - a4 * u - b4 * v - c4 * w
+                M[at, n + 5 * stride + j] = M[at, n + 5 * stride + j] - a5 * u - b5 * v - c5 * w
+                M[at, n + 6 * stride + j] = M[at, n + 6 * stride + j] - a6 * u - b6 * v - c6 * w
+                M[at, n + 7 * stride + j] = M[at, n + 7 * stride + j] - a7 * u - b7 * v - c7 * w
 
     return subtract
 
 
-_subtract_P, _subtract_tile = _subtraction(24), _subtraction(8)
+_subtract_P, _subtract_tile = _subtraction(24), _subtraction(TILE)
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
+def _subtract_one(V, tile, U, k, w):
+    """V[tile] <- V[tile] - u w', one row u = U[k], twelve rows of the tile at a time."""
+    for i in range(0, 24, 12):
+        a0, a1, a2, a3 = U[k, i + 0], U[k, i + 1], U[k, i + 2], U[k, i + 3]
+        a4, a5, a6, a7 = U[k, i + 4], U[k, i + 5], U[k, i + 6], U[k, i + 7]
+        a8, a9, a10, a11 = U[k, i + 8], U[k, i + 9], U[k, i + 10], U[k, i + 11]
+        n = TILE * i
+        for j in range(TILE):
+            u = w[0, j]
+            V[tile, n + 0 + j] -= a0 * u
+            V[tile, n + 16 + j] -= a1 * u
+            V[tile, n + 32 + j] -= a2 * u
+            V[tile, n + 48 + j] -= a3 * u
+            V[tile, n + 64 + j] -= a4 * u
+            V[tile, n + 80 + j] -= a5 * u
+            V[tile, n + 96 + j] -= a6 * u
+            V[tile, n + 112 + j] -= a7 * u
+            V[tile, n + 128 + j] -= a8 * u
+            V[tile, n + 144 + j] -= a9 * u
+            V[tile, n + 160 + j] -= a10 * u
+            V[tile, n + 176 + j] -= a11 * u
+
+
+@njit(**_INLINE)
 def _factor(m, P, H_index, H_value, H_n, r, sensor, B, S, L):
     """B = H P, S = H P H' + R, S = L L'; P as rows (24, 24). False where S is not positive."""
     for i in range(m):
@@ -407,7 +442,7 @@ def _factor(m, P, H_index, H_value, H_n, r, sensor, B, S, L):
     return True
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _reset(P, J):
     """P <- J P J' on the attitude block: the error is counted from the turned attitude on."""
     for j in range(24):
@@ -425,7 +460,7 @@ def _reset(P, J):
     P[0, 24 * 7 + 6], P[0, 24 * 8 + 6], P[0, 24 * 8 + 7] = P[0, 24 * 6 + 7], P[0, 24 * 6 + 8], P[0, 24 * 7 + 8]
 
 
-@njit(**_OPTIONS)
+@njit(**_INLINE)
 def _correct(m, U, y, x, P, J, dx):
     """x <- x (+) U' y, P <- P - U' U, and the reset of the attitude error."""
     for j in range(24):
@@ -447,33 +482,89 @@ def _correct(m, U, y, x, P, J, dx):
     _reset(P, J)
 
 
-@njit(**_OPTIONS)
-def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, group):
-    """S_beta = H V + G, W = L^-1 S_beta, V <- V - U' W, then the reset; W (m, 8 tiles)."""
+@njit(**_INLINE)
+def _sort_row(i, H_index, H_value, H_n, near, h, r):
+    """Elements of one row of H for `_correct_V`: columns 2, 6, 7 and 8 in `near`, two others in h and r; returns the rest."""
+    for q in range(4):
+        near[4 * i + q] = 0.0
+    h[2 * i], h[2 * i + 1], r[2 * i], r[2 * i + 1] = 0.0, 0.0, np.uint64(0), np.uint64(0)
+    others = 0
+    for q in range(H_n[i]):
+        at = H_index[i, q]
+        if at == 2:
+            near[4 * i] = H_value[i, q]
+        elif 6 <= at <= 8:
+            near[4 * i + at - 5] = H_value[i, q]
+        else:
+            if others < 2:
+                h[2 * i + others], r[2 * i + others] = H_value[i, q], np.uint64(16 * at)
+            others += 1
+    return others
+
+
+@njit(**_INLINE)
+def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r):
+    """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
+
+    Three components at a time: those before them have changed V already, which is what their part of L would do. The rows
+    of V that most readings need have constant places, which lets the loops fill vector registers.
+    """
+    crowded = False
     for i in range(m):
-        W[i, :] = 0.0
-        for j in range(count):
-            W[i, first + j] = G[g_at + i * count + j]
+        crowded |= _sort_row(i, H_index, H_value, H_n, near, h, r) > 2
     for tile in range(tiles):
-        first_column = 8 * tile
-        for i in range(m):
-            for k in range(H_n[i]):
-                _add_tile(W, i, first_column, V, tile, 8 * H_index[i, k], H_value[i, k])
-            for k in range(i):
-                for j in range(8):
-                    W[i, first_column + j] -= L[i, k] * W[k, first_column + j]
-            for j in range(8):
-                W[i, first_column + j] /= L[i, i]
+        at = np.uint64(16 * tile)
         for k in range(0, m, 3):
+            width = min(3, m - k)
             for i in range(3):
-                for j in range(8):
-                    group[i, j] = W[k + i, first_column + j] if k + i < m else 0.0
-            _subtract_tile(V, tile, U, k, group, 0)
-        for j in range(8):
-            t0, t1, t2 = V[tile, 48 + j], V[tile, 56 + j], V[tile, 64 + j]
-            V[tile, 48 + j] = J[0] * t0 + J[1] * t1 + J[2] * t2
-            V[tile, 56 + j] = J[3] * t0 + J[4] * t1 + J[5] * t2
-            V[tile, 64 + j] = J[6] * t0 + J[7] * t1 + J[8] * t2
+                for j in range(16):
+                    group[i, j] = 0.0
+            for i in range(width):
+                for j in range(max(first, 16 * tile), min(first + count, 16 * tile + 16)):
+                    group[i, j - 16 * tile] = G[g_at + (k + i) * count + j - first]
+                if crowded:
+                    others = 0
+                    for q in range(H_n[k + i]):
+                        c = H_index[k + i, q]
+                        others += 0 if c == 2 or 6 <= c <= 8 else 1
+                        if others > 2 and not (c == 2 or 6 <= c <= 8):
+                            for j in range(16):
+                                group[i, j] += H_value[k + i, q] * V[tile, 16 * c + j]
+            a0, a1, a2, a3, ha, hb = near[4 * k], near[4 * k + 1], near[4 * k + 2], near[4 * k + 3], h[2 * k], h[2 * k + 1]
+            ra, rb, d0 = r[2 * k], r[2 * k + 1], 1.0 / L[k, k]
+            if width == 1:
+                for j in range(SIXTEEN):
+                    s0 = a0 * V[tile, P_Z + j] + a1 * V[tile, T_X + j] + a2 * V[tile, T_Y + j] + a3 * V[tile, T_Z + j]
+                    group[0, j] = (group[0, j] + s0 + ha * V[tile, ra + j] + hb * V[tile, rb + j]) * d0
+            else:
+                n = 4 * k + 4
+                b0, b1, b2, b3, hc, hd = near[n], near[n + 1], near[n + 2], near[n + 3], h[2 * k + 2], h[2 * k + 3]
+                n += 4
+                c0, c1, c2, c3, he, hf = near[n], near[n + 1], near[n + 2], near[n + 3], h[2 * k + 4], h[2 * k + 5]
+                rc, rd, re, rf = r[2 * k + 2], r[2 * k + 3], r[2 * k + 4], r[2 * k + 5]
+                l10, d1, l20, l21, d2 = L[k + 1, k], 1.0 / L[k + 1, k + 1], 0.0, 0.0, 0.0
+                if width == 3:
+                    l20, l21, d2 = L[k + 2, k], L[k + 2, k + 1], 1.0 / L[k + 2, k + 2]
+                for j in range(SIXTEEN):
+                    z, x, y, w = V[tile, P_Z + j], V[tile, T_X + j], V[tile, T_Y + j], V[tile, T_Z + j]
+                    s0 = a0 * z + a1 * x + a2 * y + a3 * w + ha * V[tile, ra + j] + hb * V[tile, rb + j]
+                    s1 = b0 * z + b1 * x + b2 * y + b3 * w + hc * V[tile, rc + j] + hd * V[tile, rd + j]
+                    s2 = c0 * z + c1 * x + c2 * y + c3 * w + he * V[tile, re + j] + hf * V[tile, rf + j]
+                    w0 = (group[0, j] + s0) * d0
+                    w1 = (group[1, j] + s1 - l10 * w0) * d1
+                    group[0, j], group[1, j], group[2, j] = w0, w1, (group[2, j] + s2 - l20 * w0 - l21 * w1) * d2
+            for i in range(width):
+                for j in range(SIXTEEN):
+                    W[row + k + i, at + j] = group[i, j]
+            if width == 1:
+                _subtract_one(V, tile, U, k, group)
+            else:
+                _subtract_tile(V, tile, U, k, group, 0)
+        for j in range(16):
+            t0, t1, t2 = V[tile, 96 + j], V[tile, 112 + j], V[tile, 128 + j]
+            V[tile, 96 + j] = J[0] * t0 + J[1] * t1 + J[2] * t2
+            V[tile, 112 + j] = J[3] * t0 + J[4] * t1 + J[5] * t2
+            V[tile, 128 + j] = J[6] * t0 + J[7] * t1 + J[8] * t2
 
 
 @njit(**_OPTIONS)
@@ -483,7 +574,7 @@ def run_chunk(
     g, m_n, w_ie, ground_down, translation, averaged, walk2, x, P,
     nu, white, S_out, nis, loglik, weight, x_event, var_event, log_imu, x_imu, var_imu,
     record, steps, step_of_event, step_of_imu, U_out, H_out, turn_out,
-    V, tiles, Ga, Gg, a_tiles, g_tiles, Gz, ev_G, col_first, col_count, W_out, W_white, W_event,
+    V, tiles, Ga, Gg, a_tiles, g_first, g_tiles, Gz, ev_G, col_first, col_count, W_out, W_white, W_event,
 ):  # fmt: skip
     """Run from IMU sample i0 to i1 through the events k0 to k1; returns (status, event, rows of W).
 
@@ -491,11 +582,12 @@ def run_chunk(
     """
     m_max = r.shape[1]
     C0, C1, J, c, top = np.zeros(9), np.zeros(9), np.zeros(9), np.zeros(55), np.zeros((1, 180))
-    u0, u1, work, dx, y, z_pred = np.zeros(6), np.zeros(6), np.zeros(24), np.zeros(24), np.zeros(m_max), np.zeros(m_max)
+    u0, u1, work, dx, y, z_pred = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(24), np.zeros(m_max), np.zeros(m_max)
     H_index, H_value, H_n = np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64)
     U, S, L = np.zeros((m_max + 3, 24)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
     P_rows = P.reshape((24, 24))
-    W, group = np.zeros((m_max, 8 * tiles)), np.zeros((3, 8))
+    group, near = np.zeros((3, 16)), np.zeros(4 * m_max + 12)
+    h_other, r_other = np.zeros(2 * m_max + 6), np.zeros(2 * m_max + 6, np.uint64)
     i, k, rows, n_steps = i0, k0, 0, 0
     while True:
         # --- the state moves to the next sample or the next event, whichever comes first
@@ -519,7 +611,7 @@ def run_chunk(
                 u1[j] = (1.0 - a1) * imu_u[i, j] + a1 * imu_u[i + 1, j]
             _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c)
             if tiles > 0:
-                _predict_V(V, c, tiles, Ga, Gg, i, a_tiles, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
+                _predict_V(V, c, tiles, Ga, Gg, i, a_tiles, g_first, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
             _predict(P, c, top, h, q_accel[i] if translation else 0.0, q_gyro[i], walk2)
             if record:
                 for j in range(55):
@@ -590,11 +682,10 @@ def run_chunk(
                     _correct(m, U, y, x, P, J, dx)
                     if tiles > 0:
                         _correct_V(
-                            m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s], W, group
+                            m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s], W_out,
+                            rows, group, near, h_other, r_other,
                         )
                         for a in range(m):
-                            for j in range(8 * tiles):
-                                W_out[rows, j] = W[a, j]
                             W_white[rows] = y[a]
                             W_event[rows] = k
                             rows += 1

@@ -149,11 +149,12 @@ def _accumulate(
     event = np.zeros(longest + 1, dtype=np.int64)
     for block, (i0, i1) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
         count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
-        part = W[:count, order]
-        information[block], score[block] = part.T @ part, part.T @ white[:count]
+        part = W[:count, :p]
+        information[block] = (part.T @ part)[np.ix_(order, order)]
+        score[block] = (white[:count] @ part)[order]
         if keep_rows:
             chosen = event[:count] % keep_rows == 0
-            kept.append((part[chosen], white[:count][chosen], event[:count][chosen]))
+            kept.append((part[chosen][:, order], white[:count][chosen], event[:count][chosen]))
     x, P = engine.result()
     n = inputs.model.layout.n
     V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]
@@ -169,7 +170,7 @@ def pack(
 
     Returns
     -------
-    columns : accelerometer's effects first, padded to whole tiles, then the gyroscope's, then sensor after sensor
+    columns : accelerometer's effects first, then the gyroscope's, then sensor after sensor
     order : (p,) packed column of every column of the candidates in their own order
     slices : columns of each candidate
     """
@@ -182,18 +183,17 @@ def pack(
     for stream in ("accel", "gyro"):
         mine = [i for i, entry in enumerate(effects) if entry.stream == stream]
         width = int(widths[mine].sum()) if mine else 0
-        tiles[stream] = -(-width // TILE)
-        G = np.zeros((len(inputs.imu), 3, tiles[stream] * TILE))
-        if mine:
-            G[:, :, :width] = driver_regressors(recording, stream, [effects[i] for i in mine], terms, motion)
-        tables[stream] = np.ascontiguousarray(
-            G.reshape(len(G), 3, tiles[stream], TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE) if width else np.zeros((1, 24))
-        )
-        at = place
+        first_tile = place // TILE
+        tiles[stream] = (first_tile, -(-(place + width) // TILE) - first_tile if width else 0)
+        tables[stream] = np.zeros((1, 3 * TILE))
+        if width:
+            G = np.zeros((len(inputs.imu), 3, tiles[stream][1] * TILE))
+            at = place - first_tile * TILE
+            G[:, :, at : at + width] = driver_regressors(recording, stream, [effects[i] for i in mine], terms, motion)
+            tables[stream] = G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
         for i in mine:
-            order[slices[i]] = at + np.arange(widths[i])
-            at += int(widths[i])
-        place += tiles[stream] * TILE
+            order[slices[i]] = place + np.arange(widths[i])
+            place += int(widths[i])
     first, count = np.zeros(len(events.sensors), dtype=np.int64), np.zeros(len(events.sensors), dtype=np.int64)
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
     for s, name in enumerate(events.sensors):
@@ -214,7 +214,7 @@ def pack(
         raise InputError(recording.where, f"no stream for {', '.join(unknown)}", "candidates of streams that are there")
     Gz = np.concatenate(parts) if parts else np.zeros(1)
     columns = Columns(
-        -(-place // TILE), tiles["accel"], tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
+        -(-place // TILE), tiles["accel"][1], *tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
     )
     return columns, order, slices
 

@@ -1,0 +1,94 @@
+"""The fused sensitivity pass against a dense recursion, and against whole runs of the filter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from estimator.effect_forms import Terms, reference_motion
+from estimator.engine_filterpy import ReadableFilter
+from estimator.error_dynamics import transition
+from estimator.filter import RunInputs, run_filter
+from estimator.flight_model import flight_model
+from estimator.sensitivity import driver_regressors, sensitivity_pass, sensor_regressors
+from estimator.strapdown import strapdown_step
+from sensors.arrays import FloatArray
+from sensors.effects import effect
+from sensors.rotation import right_jacobian
+
+from tests.estimator.analytic_flight import fly
+
+ROUNDING = 1e-9  # relative
+ONE_PER_CENT = 0.01
+CANDIDATES = (
+    "accel.scale", "accel.lever_arm", "accel.cross_axis", "gyro.scale", "gyro.g_sensitivity", "gyro.cross_axis",
+    "mag.scale", "mag.declination", "baro.scale", "laser.boresight", "laser.scale", "gps.lever_arm", "gps.latency",
+)  # fmt: skip
+
+
+class DenseSensitivity(ReadableFilter):
+    """The readable engine, carrying V with dense matrices."""
+
+    def __init__(self, inputs: RunInputs, G_u: FloatArray, G_z: dict[str, FloatArray]) -> None:
+        super().__init__(inputs)
+        self.G_u, self.G_z, self.V = G_u, G_z, np.zeros((inputs.model.layout.n, G_u.shape[2]))
+        self.W: list[FloatArray] = []
+
+    def advance(self, i: int, t_next: float) -> None:
+        t, h = self.inputs.imu.t, t_next - self.t
+        if h <= 0.0:
+            return
+        a0, a1 = ((s - t[i]) / (t[i + 1] - t[i]) for s in (self.t, t_next))
+        ends = [(1 - a) * self.G_u[i] + a * self.G_u[i + 1] for a in (a0, a1)]
+        u = [(1 - a) * self.inputs.imu.u[i] + a * self.inputs.imu.u[i + 1] for a in (a0, a1)]
+        _, step = strapdown_step(self.x, u[0], u[1], h, self.model.g_n, self.model.w_ie_n)
+        V = transition(step, len(self.V)) @ self.V
+        turn = -h * right_jacobian(step.phi) @ (0.5 * (ends[0] + ends[1]))[3:]
+        V[6:9] += turn
+        skew = np.array([[0, -step.a1[2], step.a1[1]], [step.a1[2], 0, -step.a1[0]], [-step.a1[1], step.a1[0], 0]])
+        push = -0.5 * h * (step.C0 @ ends[0][:3] + step.C1 @ ends[1][:3]) - 0.5 * h * skew @ step.C1 @ turn
+        V[3:6] += push
+        V[0:3] += 0.5 * h * push
+        self.V = V
+        super().advance(i, t_next)
+
+    def read(self, k: int) -> None:
+        events = self.inputs.events
+        name = events.sensors[events.sensor[k]]
+        _, H = self.prediction(name, k)
+        P, before = self.ekf.P.copy(), self.x.copy()
+        S = H @ P @ H.T + self.model.sensors[name].R
+        super().read(k)
+        S_beta = H @ self.V + self.G_z[name][events.index[k]]
+        self.W.append(np.linalg.solve(np.linalg.cholesky(S), S_beta))
+        self.V = self.V - P @ H.T @ np.linalg.solve(S, S_beta)
+        turned = self.model.layout.difference(self.x, before)[6:9]
+        self.V[6:9] = right_jacobian(turned) @ self.V[6:9]
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """A short flight, its model and its journal."""
+    recording, _ = fly(11, duration=4.0)
+    model = flight_model(recording, gate_level=None)
+    return recording, model, run_filter(recording, model, engine="numba")
+
+
+def test_fused_pass_is_the_dense_recursion(flown) -> None:
+    recording, model, journal = flown
+    effects = tuple(effect(name) for name in CANDIDATES)
+    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+    _, found = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1)
+    p, N = found.rows.shape[1], len(motion)
+    G_u = np.zeros((N, 6, p))
+    G_z = {name: np.zeros((len(journal.stream(name)), sensor.size, p)) for name, sensor in model.sensors.items()}
+    for entry, columns in zip(effects, found.slices, strict=True):
+        if entry.stream in ("accel", "gyro"):
+            rows = slice(0, 3) if entry.stream == "accel" else slice(3, 6)
+            G_u[:, rows, columns] = driver_regressors(recording, entry.stream, [entry], Terms(), motion)
+        else:
+            G_z[entry.stream][:, :, columns] = sensor_regressors(recording, model, entry.stream, [entry], Terms(), motion)
+    dense = DenseSensitivity(journal.run, G_u, G_z)
+    for _ in dense.steps():
+        pass
+    W = np.concatenate(dense.W)
+    assert np.max(np.abs(W - found.rows) / np.linalg.norm(W, axis=0)) < ROUNDING
