@@ -1,0 +1,163 @@
+"""The question: along which motion, with which sensors and which prior. From a scenario or from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.events import ACCEPTED
+from estimator.flight_model import FlightModel, flight_model
+from estimator.observability import Information, information
+from experiments.bias_observability import segments as stretches
+from experiments.bias_observability.segments import Segment
+from sensors.arrays import BoolArray, FloatArray
+from sensors.errors import InputError
+from sensors.gps import BaseReceiver
+from sensors.model import SensorModel
+from sensors.motion import Motion
+from sensors.recording import Recording, SensorSpec
+from sensors.scenario import Scenario
+from sensors.sonar import Sonar
+
+#: Readings a second of a base receiver that is only imagined [Hz]: what correction services send.
+BASE_RATE = 1.0
+#: A longer flight is looked at from its start to here [s].
+LONGEST = 1200.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A motion with what is read along it.
+
+    Attributes
+    ----------
+    name : of the scenario or recording
+    along : "true" or "smoothed": where the error model is linearised
+    model : noise, biases, environment
+    motion : at the IMU's instants
+    readings : by sensor, instants of the readings [s]
+    P0 : (n, n) prior at the first instant
+    noise : (N - 1,) variance rates of accelerometer and gyroscope, as of `estimator.imu.ImuTable`
+    segments : what is flown when
+    rates : by sensor, readings a second [Hz]
+    heard : by range sensor, which readings arrive along another motion
+    imagined : sensors that are not aboard, but whose use is asked for
+    notes : what was assumed
+    """
+
+    name: str
+    along: str
+    model: FlightModel
+    motion: Motion
+    readings: Mapping[str, FloatArray]
+    P0: FloatArray
+    noise: tuple[FloatArray, FloatArray]
+    segments: tuple[Segment, ...]
+    rates: Mapping[str, float]
+    heard: Mapping[str, Callable[[Motion], BoolArray]]
+    imagined: tuple[SensorModel, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def aboard(self) -> tuple[str, ...]:
+        """Sensors that aid, without the imagined ones."""
+        return tuple(name for name in self.readings if name not in {sensor.name for sensor in self.imagined})
+
+    def information(self) -> Information:
+        """Linearised along the motion, the imagined sensors among the others."""
+        return information(self.model, self.motion, self.readings, self.P0, noise=self.noise, extra=self.imagined)
+
+
+def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
+    """A scenario along its true motion; the instants of readings, drop-outs and echoes are those of one simulated flight."""
+    from sensors.simulate import simulate
+
+    recording, _ = simulate(scenario, np.random.default_rng(seed))
+    model = flight_model(recording)
+    motion = scenario.trajectory().motion
+    heard: dict[str, Callable[[Motion], BoolArray]] = {}
+    for name in ("sonar", "laser"):
+        if name in scenario.sensors:
+            beam = scenario.sensors[name]
+            heard[name] = Sonar(1.0, 0.0, 0.0, beam.minimum, beam.maximum, beam.beam_angle).echo
+    return _case(recording, model, None, motion, stretches.of_scenario(scenario), heard)
+
+
+def case_of_recording(recording: Recording, specs: Mapping[str, SensorSpec] | None = None) -> Case:
+    """A recording along the motion that all its readings together give; readings that the filter refused do not count.
+
+    Parameters
+    ----------
+    recording : a flight
+    specs : noise that was estimated elsewhere, by sensor
+    """
+    from estimator.filter import run_filter
+    from estimator.smoother import estimated_motion
+
+    recording, notes = _shortened(recording)
+    model = flight_model(recording, specs=specs)
+    journal = run_filter(recording, model, engine="numba")
+    motion = estimated_motion(journal)
+    used = {
+        name: journal.t[(journal.sensor == s) & (journal.status == ACCEPTED)] for s, name in enumerate(journal.sensors)
+    }
+    heard: dict[str, Callable[[Motion], BoolArray]] = {}
+    for name in set(used) & {"sonar", "laser"}:
+        stream = recording.streams[name]
+        column = stream["range"] if "range" in stream else stream["range_0"]
+        heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
+    case = _case(recording, model, used, lambda t: motion, (), heard)
+    return replace(case, along="smoothed", notes=(*case.notes, *notes))
+
+
+def _case(
+    recording: Recording,
+    model: FlightModel,
+    used: Mapping[str, FloatArray] | None,
+    motion_at: Callable[[FloatArray], Motion],
+    segments: tuple[Segment, ...],
+    heard: Mapping[str, Callable[[Motion], BoolArray]],
+) -> Case:
+    from estimator.filter import prepare
+
+    inputs = prepare(recording, model)
+    if used is None:
+        events = inputs.events
+        accepted = events.status == ACCEPTED
+        used = {name: events.t[(events.sensor == s) & accepted] for s, name in enumerate(events.sensors)}
+    readings = {name: t for name, t in used.items() if len(t)}
+    if not readings:
+        raise InputError(
+            recording.where, "no reading of an aiding sensor", "at least one: without any, no bias can be told"
+        )
+    motion = motion_at(inputs.imu.t)
+    imagined: tuple[SensorModel, ...] = ()
+    notes = tuple(str(note) for note in model.notes)
+    if "gps" in readings and model.layout.has("b_gps") and "base" not in readings:
+        sigma = float(np.sqrt(model.sensors["gps"].R[0, 0]))
+        imagined = (BaseReceiver(sigma),)
+        readings["base"] = np.arange(motion.t[0], motion.t[-1], 1.0 / BASE_RATE)
+        notes = (*notes, f"base: none aboard; imagined with {BASE_RATE:g} Hz and the noise of the GPS, {sigma:g} m")
+    return Case(
+        name=recording.name, along="true", model=model, motion=motion, readings=readings, P0=inputs.P,
+        noise=(inputs.imu.q_accel, inputs.imu.q_gyro), segments=segments or stretches.of_motion(motion),
+        rates={name: _rate(t) for name, t in readings.items()}, heard=heard, imagined=imagined, notes=notes,
+    )  # fmt: skip
+
+
+def _rate(t: FloatArray) -> float:
+    return 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+
+
+def _shortened(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """The first `LONGEST` of a recording."""
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        return recording, ()
+    start, stop = float(recording.streams["imu"].t[0]), float(recording.streams["imu"].t[-1])
+    if stop - start <= LONGEST:
+        return recording, ()
+    parts = {name: stream.rows(stream.t <= start + LONGEST) for name, stream in recording.streams.items()}
+    kept = {name: stream for name, stream in parts.items() if len(stream)}
+    return recording.replace(streams=kept), (f"only the first {LONGEST:g} s of {stop - start:.0f} s are looked at",)
