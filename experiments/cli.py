@@ -132,6 +132,47 @@ def estimate(
 
 
 @app.command()
+def gnss(
+    observation: Annotated[Path, typer.Argument(help="RINEX observation file", metavar="OBS")],
+    navigation: Annotated[list[Path], typer.Argument(help="RINEX navigation files", metavar="NAV...")],
+    systems: Annotated[str, typer.Option(help="G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS")] = "G,E,J,C",
+    mask: Annotated[float, typer.Option(help="lowest elevation, deg")] = 10.0,
+    position: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="known position X Y Z of a receiver at rest, ECEF, m")
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(help="known positions of a moving receiver")] = None,
+    base: Annotated[Path | None, typer.Option(help="RINEX observation file of a base receiver")] = None,
+    base_position: Annotated[tuple[float, float, float] | None, typer.Option(help="of the base, ECEF, m")] = None,
+    solution: Annotated[Path | None, typer.Option(help="write the fixes as CSV")] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Positions from pseudoranges, and which effects the ranges call for."""
+    from experiments.gnss_command import run
+
+    typer.echo(
+        run(observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html)
+    )
+
+
+@app.command()
+def montecarlo(
+    scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
+    runs: Annotated[int, typer.Option(help="number of flights", min=1)] = 100,
+    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1)] = None,
+    dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+    resume: Annotated[Path | None, typer.Option(help="folder that keeps finished runs")] = None,
+    seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Fly a scenario many times and check the filter's errors against its own prediction."""
+    from experiments.monte_carlo_command import run
+
+    typer.echo(run(scenario, runs, workers, dask, resume, seed, json, html))
+
+
+@app.command()
 def lab(
     name: Annotated[str | None, typer.Argument(help="of the experiment; without one, the list")] = None,
     out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),

@@ -122,6 +122,40 @@ def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label
     return figure
 
 
+def stage_bars(stages: Sequence[Mapping[str, Any]]) -> Figure:
+    """Residual and position error after each stage of a model."""
+    names = [", ".join(e.removeprefix("pseudorange.") for e in s["effects"][-1:]) or "plain model" for s in stages]
+    names = [name if k == 0 else f"+ {name}" for k, name in enumerate(names)]
+    errors = [(s.get("position_error") or {}).get("mean") for s in stages]
+    panels = 2 if any(e is not None for e in errors) else 1
+    figure, axes = new_figure(1, panels, 0.4 * len(stages) + 1.1, sharey=True)
+    panel = axes[0, 0]
+    y = np.arange(len(stages))[::-1]
+    panel.barh(y, [s["residual_rms"] for s in stages], color=AFTER, height=0.65)
+    panel.set_yticks(y, names)
+    panel.set_xlabel("residual / m", fontsize=9)
+    if panels == 2:
+        axes[0, 1].barh(y, [e or 0.0 for e in errors], color=BEFORE, height=0.65)
+        axes[0, 1].set_xlabel("mean position error / m", fontsize=9)
+    return figure
+
+
+def averages_with_intervals(entries: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Averages that should be 1, as points, with the interval that they should lie in, as bars."""
+    known = {name: e for name, e in entries.items() if e["mean_per_dof"] is not None}
+    figure, axes = new_figure(1, 1, 0.28 * len(known) + 0.9)
+    one = axes[0, 0]
+    for y, entry in enumerate(reversed(known.values())):
+        low, high = entry["interval"]
+        one.plot([low, high], [y, y], color=BAND, lw=9, solid_capstyle="butt")
+        inside = low <= entry["mean_per_dof"] <= high
+        one.plot(entry["mean_per_dof"], y, "o", color=AFTER if inside else BEFORE, ms=6)
+    one.axvline(1.0, color=SOFT, lw=0.9)
+    one.set_yticks(range(len(known)), list(reversed(known)))
+    one.set_xlabel("average per degree of freedom (grey: 95 % interval about 1; red: outside)", fontsize=9)
+    return figure
+
+
 def _axis_label(text: str, unit: str) -> str:
     return text if unit in ("1", "") else f"{text} / {unit}"
 

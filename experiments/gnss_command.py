@@ -1,0 +1,54 @@
+"""`sinan gnss`: RINEX files -> positions and traced ranges, as text, JSON and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from experiments.gnss import run as solve
+from experiments.report.files import write_json
+from experiments.report.words import number
+
+
+def run(
+    observation: Path,
+    navigation: list[Path],
+    systems: str,
+    mask: float,
+    position: tuple[float, float, float] | None,
+    reference: Path | None,
+    base: Path | None,
+    base_position: tuple[float, float, float] | None,
+    solution: Path | None,
+    json: Path | None,
+    html: Path | None,
+) -> str:
+    """Solve and trace, write what is asked for, return the summary for the terminal."""
+    document = solve(observation, navigation, systems, mask, position, reference, base, base_position, solution)
+    if json is not None:
+        write_json(json, document)
+    if html is not None:
+        from experiments.report.gnss_page import gnss_page
+
+        gnss_page(html, document)
+    return summary(document)
+
+
+def summary(document: Mapping[str, Any]) -> str:
+    """The result in a few lines."""
+    lines = [f"{document['recording']}: {document['epochs']} epochs, {', '.join(document['systems'])}"]
+    lines.append(f"  verdict: {document['verdict']}")
+    for stage in document["stages"]:
+        names = ", ".join(effect.removeprefix("pseudorange.") for effect in stage["effects"]) or "plain model"
+        error = stage.get("position_error")
+        text = f"  {names}: residual {number(stage['residual_rms'])} m"
+        lines.append(text + (f", position error {number(error['mean'])} m mean" if error else ""))
+    dgps = document.get("dgps")
+    if dgps:
+        error = dgps.get("position_error")
+        text = f"  DGPS over {number(dgps['baseline'])} m"
+        lines.append(text + (f": position error {number(error['mean'])} m mean" if error else ""))
+    lines += [f"  excluded: {item['satellite']} in {item['epochs']} epochs" for item in document["excluded"]]
+    lines += [f"  note: {note}" for note in document["journal"]]
+    return "\n".join(lines)
