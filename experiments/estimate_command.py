@@ -1,0 +1,59 @@
+"""`sinan estimate`: a flight -> states, biases and their consistency, as text, JSON and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+from calibration.noise_levels import fit_noise_levels
+from estimator.filter import Engine
+from experiments.datasets import reference_of, resolve
+from experiments.estimate import run as estimate
+from experiments.report.console import tell_notes
+from experiments.report.files import write_json
+from experiments.report.words import number
+from experiments.residual_loop.open_source import require_kind
+from sensors.errors import InputError
+
+
+def run(
+    input: str, engine: str, states: Path | None, map_file: Path | None, json: Path | None, html: Path | None
+) -> str:
+    """Run the filter, write what is asked for, return the summary for the terminal."""
+    recording = resolve(input, map_file)
+    tell_notes(recording)
+    require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
+    if engine not in get_args(Engine):
+        raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
+    noise = fit_noise_levels(recording)
+    truth = reference_of(input, map_file)
+    document = estimate(recording, engine, specs=noise.specs, truth=truth, states=states)  # type: ignore[arg-type]
+    document["noise"] = list(noise.notes)
+    if json is not None:
+        write_json(json, document)
+    if html is not None:
+        from experiments.report.estimate_page import estimate_page
+
+        estimate_page(html, recording.name, document)
+    return summary(recording.name, document)
+
+
+def summary(name: str, document: Mapping[str, Any]) -> str:
+    """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
+    lines = [f"{name}: {number(document['duration'])} s"]
+    for sensor, values in document["bias"].items():
+        parts = zip(_listed(values), _listed(document["bias_std"][sensor]), strict=True)
+        lines.append(f"  {sensor} bias  " + ", ".join(f"{number(b)} ± {number(s)}" for b, s in parts))
+    for sensor, nis in document["nis"].items():
+        rejected = document["rejected"].get(sensor, 0)
+        lines.append(f"  {sensor} NIS a degree of freedom {number(nis)}, {rejected} readings refused")
+    for quantity, value in (document.get("truth") or {}).items():
+        if isinstance(value, float):
+            lines.append(f"  {quantity.replace('_', ' ')} against the reference {number(value)}")
+    lines += [f"  note: {note}" for note in [*document["noise"], *document.get("notes", [])]]
+    return "\n".join(lines)
+
+
+def _listed(values: Any) -> list[float]:
+    return list(values) if isinstance(values, list | tuple) else [values]
