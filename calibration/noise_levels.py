@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.noise_start import imu_density, reading_noise
+from calibration.noise_start import datum, imu_density, reading_noise, scatter
 from estimator.events import collect
 from estimator.filter import prepare, run
-from estimator.flight_model import FlightModel, flight_model
+from estimator.flight_model import GATE_LEVEL, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.recording import GYRO, MAG, POSITION, VELOCITY, Recording, SensorSpec
@@ -22,14 +22,19 @@ from sensors.recording import GYRO, MAG, POSITION, VELOCITY, Recording, SensorSp
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
 #: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
 #: 0.6 m/s^2 and 0.09 rad/s before it.
-BIAS_STD = {"accel": 0.3, "gyro": 0.03, "baro": 2.0}
+#: A barometer's is the air in the draught, a GPS's the atmosphere and the orbits.
+BIAS_STD = {"accel": 0.3, "gyro": 0.03, "baro": 2.0, "gps": 2.0}
 #: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
 MAG_BIAS_STD = 0.15
 #: First guess of a bias walk: the noise density, or one reading's noise, times this a sqrt(s).
 WALK_START = 0.05
-#: How far a level may move from its first guess, as a factor down and up; a walk's range hangs on the noise of its sensor.
-NOISE_RANGE = (0.05, 300.0)
-WALK_RANGE = (1e-3, 30.0)
+#: How far a level may move from its first guess, as a factor. Upwards a noise ends where it would be all that was read.
+#: A walk ends where the bias would wander by its own 1-sigma in this time [s]: what moves faster is no bias.
+NOISE_DOWN = 0.05
+WALK_DOWN = 1e-3
+LEAST_WANDER = 60.0
+#: Zeros of two height sensors that differ by more than this are taken as a bias of the one that is not the GPS [m].
+SAME_ZERO = 1.0
 #: A walk is taken at the upper end of what the log allows: where 2 log L has fallen by this much, one sigma.
 #: Too large a walk loses power, too small a one blames effects that are not there.
 WALK_SLACK = 1.0
@@ -39,10 +44,10 @@ OUTLIER_LEVEL = 1e-3
 GAIN = 1e-7
 MOST_ITERATIONS = 40
 #: Passes that bring the NIS of each stream to one, and how near.
-POLISH_PASSES, POLISHED = 8, 0.02
+POLISH_PASSES, POLISHED = 20, 0.02
 
 Key = tuple[str, str]
-_SPLIT = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}
+_PART = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}  # of a GPS reading
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ def fit_noise_levels(recording: Recording) -> NoiseFit:
     theta = problem.maximise(np.zeros(len(missing)))
     theta = problem.upper_walks(theta)
     theta = problem.polished(theta)
-    journal = problem.journal(theta)
+    journal = problem.journal(theta, gate_level=GATE_LEVEL, robust_level=None)
     specs = problem.specs_of(theta)
     return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta), problem.runs)
 
@@ -125,11 +130,17 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     if "baro" in streams:
         believed["baro", "bias_std"] = BIAS_STD["baro"]
     if "gps" in streams:
-        believed["gps", "bias_std"] = 2.0 * found["gps", "noise_std"]
+        believed["gps", "bias_std"] = BIAS_STD["gps"]
+    for name in ("baro", "sonar", "laser"):
+        off = datum(recording, name) if name in streams else 0.0
+        if off > SAME_ZERO:
+            believed[name, "bias_std"] = float(np.hypot(BIAS_STD.get(name, 0.0), off))
+            believed[name, "bias_walk"] = 0.0
     for name in ("accel", "gyro", "mag", "baro", "gps"):
         if (name, "bias_std") in believed:
             noise = found.get((name, "noise_density")) or found[name, "noise_std"]
-            found[name, "bias_walk"] = WALK_START * noise
+            found[name, "bias_walk"] = min(WALK_START * noise, 0.3 * BIAS_STD.get(name, np.inf) / np.sqrt(LEAST_WANDER))
+            believed.pop((name, "bias_walk"), None)
     specs = {name: recording.spec(name) for name in {key[0] for key in found}}
     missing = [key for key in found if getattr(specs[key[0]], key[1]) is None]
     assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
@@ -150,8 +161,15 @@ class _Problem:
     def __post_init__(self) -> None:
         self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
         self.events = collect(self.recording, self.model)
-        ranges = [WALK_RANGE if key == "bias_walk" else NOISE_RANGE for _, key in self.keys]
-        self.bounds = np.log(np.array(ranges))
+        self.bounds = np.log(np.array([self._range(*key) for key in self.keys]))
+
+    def _range(self, name: str, key: str) -> tuple[float, float]:
+        spec = self.start[name]
+        if key == "bias_walk":
+            assert spec.bias_walk is not None and spec.bias_std is not None
+            size = min(spec.bias_std, BIAS_STD.get(name, np.inf))
+            return WALK_DOWN, max(size / np.sqrt(LEAST_WANDER) / spec.bias_walk, 2.0 * WALK_DOWN)
+        return NOISE_DOWN, max(scatter(self.recording, name, key) / getattr(self.start[name], key), 2.0)
 
     def specs_of(self, theta: FloatArray) -> dict[str, SensorSpec]:
         specs = dict(self.start)
@@ -159,14 +177,13 @@ class _Problem:
             specs[name] = replace(specs[name], **{key: getattr(specs[name], key) * float(np.exp(shift))})
         return specs
 
-    def model_of(self, theta: FloatArray) -> FlightModel:
-        m = flight_model(self.recording, specs=self.specs_of(theta), gate_level=None, robust_level=OUTLIER_LEVEL,
-                         magnetic_field=self.model.m_n)  # fmt: skip
-        return m
-
-    def journal(self, theta: FloatArray) -> Journal:
+    def journal(self, theta: FloatArray, *, gate_level: float | None = None,
+                robust_level: float | None = OUTLIER_LEVEL) -> Journal:  # fmt: skip
+        """One pass of the filter."""
         self.runs += 1
-        return run(prepare(self.recording, self.model_of(theta), events=self.events), "numba", stride=0)
+        model = flight_model(self.recording, specs=self.specs_of(theta), gate_level=gate_level,
+                             robust_level=robust_level, magnetic_field=self.model.m_n)  # fmt: skip
+        return run(prepare(self.recording, model, events=self.events), "numba", stride=0)
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Of the innovations; an outlier counts with the logarithm of its NIS (the tail that its weight belongs to)."""
@@ -208,22 +225,25 @@ class _Problem:
         return moved
 
     def polished(self, theta: FloatArray) -> FloatArray:
-        """The noise of each stream so that its NIS is one."""
+        """The noise of each stream so that its NIS is one with the filter's own gate and no weights."""
+        speed, before = np.ones(len(theta)), np.zeros(len(theta))
         for _ in range(POLISH_PASSES):
-            journal, worst = self.journal(theta), 0.0
+            journal, step = self.journal(theta, gate_level=GATE_LEVEL, robust_level=None), np.zeros(len(theta))
             for i, (name, key) in enumerate(self.keys):
-                if name not in journal.sensors or key not in _SPLIT:
-                    continue
-                stream = journal.stream(name)
-                part = _SPLIT[key] if name == "gps" else slice(None)
-                used, R = stream.accepted, np.diag(journal.model.sensors[name].R)[part]
-                weight = stream.weight[used, None]
-                variance = np.einsum("kii->ki", stream.S[used])[:, part]
-                ratio = float(np.mean(weight * stream.nu[used][:, part] ** 2 / variance))
-                change = float(np.clip(1.0 + (ratio - 1.0) * np.mean(variance) / np.mean(R), 0.25, 4.0))
-                theta = theta.copy()
-                theta[i] = np.clip(theta[i] + 0.5 * np.log(change), *self.bounds[i])
-                worst = max(worst, abs(ratio - 1.0))
-            if worst < POLISHED:
+                if name in journal.sensors and key in _PART:
+                    step[i] = self._excess(journal, name, key)
+            if np.max(np.abs(step)) < POLISHED:
                 break
+            speed = np.where(step * before < 0.0, 0.5 * speed, np.minimum(1.2 * speed, 2.0))  # the levels pull at each other
+            theta, before = np.clip(theta + 0.5 * speed * step, *self.bounds.T), step
         return theta
+
+    @staticmethod
+    def _excess(journal: Journal, name: str, key: str) -> float:
+        """Logarithm of nu^2 over its variance, mean over what a stream's part contributed; bounded."""
+        stream, part = journal.stream(name), _PART[key] if name == "gps" else slice(None)
+        used = stream.accepted
+        if np.mean(used) < 0.5:  # the gate refuses the stream, so the level is far too small
+            return 2.0
+        variance = np.einsum("kii->ki", stream.S[used])[:, part]
+        return float(np.clip(np.log(np.mean(stream.nu[used][:, part] ** 2 / variance)), -1.0, 1.0))

@@ -7,7 +7,7 @@ import numpy as np
 from calibration.allan import white_density
 from calibration.segments import still_rows
 from sensors.arrays import FloatArray
-from sensors.recording import ACCEL, GYRO, Recording
+from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
 LEAST_STILL = 1.0
@@ -73,3 +73,29 @@ def resolution(values: FloatArray) -> float:
     repeated = [bool(np.mean(step == 0.0) > 0.05) for step in steps]  # noise finer than the step repeats readings
     coarse = [step for step, often in zip(smallest, repeated, strict=True) if often]
     return max(coarse, default=float(np.finfo(float).tiny))
+
+
+def scatter(recording: Recording, name: str, key: str) -> float:
+    """Root mean square of what a sensor reads about its mean: no noise is larger. A density for the IMU."""
+    if name in ("accel", "gyro"):
+        imu = recording.streams["imu"]
+        rate = 1.0 / float(np.median(np.diff(imu.t)))
+        return float(np.sqrt(np.mean(np.var(imu.array(ACCEL if name == "accel" else GYRO), axis=0)) / rate))
+    stream = recording.streams[name]
+    columns = {"mag": MAG, "gps": POSITION, "base": POSITION, "baro": ("height",)}.get(name, ("range",))
+    return float(np.sqrt(np.mean(np.var(stream.array(VELOCITY if key == "velocity_noise_std" else columns), axis=0))))
+
+
+def datum(recording: Recording, name: str) -> float:
+    """How far the first height of a height sensor is from the first of the GPS [m]: their zeros need not agree.
+
+    0 without a GPS: then the sensor itself says where the flight begins.
+    """
+    if "gps" not in recording.streams or not recording.streams["gps"].has(("down",)):
+        return 0.0
+    down = float(recording.streams["gps"]["down"][0])
+    stream = recording.streams[name]
+    if name == "baro":
+        return abs(float(stream["height"][0]) + down) if "height" in stream else 0.0
+    ranges = stream["range" if "range" in stream else "range_0"]
+    return abs(float(ranges[0]) - (recording.environment.ground_down - down))
