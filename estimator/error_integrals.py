@@ -18,8 +18,8 @@ Phi(t_2, t_0) = Phi(t_2, t_1) Phi(t_1, t_0) to rounding, and t may lie before t_
 
 Neglects the turn of the Earth (7e-5 of psi a second) and its Coriolis acceleration.
 
-Source: P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., section 14.2.4
-(the differential equations, in local navigation frame).
+Source: P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., 2013,
+section 14.2.4 (the differential equations, in a local navigation frame).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, IntArray
 from sensors.motion import Motion
 from sensors.rotation import matrix_from_quaternion, quaternion_interpolate, skew
 
@@ -71,14 +71,14 @@ class ErrorIntegrals:
         parts = (self.C, self.a, self.M, self.CC, self.aa, self.MM)
         return ErrorIntegrals(t, q_nb, *(_interpolate(t, self.t, part) for part in parts))
 
-    def rows(self, keep: object) -> ErrorIntegrals:
+    def rows(self, keep: IntArray | slice) -> ErrorIntegrals:
         """Some of the instants."""
         parts = (self.t, self.q_nb, self.C, self.a, self.M, self.CC, self.aa, self.MM)
-        return ErrorIntegrals(*(part[keep] for part in parts))  # type: ignore[index]
+        return ErrorIntegrals(*(part[keep] for part in parts))
 
 
 def transitions(start: ErrorIntegrals, stop: ErrorIntegrals) -> FloatArray:
-    """(m, 15, 15) Phi from each instant of `start` to the same row of `stop`, attitude errors in the body (dtheta_b)."""
+    """(m, 15, 15) Phi from each instant of `start` to the same row of `stop`; the attitude error is dtheta_b."""
     t = (stop.t - start.t)[:, None, None]
     D_C, D_a = stop.C - start.C, skew(stop.a - start.a)
     D_M = stop.M - start.M - D_a @ start.C

@@ -5,20 +5,21 @@ The error model is linear along a known motion (the true one of a simulation, th
     dx(t) = Phi(t, t_0) dx(t_0) + w,   reading error = H(t) dx(t) + n,   so without w
     Lambda = sum over readings of  Phi' H' R^-1 H Phi                    (observability Gramian, time-varying)
 
-Process noise is not left out. The flight is cut into short cells; the readings of a cell are information about the state at
-its middle node, Lambda_j = sum Phi(t, t_j)' H' R^-1 H Phi(t, t_j), and between nodes the noise Q_j enters:
+Process noise is not left out. The flight is cut into short cells; the readings of a cell are information about the
+state at its middle node, Lambda_j = sum Phi(t, t_j)' H' R^-1 H Phi(t, t_j), and between nodes the noise Q_j enters:
 
-    forward, with the prior:    P <- (P^-1 + Lambda_j)^-1,  P <- Phi_j P Phi_j' + Q_j
-    backward, without a prior:  Lambda <- Lambda_j + Phi_j' (Lambda^-1 + Q_j)^-1 Phi_j = Lambda_j + Phi_j' (I + Lambda Q_j)^-1 Lambda Phi_j
+    forward, with the prior:    P <- (P^-1 + Lambda_j)^-1,   P <- Phi_j P Phi_j' + Q_j
+    backward, without a prior:  Lambda <- Lambda_j + Phi_j' (Lambda^-1 + Q_j)^-1 Phi_j
 
-What is left out is the process noise within half a cell of a reading. Since Lambda_j is a sum over sensors, every subset of
-sensors costs one recursion, and all of them run side by side.
+the latter as (I + Lambda Q_j)^-1 Lambda, which needs no inverse of Lambda. What is left out is the process noise within
+half a cell of a reading. Since Lambda_j is a sum over sensors, all subsets of sensors run side by side.
 
-All matrices are in units of `scale`, the prior sigmas: an eigenvalue s of the backward Lambda says that the readings know
-that direction of the first state s times as well as the prior does; they leave 1 / sqrt(1 + s) of its prior sigma.
+All matrices are in units of `scale`, the prior sigmas: an eigenvalue s of the backward Lambda says that the readings
+know that direction of the first state s times as well as the prior does; they leave 1 / sqrt(1 + s) of its sigma.
 
-Source: P. S. Maybeck, Stochastic Models, Estimation, and Control, vol. 1, 1979, sections 5.7 (information filter) and 5.9;
-D. Goshen-Meskin, I. Y. Bar-Itzhack, "Observability analysis of piece-wise constant systems", IEEE Trans. AES 28(4), 1992.
+Source: P. S. Maybeck, Stochastic Models, Estimation, and Control, vol. 1, 1979, section 5.7 (inverse covariance form);
+D. Goshen-Meskin, I. Y. Bar-Itzhack, "Observability analysis of piece-wise constant systems", IEEE Trans. AES 28(4),
+1992 (why one frozen pair F, H does not do).
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from estimator.error_dynamics import walk_rates
 from estimator.error_integrals import MOVING, ErrorIntegrals, transitions
 from estimator.flight_model import FlightModel
 from estimator.layout import StateLayout
-from sensors.arrays import FloatArray, IntArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.rotation import cos_tilt
 
-#: Length of a cell [s]: within half of it a consumer gyroscope adds 5e-5 rad, a hundredth of a magnetometer reading's noise.
-CELL = 0.1
+#: Length of a cell [s]: in half of it a consumer gyroscope adds 6e-5 rad, a hundredth of a magnetometer's noise.
+CELL = 0.2
 #: Cells at most; a longer flight has longer cells.
 MOST_CELLS = 2400
 #: Readings whose information is summed at a time, to bound the memory.
@@ -91,7 +92,7 @@ class Information:
         return self.labels.index(label)
 
     def carried_prior(self, t: FloatArray) -> FloatArray:
-        """(m, n) prior sigma, grown by each state's own random walk until t: what is known of a bias without a reading."""
+        """(m, n) prior sigma, grown by each state's own random walk until t: all that is known without a reading."""
         return np.asarray(np.sqrt((np.diag(self.P0) * self.scale**2) + np.outer(t - self.t[0], self.walk)))
 
 
@@ -161,8 +162,8 @@ def information(
         inside = instants[(instants >= start) & (instants <= stop)]
         part = motion.at(inside)
         inside = inside[_sees(name, part)]
-        blocks[name] = _of_readings(sensors[name], model.layout, motion, integrals, nodes, inside)[:, square[0], square[1]]
-        blocks[name] *= outer
+        whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, inside)
+        blocks[name] = whole[:, square[0], square[1]] * outer
         counts[name] = len(inside)
     return Information(
         layout=model.layout, states=states, t=t, scale=scale, P0=P0[square] / outer,
@@ -172,9 +173,11 @@ def information(
     )  # fmt: skip
 
 
-def _sees(name: str, motion: Motion) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _sees(name: str, motion: Motion) -> BoolArray:
     """(k,) a range finder that looks at the sky has no prediction."""
-    return cos_tilt(motion.q_nb) > 0.0 if name in ("sonar", "laser") else np.ones(len(motion), dtype=np.bool_)
+    if name not in ("sonar", "laser"):
+        return np.ones(len(motion), dtype=np.bool_)
+    return np.asarray(cos_tilt(motion.q_nb) > 0.0)
 
 
 def _padded(Phi: FloatArray, n: int) -> FloatArray:
@@ -185,7 +188,12 @@ def _padded(Phi: FloatArray, n: int) -> FloatArray:
 
 
 def _of_readings(
-    sensor: SensorModel, layout: StateLayout, motion: Motion, integrals: ErrorIntegrals, nodes: ErrorIntegrals, t: FloatArray
+    sensor: SensorModel,
+    layout: StateLayout,
+    motion: Motion,
+    integrals: ErrorIntegrals,
+    nodes: ErrorIntegrals,
+    t: FloatArray,
 ) -> FloatArray:
     """(J, n, n) sum over a sensor's readings of (H Phi)' R^-1 (H Phi), each at the node that is nearest."""
     total = np.zeros((len(nodes.t), layout.n, layout.n))
@@ -200,8 +208,12 @@ def _of_readings(
                 H[:, :, layout.slice(name)] = block
         H /= weight
         H[:, :, :MOVING] = H[:, :, :MOVING] @ transitions(nodes.rows(node), integrals.at(instants))
-        cells, starts = np.unique(node, return_index=True)
-        total[cells] += np.add.reduceat(np.swapaxes(H, 1, 2) @ H, starts, axis=0)
+        cells, starts, place = np.unique(node, return_index=True, return_inverse=True)
+        within = np.arange(len(node)) - starts[place]
+        rows = np.zeros((len(cells), int(within.max()) + 1, sensor.size, layout.n))  # zero where a cell has fewer
+        rows[place, within] = H
+        rows = rows.reshape(len(cells), -1, layout.n)
+        total[cells] += np.swapaxes(rows, 1, 2) @ rows
     return total
 
 
@@ -246,14 +258,12 @@ def posterior(found: Information, subsets: Sequence[Sequence[str]]) -> Course:
     P = np.tile(found.P0, (len(subsets), 1, 1))
     sigma = np.zeros((len(subsets), J + 1, n))
     sigma[:, 0] = np.sqrt(np.diag(found.P0))
-    used = _share_of(found, subsets)
-    eye = np.eye(n)
+    (used, stack), eye = _by_node(found, subsets), np.eye(n)
     for j in range(J):
         if j:
             P = found.Phi[j - 1] @ P @ found.Phi[j - 1].T + found.Q[j - 1]
-        Lambda = _summed(found, used, j)
-        P = np.linalg.solve(eye + P @ Lambda, P)
-        P = 0.5 * (P + np.swapaxes(P, 1, 2))
+        P = np.linalg.solve(eye + P @ np.tensordot(used, stack[j], axes=1), P)
+        P = np.asarray(0.5 * (P + np.swapaxes(P, 1, 2)))
         sigma[:, j + 1] = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0.0))
     return Course(np.concatenate([found.t[:1], found.t]), sigma * found.scale, P * np.outer(found.scale, found.scale))
 
@@ -261,18 +271,18 @@ def posterior(found: Information, subsets: Sequence[Sequence[str]]) -> Course:
 def first_state_information(found: Information, subsets: Sequence[Sequence[str]]) -> FloatArray:
     """(subsets, n, n) what the readings alone, without a prior, say about the first state, in units of `scale`."""
     n, J = len(found.scale), len(found.t)
-    used, eye = _share_of(found, subsets), np.eye(n)
+    (used, stack), eye = _by_node(found, subsets), np.eye(n)
     Lambda = np.zeros((len(subsets), n, n))
     for j in range(J - 1, -1, -1):
         if j < J - 1:
             Lambda = found.Phi[j].T @ np.linalg.solve(eye + Lambda @ found.Q[j], Lambda) @ found.Phi[j]
-        Lambda = Lambda + _summed(found, used, j)
-        Lambda = 0.5 * (Lambda + np.swapaxes(Lambda, 1, 2))
+        Lambda = Lambda + np.tensordot(used, stack[j], axes=1)
+        Lambda = np.asarray(0.5 * (Lambda + np.swapaxes(Lambda, 1, 2)))
     return Lambda
 
 
-def _share_of(found: Information, subsets: Sequence[Sequence[str]]) -> FloatArray:
-    """(subsets, sensors) one where the sensor is used.
+def _by_node(found: Information, subsets: Sequence[Sequence[str]]) -> tuple[FloatArray, FloatArray]:
+    """(subsets, sensors) one where a sensor is used, and (J, sensors, n, n) what each says about each node.
 
     Raises
     ------
@@ -281,13 +291,7 @@ def _share_of(found: Information, subsets: Sequence[Sequence[str]]) -> FloatArra
     for name in {name for subset in subsets for name in subset}:
         if name not in found.readings:
             raise KeyError(f"no sensor `{name}`; there are {', '.join(found.readings)}")
-    return np.array([[float(name in subset) for name in found.readings] for subset in subsets])
-
-
-def _summed(found: Information, used: FloatArray, j: int) -> FloatArray:
-    """(subsets, n, n) information of the subsets' readings around node j."""
-    n = len(found.scale)
+    used = np.array([[float(name in subset) for name in found.readings] for subset in subsets])
     if not found.readings:
-        return np.zeros((len(used), n, n))
-    stack = np.stack([blocks[j] for blocks in found.readings.values()])
-    return np.asarray(np.tensordot(used, stack, axes=1))
+        return used, np.zeros((len(found.t), 0, len(found.scale), len(found.scale)))
+    return used, np.stack(list(found.readings.values()), axis=1)

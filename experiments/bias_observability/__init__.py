@@ -1,1 +1,1 @@
-"""Which biases can be told from a flight, which manoeuvre and which sensor shows them: the bias-observability laboratory."""
+"""The bias-observability laboratory: which biases a flight shows, by which manoeuvre and which sensor."""

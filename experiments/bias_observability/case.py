@@ -71,7 +71,7 @@ class Case:
 
 
 def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
-    """A scenario along its true motion; the instants of readings, drop-outs and echoes are those of one simulated flight."""
+    """A scenario along its true motion; instants, drop-outs and echoes are those of one simulated flight."""
     from sensors.simulate import simulate
 
     recording, _ = simulate(scenario, np.random.default_rng(seed))

@@ -63,19 +63,16 @@ class Direction:
     def sentence(self) -> str:
         """What looks like what, with sizes, and how much of it is left."""
         first, *others = self.states
-        amount = amount_of(first, self.amounts[first])
-        known = (
-            "nothing tells them apart"
-            if self.information < NOTHING
-            else f"{100.0 * self.left:.0f} % of the prior sigma stay"
-        )
+        unseen = self.information < NOTHING
+        left = f"{100.0 * self.left:.0f} % of the prior sigma stay"
         if not others:
-            return f"{self.title}: {known.replace('tells them apart', 'shows it')}"
+            return f"{self.title}: {'no reading shows it' if unseen else left}"
         sign = np.sign(self.amounts[first]) or 1.0
         looks = listed(
             [f"{amount_of(label, sign * self.amounts[label], signed=True)} of {name_of(label)}" for label in others]
         )
-        return f"{self.title}: {amount} of {name_of(first)} together with {looks} leave no trace; {known}"
+        trace = "leave no trace in any reading" if unseen else f"leave little trace; {left}"
+        return f"{self.title}: {amount_of(first, self.amounts[first])} of {name_of(first)} with {looks} {trace}"
 
 
 def name_of(label: str) -> str:
@@ -165,7 +162,7 @@ def weak_directions(found: Information, Lambda: FloatArray, without: Sequence[st
             groups.append([int(k)])
     turned = [column for group in groups for column in simple_structure(vectors[:, group]).T]
     made = [_direction(found, v, Lambda, floor) for v in turned]
-    return sorted(made, key=lambda direction: direction.information)
+    return sorted(made, key=lambda direction: (direction.information, found.index(direction.states[0])))
 
 
 def _direction(found: Information, v: FloatArray, Lambda: FloatArray, floor: float) -> Direction:
@@ -174,13 +171,12 @@ def _direction(found: Information, v: FloatArray, Lambda: FloatArray, floor: flo
     plain = [i for i in order if abs(v[i]) >= NAMED * largest]
     alone = v**2 * np.diag(Lambda)
     named = plain + [i for i in order if i not in plain and alone[i] >= NOTICED]
-    named = sorted(named[:MOST_NAMED], key=lambda i: (not found.labels[i].startswith("b_"), -round(abs(float(v[i])), 3)))
+    biases_first = [(not found.labels[i].startswith("b_"), -round(abs(float(v[i])), 3), i) for i in named[:MOST_NAMED]]
+    named = [i for _, _, i in sorted(biases_first)]
     main = [i for i in named if i in plain] if len(plain) > 1 else named
     amounts = {found.labels[i]: shown(found.labels[i], float(v[i] * found.scale[i] / largest)) for i in named}
     value = float(v @ Lambda @ v)
-    return Direction(
-        v, value if value > floor else 0.0, tuple(amounts), tuple(found.labels[i] for i in main), amounts
-    )
+    return Direction(v, value if value > floor else 0.0, tuple(amounts), tuple(found.labels[i] for i in main), amounts)
 
 
 def simple_structure(V: FloatArray, sweeps: int = 100) -> FloatArray:
@@ -190,7 +186,7 @@ def simple_structure(V: FloatArray, sweeps: int = 100) -> FloatArray:
 
     Source: H. F. Kaiser, "The varimax criterion for analytic rotation in factor analysis", Psychometrika 23, 1958.
     """
-    n, k = V.shape
+    k = V.shape[1]
     R, before = np.eye(k), 0.0
     for _ in range(sweeps if k > 1 else 0):
         turned = V @ R

@@ -98,7 +98,7 @@ def _name(v_n: FloatArray, a_n: FloatArray, w_n: FloatArray) -> str:
 
 
 def columns(segments: Sequence[Segment]) -> Mapping[str, list[int]]:
-    """Columns of a table of manoeuvres: one a stretch, numbered where a name repeats; one a kind where they are many."""
+    """Columns of a table of manoeuvres: one a stretch, numbered; one a kind where they are many."""
     if len(segments) <= MOST_SEGMENTS:
         return {f"{k + 1} {segment.name}": [k] for k, segment in enumerate(segments)}
     kinds: dict[str, list[int]] = {}
