@@ -210,9 +210,9 @@ def _of_readings(
         H[:, :, :MOVING] = H[:, :, :MOVING] @ transitions(nodes.rows(node), integrals.at(instants))
         cells, starts, place = np.unique(node, return_index=True, return_inverse=True)
         within = np.arange(len(node)) - starts[place]
-        rows = np.zeros((len(cells), int(within.max()) + 1, sensor.size, layout.n))  # zero where a cell has fewer
-        rows[place, within] = H
-        rows = rows.reshape(len(cells), -1, layout.n)
+        full = np.zeros((len(cells), int(within.max()) + 1, sensor.size, layout.n))  # zero where a cell has fewer
+        full[place, within] = H
+        rows = full.reshape(len(cells), -1, layout.n)
         total[cells] += np.swapaxes(rows, 1, 2) @ rows
     return total
 
@@ -255,15 +255,15 @@ def posterior(found: Information, subsets: Sequence[Sequence[str]]) -> Course:
     subsets : names of sensors in `found.readings`; an empty one is the prior alone, carried along
     """
     n, J = len(found.scale), len(found.t)
-    P = np.tile(found.P0, (len(subsets), 1, 1))
+    P: FloatArray = np.tile(found.P0, (len(subsets), 1, 1))
     sigma = np.zeros((len(subsets), J + 1, n))
     sigma[:, 0] = np.sqrt(np.diag(found.P0))
     (used, stack), eye = _by_node(found, subsets), np.eye(n)
     for j in range(J):
         if j:
             P = found.Phi[j - 1] @ P @ found.Phi[j - 1].T + found.Q[j - 1]
-        P = np.linalg.solve(eye + P @ np.tensordot(used, stack[j], axes=1), P)
-        P = np.asarray(0.5 * (P + np.swapaxes(P, 1, 2)))
+        updated = np.linalg.solve(eye + P @ np.tensordot(used, stack[j], axes=1), P)
+        P = np.asarray(0.5 * (updated + np.swapaxes(updated, 1, 2)))
         sigma[:, j + 1] = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0.0))
     return Course(np.concatenate([found.t[:1], found.t]), sigma * found.scale, P * np.outer(found.scale, found.scale))
 

@@ -1,0 +1,44 @@
+"""`sinan observability`: a scenario or a recording -> which biases it shows, as text, JSON and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.bias_observability.case import Case, case_of_recording, case_of_scenario
+from experiments.bias_observability.document import document, summary
+from experiments.bias_observability.study import study
+from experiments.report.files import write_json
+from sensors.errors import InputError
+
+
+def run(input: str, map_file: Path | None, json: Path | None, html: Path | None) -> str:
+    """Study a scenario or a recording, write what is asked for, return the summary for the terminal."""
+    result = study(case_of(input, map_file))
+    if json is not None:
+        write_json(json, document(result))
+    if html is not None:
+        from experiments.report.observability_page import observability_page
+
+        observability_page(html, result)
+    return summary(result)
+
+
+def case_of(text: str, map_file: Path | None = None) -> Case:
+    """A scenario where the text names one (or is a TOML file without a map), else a recording.
+
+    Raises
+    ------
+    InputError : neither; a recording that is no flight; noise that nobody declared
+    """
+    from experiments.scenarios import load_scenario, scenario_names
+
+    if map_file is None and (
+        text in scenario_names() or (text.endswith(".toml") and Path(text).name != "recording.toml")
+    ):
+        scenario = load_scenario(text)
+        if scenario.kind != "flight":
+            raise InputError(f"scenario {text}", f'kind = "{scenario.kind}"', "a flight: poses show no filter's biases")
+        return case_of_scenario(scenario)
+    from experiments.datasets import resolve
+
+    return case_of_recording(resolve(text, map_file))
