@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimator.small_systems import cholesky, inverse, substitute
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.errors import InputError
 
@@ -188,150 +189,185 @@ def solve(
     clocks : number of receiver clocks
     variance : (n,) [m^2]; 1 if not given
     used : (n,) rows that take part; all if not given
-    start : (3,) or (epochs, 3) ECEF [m]; the Earth's centre if not given
+    start : (3,) or (epochs, 3) ECEF [m]; if not given, the fix of one epoch, found from the Earth's centre
     known_position : (epochs, 3): solve the clocks alone
     field : (n, k) common errors [m], one column each
     """
     shape = rectangle(epoch, epochs)
     group = np.zeros(len(epoch), dtype=np.int64) if clock_group is None else clock_group
-    weight = 1.0 / (np.ones(len(epoch)) if variance is None else variance)
     taken = np.ones(len(epoch), dtype=bool) if used is None else used.copy()
-    W = shape.spread(np.where(taken, weight, 0.0))
-    satellites = shape.spread(satellite_e, 1e7)
-    z = shape.spread(ranges)
-    one_hot = shape.spread(np.eye(clocks)[group])
-    present = np.any((one_hot > 0.0) & (W > 0.0)[..., None], axis=1)
-    common = np.zeros((len(epoch), 0)) if field is None else field
-    linear = np.concatenate([one_hot, shape.spread(common)], axis=2)
-    satellites_used = (W > 0.0).sum(axis=1)
-    unknowns = (0 if known_position is not None else 3) + present.sum(axis=1)
-    redundancy = np.where(present.any(axis=1), satellites_used - unknowns, -1)
-    p = np.zeros((epochs, 3)) if start is None else np.broadcast_to(start, (epochs, 3)).copy()
+    problem = _problem(shape, satellite_e, ranges, group, clocks, variance, taken, field, known_position is None)
+    p = np.zeros((3, epochs)) if start is None else np.broadcast_to(start, (epochs, 3)).T.copy()
     if known_position is not None:
-        p = known_position.copy()
-    b = np.zeros((epochs, linear.shape[2]))
-    possible = redundancy >= 0
-    farthest = 0.95 * np.min(np.where(W > 0.0, np.linalg.norm(satellites, axis=2), np.inf), axis=1)
-    iterations, N = _iterate(satellites, z, W, linear, present, p, b, possible, known_position is None)
-    lost = possible & ~((np.linalg.norm(p, axis=1) < farthest) & np.isfinite(b).all(axis=1))
-    if lost.any() and known_position is None:
-        p[lost], b[lost] = 0.0, 0.0
-        iterations, N = _iterate(satellites, z, W, linear, present, p, b, possible, True)
-        lost = possible & ~((np.linalg.norm(p, axis=1) < farthest) & np.isfinite(b).all(axis=1))
-    solved = possible & ~lost & np.isfinite(p).all(axis=1)
-    return _fixes(shape, satellites, z, W, linear, present, p, b, N, solved, redundancy, taken, iterations)
+        p = known_position.T.copy()
+    elif start is None and problem.possible.any():
+        _from_one(problem, p)
+    b = np.zeros((len(problem.linear), epochs))
+    N, iterations = _iterate(problem, p, b, problem.possible)
+    lost = problem.possible & ~_arrived(problem, p, b)
+    if lost.any() and problem.free:
+        p[:, lost], b[:, lost] = 0.0, 0.0
+        again, iterations = _iterate(problem, p, b, lost)
+        N[..., lost] = again[..., lost]
+        lost = problem.possible & ~_arrived(problem, p, b)
+    return _fixes(problem, p, b, N, problem.possible & ~lost, taken, iterations)
 
 
-def _iterate(
-    satellites: FloatArray,
-    z: FloatArray,
-    W: FloatArray,
-    linear: FloatArray,
-    present: BoolArray,
-    p: FloatArray,
-    b: FloatArray,
-    active: BoolArray,
+@dataclass(frozen=True)
+class _Problem:
+    """All epochs as a rectangle, unknowns first: 3 positions, then clocks and field, which enter linearly.
+
+    Attributes
+    ----------
+    satellites : (3, epochs, slots)
+    z, W : (epochs, slots) ranges and weights, zero weight where nothing is or takes part
+    linear : (clocks + k, epochs, slots)
+    present : (clocks, epochs) whether the epoch sees the clock
+    possible : (epochs,) whether there are as many satellites as unknowns
+    redundancy : (epochs,) satellites minus unknowns, -1 where nothing is
+    free : whether the position is unknown
+    """
+
+    shape: Rectangle
+    satellites: FloatArray
+    z: FloatArray
+    W: FloatArray
+    linear: FloatArray
+    present: BoolArray
+    possible: BoolArray
+    redundancy: IntArray
+    free: bool
+
+
+def _problem(
+    shape: Rectangle,
+    satellite_e: FloatArray,
+    ranges: FloatArray,
+    group: IntArray,
+    clocks: int,
+    variance: FloatArray | None,
+    taken: BoolArray,
+    field: FloatArray | None,
     free: bool,
-) -> tuple[int, FloatArray]:
-    """Gauss-Newton steps on p and b in place, until the largest step of the active epochs is below `CONVERGED`.
+) -> _Problem:
+    weight = np.ones(len(ranges)) if variance is None else 1.0 / variance
+    W = shape.spread(np.where(taken, weight, 0.0))
+    columns = [(group == k).astype(np.float64) for k in range(clocks)]
+    columns += [] if field is None else list(field.T)
+    linear = np.stack([shape.spread(column) for column in columns])
+    present = np.any((linear[:clocks] > 0.0) & (W > 0.0), axis=2)
+    redundancy = (W > 0.0).sum(axis=1) - present.sum(axis=0) - (3 if free else 0)
+    redundancy = np.where(present.any(axis=0), redundancy, -1)
+    satellites = np.stack([shape.spread(axis, 1e7) for axis in satellite_e.T])
+    return _Problem(shape, satellites, shape.spread(ranges), W, linear, present, redundancy >= 0, redundancy, free)
+
+
+def _from_one(problem: _Problem, p: FloatArray) -> None:
+    """Begin every epoch at the fix of one of them, which begins at the Earth's centre."""
+    first = np.zeros(len(problem.possible), dtype=bool)
+    first[int(np.argmax(problem.redundancy))] = True
+    b = np.zeros((len(problem.linear), len(first)))
+    _iterate(problem, p, b, first)
+    p[:] = np.where(_arrived(problem, p, b) & first, p, 0.0)[:, first]
+
+
+def _arrived(problem: _Problem, p: FloatArray, b: FloatArray) -> BoolArray:
+    """(epochs,) whether the iteration has come to rest nearer the Earth's centre than the satellites."""
+    r2 = np.where(problem.W > 0.0, np.sum(problem.satellites**2, axis=0), np.inf).min(axis=1)
+    return np.asarray((np.sum(p**2, axis=0) < 0.9 * r2) & np.isfinite(b).all(axis=0))
+
+
+def _iterate(problem: _Problem, p: FloatArray, b: FloatArray, active: BoolArray) -> tuple[FloatArray, int]:
+    """Gauss-Newton steps on p and b in place, until the step of every active epoch is below `CONVERGED`.
 
     Clocks and field enter linearly, so each step solves for their whole values. What an epoch does not see or knows
     beforehand gets a unit on the diagonal instead of a singular matrix; the field's is its prior. Also the normal
-    matrix of the last step.
+    matrices (unknowns, unknowns, epochs) of the last step, and the number of steps.
     """
-    size = 3 + linear.shape[2]
-    N = np.zeros((len(p), size, size))
-    known = np.full((len(p), 3), not free)
-    prior = np.ones((len(p), linear.shape[2] - present.shape[1]))
-    diagonal = np.concatenate([known, ~present, prior], axis=1)[..., None] * np.eye(size)
+    size = 3 + len(problem.linear)
+    N = np.zeros((size, size, len(active)))
+    N[np.arange(size), np.arange(size)] = 1.0
     settled = ~active
-    for count in range(1, MOST_ITERATIONS + 1):
-        rows = np.flatnonzero(~settled)
+    for count in range(MOST_ITERATIONS):
+        rows: IntArray | slice = np.flatnonzero(~settled)
         if not len(rows):
-            return count - 1, N
-        distance, A = _design(satellites[rows], p[rows], linear[rows], free)
-        WA = W[rows][..., None] * A
-        N[rows] = np.swapaxes(A, 1, 2) @ WA
-        right = np.swapaxes(WA, 1, 2) @ (z[rows] - distance)[..., None]
-        N[rows] += diagonal[rows]
-        step = _solve(N[rows], right[..., 0])
-        p[rows] += step[:, :3]
-        b[rows] = step[:, 3:]
-        length = np.linalg.norm(step[:, :3], axis=1)
+            return N, count
+        if len(rows) == len(settled):
+            rows = slice(None)
+        distance, A = _design(problem, p, rows)
+        normal, right = _normal(problem, A, problem.z[rows] - distance, rows)
+        step = substitute(cholesky(normal), right[:, None])[:, 0]
+        N[..., rows] = normal
+        p[:, rows] += step[:3]
+        b[:, rows] = step[3:]
+        length = np.sqrt(np.sum(step[:3] ** 2, axis=0))
         settled[rows] = (length < CONVERGED) | ~np.isfinite(length) | (length > 1e12)
-    b[~settled] = np.nan
-    return MOST_ITERATIONS, N
+    b[:, ~settled] = np.nan
+    return N, MOST_ITERATIONS
 
 
-def _design(satellites: FloatArray, p: FloatArray, linear: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
-    """(epochs, slots) distances and (epochs, slots, unknowns) their derivatives by position, clocks and field."""
-    d = satellites - p[:, None]
-    distance = np.sqrt(np.sum(d**2, axis=2))
-    A = np.concatenate([-d / distance[..., None] * free, linear], axis=2)
-    return distance, A
+def _design(problem: _Problem, p: FloatArray, rows: IntArray | slice) -> tuple[FloatArray, FloatArray]:
+    """(epochs, slots) distances and (unknowns, epochs, slots) derivatives by position, clocks and field."""
+    d = problem.satellites[:, rows] - p[:, rows, None]
+    distance = np.sqrt(d[0] ** 2 + d[1] ** 2 + d[2] ** 2)
+    direction = -d / distance if problem.free else np.zeros_like(d)
+    return distance, np.concatenate([direction, problem.linear[:, rows]])
 
 
-def _solve(N: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a stack of symmetric systems; NaN for the singular ones."""
-    try:
-        return np.asarray(np.linalg.solve(N, right[..., None])[..., 0], dtype=np.float64)
-    except np.linalg.LinAlgError:
-        regular = np.linalg.matrix_rank(N, hermitian=True) == N.shape[1]
-        out = np.full(right.shape, np.nan)
-        out[regular] = np.linalg.solve(N[regular], right[regular][..., None])[..., 0]
-        return out
+def _normal(problem: _Problem, A: FloatArray, y: FloatArray, rows: IntArray | slice) -> tuple[FloatArray, FloatArray]:
+    """(unknowns, unknowns, epochs) A' W A with the unit diagonals, lower triangle and mirror, and A' W y."""
+    size, clocks = len(A), len(problem.present)
+    N = np.zeros((size, size, len(y)))
+    right = np.empty((size, len(y)))
+    for i in range(size):
+        WA = problem.W[rows] * A[i]
+        right[i] = np.einsum("es,es->e", WA, y)
+        for j in range(i + 1):
+            if 3 <= j < i < 3 + clocks:  # a satellite has one clock
+                continue
+            N[i, j] = np.einsum("es,es->e", WA, A[j])
+            N[j, i] = N[i, j]
+    for i in range(3 if problem.free else 0, size):
+        N[i, i] += 1.0 if not 3 <= i < 3 + clocks else ~problem.present[i - 3, rows]
+    return N, right
 
 
 def _fixes(
-    shape: Rectangle,
-    satellites: FloatArray,
-    z: FloatArray,
-    W: FloatArray,
-    linear: FloatArray,
-    present: BoolArray,
+    problem: _Problem,
     p: FloatArray,
     b: FloatArray,
     N: FloatArray,
     solved: BoolArray,
-    redundancy: IntArray,
     used: BoolArray,
     iterations: int,
 ) -> Fixes:
     """Covariance and residuals at the solution."""
-    clocks = present.shape[1]
-    unseen = np.concatenate(
-        [np.zeros((len(p), 3), dtype=bool), ~present, np.zeros((len(p), b.shape[1] - clocks), dtype=bool)], 1
-    )
-    covariance, regular = _inverse(np.where(solved[:, None, None], N, np.eye(N.shape[1])))
+    clocks, shape = len(problem.present), problem.shape
+    covariance, regular = inverse(N)
     solved = solved & regular
-    covariance[unseen[:, :, None] | unseen[:, None, :] | ~solved[:, None, None]] = 0.0
-    b = np.where(solved[:, None] & ~unseen[:, 3:], b, np.nan)
-    distance = np.sqrt(np.sum((satellites - p[:, None]) ** 2, axis=2))
-    clock_part = np.sum(np.where(linear[..., :clocks] > 0.0, b[:, None, :clocks], 0.0), axis=2)
-    field_part = np.sum(linear[..., clocks:] * b[:, None, clocks:], axis=2)
-    residual = z - distance - clock_part - field_part
-    sse = np.where(solved, np.sum(W * np.where(W > 0.0, residual, 0.0) ** 2, axis=1), np.nan)
+    seen = np.concatenate(
+        [np.full((3, len(solved)), problem.free), problem.present, np.ones_like(b[clocks:], dtype=bool)]
+    )
+    covariance = covariance * (seen[:, None] & seen[None] & solved)
+    b = np.where(solved & seen[3:], b, np.nan)
+    distance = np.sqrt(np.sum((problem.satellites - p[..., None]) ** 2, axis=0))
+    residual = problem.z - distance
+    for k in range(clocks):
+        residual = residual - np.where(problem.linear[k] > 0.0, b[k][:, None], 0.0)
+    common = np.zeros_like(residual)
+    for k in range(clocks, len(b)):
+        common += problem.linear[k] * b[k][:, None]
+    residual = residual - common
+    sse = np.where(solved, np.sum(problem.W * np.where(problem.W > 0.0, residual, 0.0) ** 2, axis=1), np.nan)
     row_solved = solved[shape.epoch]
     return Fixes(
-        np.where(solved[:, None], p, np.nan),
-        b[:, :clocks],
-        covariance,
+        np.where(solved, p, np.nan).T,
+        b[:clocks].T,
+        np.moveaxis(covariance, 2, 0),
         used & row_solved,
         np.where(row_solved, shape.rows(residual), np.nan),
-        np.where(row_solved, shape.rows(field_part), np.nan),
-        np.where(solved, redundancy, -1),
+        np.where(row_solved, shape.rows(common), np.nan),
+        np.where(solved, problem.redundancy, -1),
         sse,
         iterations,
     )
-
-
-def _inverse(N: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Inverse of a stack of matrices and which of them are regular: those whose inverse is one to a millionth."""
-    identity = np.eye(N.shape[1])
-    try:
-        inverse = np.linalg.inv(N)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.matrix_rank(N, hermitian=True) < N.shape[1]
-        inverse = np.linalg.inv(np.where(singular[:, None, None], identity, N))
-    error = np.abs(N @ inverse - identity).max(axis=(1, 2)) if len(N) else np.zeros(0)
-    return np.asarray(inverse, dtype=np.float64), np.asarray(error < 1e-6)

@@ -279,6 +279,8 @@ def full_sizes(location: Location, position: FloatArray) -> dict[str, FloatArray
     """The size of each effect that is known beforehand, as the mean over the recording."""
     rows = np.isfinite(position[location.ranges.epoch, 0])
     motion = circumstances(location.ranges.rows(rows), np.where(np.isfinite(position), position, 1e7))
+    if not len(motion):
+        return {name: np.zeros(1) for name in MODELLED}
     return {name: np.array([float(np.mean(full_size(name, motion)))]) for name in MODELLED}
 
 

@@ -85,6 +85,15 @@ ESSENTIAL = (
     *("cis", "i0", "crc", "omega", "omega_dot", "i_dot"),
 )
 ESSENTIAL_GLONASS = ("time", "tau", "gamma", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
+#: Largest magnitudes that the messages can hold, generously (IS-GPS-200N, tables 20-I and 20-III, and their like)
+LARGEST = {
+    **dict.fromkeys(("m0", "omega0", "i0", "omega"), 10.0),
+    **dict.fromkeys(("omega_dot", "i_dot", "delta_n"), 1e-3),
+    **dict.fromkeys(("cuc", "cus", "cic", "cis", "af0"), 0.1),
+    **dict.fromkeys(("crs", "crc"), 1e5),
+    **dict.fromkeys(("af1", "af2", "group_delay", "group_delay_2"), 1e-3),
+    **dict.fromkeys(("sqrt_a", "accuracy", "health", "source"), 1e6),
+}
 #: Messages of RINEX 4 with the same layout as RINEX 3
 LEGACY_MESSAGES = ("LNAV", "INAV", "FNAV", "D1", "D2", "FDMA")
 
@@ -268,7 +277,15 @@ def kepler_table(
     table["sent"] = time_near(value["sent"] + offset, table["toc"])
     for name in ("group_delay", "group_delay_2", "health", "source"):
         table[name] = np.nan_to_num(table[name])
-    return essential(table, first, ESSENTIAL, (table["sqrt_a"] > 1000.0) & (np.abs(table["e"] - 0.5) <= 0.5), journal)
+    return essential(table, first, ESSENTIAL, possible(table), journal)
+
+
+def possible(table: Table) -> npt.NDArray[np.bool_]:
+    """(records,) whether every number of a Kepler message lies where the message format can put it."""
+    good = (table["sqrt_a"] > 2500.0) & (table["e"] >= 0.0) & (table["e"] < 0.9)
+    for name, largest in LARGEST.items():
+        good &= ~(np.abs(table[name]) > largest)
+    return np.asarray(good)
 
 
 def time_near(second_of_week: FloatArray, near: FloatArray) -> FloatArray:
@@ -289,8 +306,13 @@ def glonass_table(
     table["tau"] = -value["tau"]  # the file holds -tau_n
     for name in ("gamma", "health", "channel", "age"):
         table[name] = value[name]
-    radius = np.sqrt(table["x"] ** 2 + table["y"] ** 2 + table["z"] ** 2)
-    return essential(table, first, ESSENTIAL_GLONASS, (radius > 2.0e7) & (radius < 3.1e7), journal)
+    good = np.ones(len(table), dtype=bool)
+    for axis in "xyz":
+        good &= (np.abs(table[axis]) < 3.1e7) & (np.abs(table[f"v{axis}"]) < 1e4) & (np.abs(table[f"a{axis}"]) < 1.0)
+    good &= (np.abs(table["tau"]) < 0.1) & (np.abs(table["gamma"]) < 1e-3)
+    good &= ~(np.abs(table["health"]) > 1e6) & (np.abs(np.nan_to_num(table["channel"], nan=99.0)) < 30.0)
+    x, y, z = (np.where(good, table[axis], 0.0) for axis in "xyz")
+    return essential(table, first, ESSENTIAL_GLONASS, good & (x**2 + y**2 + z**2 > 2.0e7**2), journal)
 
 
 def essential(
