@@ -228,7 +228,12 @@ def project_out(X: FloatArray, A: FloatArray, epoch: IntArray, epochs: int) -> F
 def filter_blocks(columns: Columns, variance: FloatArray, persistence: float) -> tuple[FloatArray, FloatArray]:
     """Kalman filter over the blocks with the sensitivity of its innovations to beta.
 
-    V <- f V,  S_beta = G + H V,  Lambda_k = S_beta' S^-1 S_beta,  b_k = S_beta' S^-1 nu,  V <- V - K S_beta
+    z = H x + G beta + noise of variance one,  S = H P H' + 1,  S_beta = G + H V,  nu = z - H x
+    M = (P^-1 + H'H)^-1,  so that S^-1 = 1 - H M H' and the gain K = M H'
+    Lambda_k = S_beta' S^-1 S_beta,  b_k = S_beta' S^-1 nu
+    x <- x + K nu,  V <- V - K S_beta,  P <- M;  to the next block all of them fade by f
+
+    Only products of columns enter, so the rows of a block are summed first.
 
     Parameters
     ----------
@@ -243,22 +248,22 @@ def filter_blocks(columns: Columns, variance: FloatArray, persistence: float) ->
     m, p = columns.state.shape[1], columns.candidates.shape[1]
     P, x, V = np.diag(variance), np.zeros(m), np.zeros((m, p))
     information, score = np.zeros((BLOCKS, p, p)), np.zeros((BLOCKS, p))
+    everything = np.hstack([columns.state, columns.candidates, columns.residual[:, None]])
     for k in range(BLOCKS):
-        inside = columns.block == k
-        if not inside.any():
-            continue
-        stacked = np.hstack([columns.state[inside], columns.candidates[inside], columns.residual[inside, None]])
-        R = np.linalg.qr(stacked, mode="r") if len(stacked) > stacked.shape[1] else stacked
-        H, G, z = R[:, :m], R[:, m:-1], R[:, -1]
-        PH = P @ H.T
-        S = H @ PH + np.eye(len(H))
-        S_beta, nu = G + H @ V, z - H @ x
-        solved = np.linalg.solve(S, np.column_stack([S_beta, nu, PH.T]))
-        information[k], score[k] = S_beta.T @ solved[:, :p], S_beta.T @ solved[:, p]
-        x = persistence * (x + PH @ solved[:, p])
-        V = persistence * (V - PH @ solved[:, :p])
-        P = P - PH @ solved[:, p + 1 :]
-        P = persistence**2 * 0.5 * (P + P.T) + (1.0 - persistence**2) * np.diag(variance)
+        inside = everything[columns.block == k]
+        if len(inside):
+            products = inside.T @ inside
+            HH, HG, Hz = products[:m, :m], products[:m, m:-1], products[:m, -1]
+            GG, Gz = products[m:-1, m:-1], products[m:-1, -1]
+            M = np.linalg.solve(np.eye(m) + P @ HH, P)
+            H_S, H_nu = HG + HH @ V, Hz - HH @ x
+            S_S = GG + HG.T @ V + V.T @ H_S
+            S_nu = Gz - HG.T @ x + V.T @ H_nu
+            MHS = M @ H_S
+            information[k], score[k] = S_S - H_S.T @ MHS, S_nu - MHS.T @ H_nu
+            x, V, P = x + M @ H_nu, V - MHS, 0.5 * (M + M.T)
+        x, V = persistence * x, persistence * V
+        P = persistence**2 * P + (1.0 - persistence**2) * np.diag(variance)
     return information, score
 
 
