@@ -75,6 +75,9 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
     return found
 
 
+_POWER: dict[tuple[int, float | None], tuple[Stream, FloatArray]] = {}
+
+
 def _with_columns(columns: Sequence[str], *streams: Stream | None) -> Stream | None:
     """The first of the streams that has the columns."""
     return next((stream for stream in streams if stream is not None and stream.has(columns)), None)
@@ -96,5 +99,9 @@ def _vibration(recording: Recording, t: FloatArray) -> FloatArray:
     noise = spec.noise_std
     if spec.noise_density is not None and len(imu) > 1:
         noise = sample_std(spec.noise_density, 1.0 / float(np.median(np.diff(imu.t))))
-    power = vibration_power(imu.t, imu.array(ACCEL), noise)
+    key = (id(imu), noise)
+    if key not in _POWER:  # the same stream is asked many times in a row
+        _POWER.clear()
+        _POWER[key] = (imu, vibration_power(imu.t, imu.array(ACCEL), noise))
+    power = _POWER[key][1]
     return np.stack([np.interp(t, imu.t, column) for column in power.T], axis=-1)

@@ -34,7 +34,7 @@ _BLOCKS = 20
 _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS = 8
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
-_SETTLED = 0.02
+_SETTLED = 0.05
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 
@@ -116,8 +116,12 @@ class FlightSource:
         motion = self._plain_motion
         best: tuple[float, list[FloatArray], Journal, Motion, FloatArray] | None = None
         for _ in range(_MOST_STEPS):
-            journal, sensitivity = self._pass(effects, effects, beta, motion, keep_rows=1)
-            motion = reference_motion(self.recording, journal, self._terms(effects, beta), self._table)
+            if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion of these beta
+                terms_now = self._terms(effects, beta)
+                if best is None:
+                    journal, _ = self._pass([], effects, beta, motion)
+                motion = reference_motion(self.recording, journal, terms_now, self._table)
+            journal, sensitivity = self._pass(effects, effects, beta, motion)
             deviance = self._deviance(journal, part)
             W, white = self._rows(sensitivity, journal, part)
             information = W.T @ W
@@ -127,7 +131,7 @@ class FlightSource:
                 break
             step = self._step(information, W.T @ white, effects)
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
-            if np.all(np.abs(step) < _SETTLED * sigma):
+            if best[0] < deviance or np.all(np.abs(step) < _SETTLED * sigma):
                 break
             beta = [b + s for b, s in zip(beta, np.split(step, np.cumsum([len(b) for b in beta])[:-1]), strict=True)]
         assert best is not None
@@ -160,11 +164,10 @@ class FlightSource:
         effects: Sequence[Effect],
         beta: Sequence[FloatArray],
         motion: Motion,
-        keep_rows: int,
     ) -> tuple[Journal, Sensitivity]:
         pairs = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
-            self.recording, self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=keep_rows, stride=0
+            self.recording, self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=1, stride=0
         )
 
     def _in_part(self, t: FloatArray, part: Part) -> BoolArray:
@@ -180,15 +183,15 @@ class FlightSource:
 
     # ---- evidence
 
-    def evidence(self, fit: Fit) -> Evidence:
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, by block of time."""
         state = _state(fit)
         in_mean = [term for term in fit.terms if term.in_mean]
         names = [term.key for term in in_mean]
         own = [effect for effect, _ in state.betas]
-        others = [entry for entry in self._candidates if entry.name not in names]
+        others = [] if own_terms_only else [entry for entry in self._candidates if entry.name not in names]
         columns = [*own, *others]
-        journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion, keep_rows=1)
+        journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion)
         W, white = self._rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._in_part(journal.t[sensitivity.event], fit.part)]
         block = np.minimum((_BLOCKS * (t - self._start) / (self._end - self._start)).astype(int), _BLOCKS - 1)
@@ -216,7 +219,7 @@ class FlightSource:
         last = self._end if fit.part == "all" else self._split
 
         def rows_of(onsets: Sequence[Effect]) -> tuple[FloatArray, FloatArray, FloatArray]:
-            journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion, keep_rows=1)
+            journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion)
             W, white = self._rows(sensitivity, journal, fit.part)
             width = sum(entry.size for entry in own)
             return W[:, :width], W[:, width:], white
@@ -278,7 +281,7 @@ class FlightSource:
         state = _state(plain)
         entry = declaration(term)
         own, known = [e for e, _ in state.betas], [b for _, b in state.betas]
-        journal, sensitivity = self._pass([*own, entry], own, known, state.motion, keep_rows=1)
+        journal, sensitivity = self._pass([*own, entry], own, known, state.motion)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
         mine = sensor == entry.stream if entry.stream in journal.sensors else np.ones(len(predicted), dtype=bool)

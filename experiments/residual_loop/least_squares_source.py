@@ -225,10 +225,10 @@ class LeastSquaresSource:
         freedom = max(float(np.sum(active) - columns), 1.0)
         return float(np.sum(rows.residual[active] ** 2)) / freedom, freedom, active
 
-    def evidence(self, fit: Fit) -> Evidence:
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, nuisance parameters projected out."""
         state = _state(fit)
-        wanted = [entry.name for entry in self.candidates]
+        wanted = [] if own_terms_only else [entry.name for entry in self.candidates]
         moving = [term for term in fit.terms if term.in_mean]
         names = [term.key for term in moving] + [n for n in wanted if n not in {term.key for term in moving}]
         rows = self._problem.rows(state.nuisance, fit.beta, wanted)

@@ -176,7 +176,7 @@ def _held_out_squares(source: Source, fit: Fit) -> float:
 
 def _noise(source: Source, fit: Fit) -> float:
     """Variance of the whitened residual where the noise is not declared: that of the final model; else 1."""
-    if np.isfinite(source.evidence(fit).noise_dof):
+    if np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof):
         return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
     return 1.0
 
@@ -189,7 +189,7 @@ def remaining(source: Source, fit: Fit, left: Sequence[Option], alpha: float) ->
     as such.
     """
     found: list[Remaining] = []
-    known = not np.isfinite(source.evidence(fit).noise_dof)
+    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
     for r in source.residuals(fit):
         z = r.whitened
         if known:

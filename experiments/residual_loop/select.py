@@ -211,7 +211,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
         return refit, Finding(term, refit.beta[term], refit.std[term], option.log_p, gain, option.statistic, ())
-    evidence = source.evidence(refit)
+    evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
     if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
@@ -242,7 +242,7 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
             continue
         rest = [term for term in fit.terms if term != finding.term]
         without = source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
-        noise_dof = source.evidence(fit).noise_dof
+        noise_dof = source.evidence(fit, own_terms_only=True).noise_dof
         dof = len(finding.beta)
         if _log_p_of_gain(without.deviance - fit.deviance, dof, noise_dof, 1.0) > threshold:
             return _prune(source, without, [f for f in findings if f.term != finding.term], threshold)

@@ -127,8 +127,8 @@ class Source(Protocol):
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Fit the model with these effects, from `start`, in their exact form."""
 
-    def evidence(self, fit: Fit) -> Evidence:
-        """Information and score, about the fit, of all candidates and of the fit's own terms (by their keys)."""
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""
 
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best interval of each time-localised family, about the fit."""
