@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,9 @@ from sensors.recording import Recording, Stream
 
 MAGIC = b"ULog\x01\x12\x35"
 
+#: magic, version, time stamp of the start
+_HEADER_SIZE = 16
+_MESSAGE_TYPES = b"BFIMPQALCRDOS"
 _MICROSECOND = 1e-6
 #: `distance_sensor.type` and `.orientation` of PX4's message definition: 0 laser, 1 ultrasound; 25 looks down.
 _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
@@ -25,12 +30,14 @@ def read_topics(path: Path) -> dict[str, FloatArray]:
     ------
     InputError : pyulog is not installed; the log is damaged or holds no data
     """
+    _check_chain(path)
     try:
         from pyulog import ULog
     except ImportError:
         raise InputError(path, "a ULog", 'pyulog to read it with: pip install "sinan-nav[ulog]"') from None
     try:
-        log = ULog(str(path), disable_str_exceptions=True)
+        with redirect_stdout(io.StringIO()):  # it prints what it finds wrong; `file_corruption` says so too
+            log = ULog(str(path), disable_str_exceptions=True)
     except Exception as error:  # pyulog raises whatever its parser meets in a damaged file
         raise InputError(path, f"{type(error).__name__}: {error}", "a whole ULog") from None
     if log.file_corruption:
@@ -42,6 +49,24 @@ def read_topics(path: Path) -> dict[str, FloatArray]:
     if not columns:
         raise InputError(path, "no topic", "a log with data")
     return columns
+
+
+def _check_chain(path: Path) -> None:
+    """Check that the messages follow one another to the end of the file, before pyulog searches in what is damaged.
+
+    A message is its size (uint16, little endian), its type (a letter) and that many bytes. PX4 user guide, "ULog file
+    format".
+    """
+    data = path.read_bytes()
+    position = _HEADER_SIZE
+    while position < len(data):
+        size = int.from_bytes(data[position : position + 2], "little")
+        place = f"byte {position}"
+        if position + 3 + size > len(data):
+            raise InputError(path, f"a message of {size} bytes that is cut off", "a whole ULog", place)
+        if data[position + 2] not in _MESSAGE_TYPES:
+            raise InputError(path, f"a message of type {data[position + 2 : position + 3]!r}", "a whole ULog", place)
+        position += 3 + size
 
 
 def read_ulog(path: Path) -> Recording:
