@@ -289,11 +289,9 @@ def _iterate(problem: _Problem, p: FloatArray, b: FloatArray, active: BoolArray)
     N[np.arange(size), np.arange(size)] = 1.0
     settled = ~active
     for count in range(MOST_ITERATIONS):
-        rows: IntArray | slice = np.flatnonzero(~settled)
-        if not len(rows):
+        if settled.all():
             return N, count
-        if len(rows) == len(settled):
-            rows = slice(None)
+        rows = np.flatnonzero(~settled) if settled.any() else slice(None)
         distance, A = _design(problem, p, rows)
         normal, right = _normal(problem, A, problem.z[rows] - distance, rows)
         step = substitute(cholesky(normal), right[:, None])[:, 0]

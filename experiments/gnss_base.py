@@ -63,7 +63,7 @@ def differential(
     where = np.where(np.isfinite(alone.fixes.position), alone.fixes.position, fixed)
     baseline = float(np.linalg.norm(fixed - base_position))
     ionosphere = sum_of(circumstances(rover, where), [IONOSPHERE])
-    names = CERTAIN
+    names: tuple[str, ...] = CERTAIN
     best, applied = corrected(rover, base, base_position, navigation, mask, names, alone, ionosphere, baseline, where)
     for delay in DELAYS:
         trial, _ = corrected(

@@ -5,6 +5,8 @@ python -m experiments.benchmarks.gnss_parsing FILE...
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import sys
 import time
 import warnings
@@ -21,18 +23,9 @@ def readers() -> dict[str, Callable[[str], object]]:
     found: dict[str, Callable[[str], object]] = {"sinan": lambda path: read_observations(path, EVERYTHING)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
-            import georinex
-
-            found["georinex"] = georinex.load
-        except ImportError:
-            pass
-        try:
-            import gnss_tec
-
-            found["pygnss-tec"] = gnss_tec.read_rinex_obs
-        except ImportError:
-            pass
+        for name, module, function in (("georinex", "georinex", "load"), ("pygnss-tec", "gnss_tec", "read_rinex_obs")):
+            with contextlib.suppress(ImportError):
+                found[name] = getattr(importlib.import_module(module), function)
     return found
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 import warnings
 from collections.abc import Callable
@@ -43,7 +44,7 @@ def pseudoranges_of(satellites: FloatArray, ranges: FloatArray, epoch: IntArray)
     return Pseudoranges(
         "benchmark",
         2200,
-        30.0 * np.arange(int(epoch[-1]) + 1),
+        np.arange(int(epoch[-1]) + 1, dtype=np.float64) * 30.0,
         epoch,
         names,
         ranges,
@@ -75,7 +76,7 @@ def main(epochs: int = EPOCHS, repeats: int = 5) -> dict[str, float]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            from gnss_lib_py.algorithms.snapshot import wls
+            wls = importlib.import_module("gnss_lib_py.algorithms.snapshot").wls
     except ImportError:
         wls = None
     few = min(epochs, 200) * SATELLITES
