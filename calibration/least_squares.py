@@ -87,7 +87,7 @@ def solve(
         result = least_squares(residual, start, method="trf", bounds=(low, high), **options)
     r, J = result.fun, np.asarray(result.jac)
     sse = float(r @ r)
-    J = np.linalg.qr(J, mode="r")  # the same singular values and normal equations in a few rows
+    J = np.asarray(np.linalg.qr(J, mode="r"))  # the same singular values and normal equations in a few rows
     values, sentences, null_space, rank = undetermined_directions(J, names, plausible)
     if sigma is None:
         sigma = float(np.sqrt(sse / max(len(r) - rank, 1)))
@@ -129,7 +129,7 @@ def _scaled_svd(J: FloatArray, plausible: FloatArray) -> tuple[FloatArray, Float
     """All singular values (zeros included) and right vectors of J diag(plausible), through its triangular factor."""
     R = J * plausible
     if len(R) > R.shape[1]:
-        R = np.linalg.qr(R, mode="r")
+        R = np.asarray(np.linalg.qr(R, mode="r"))
     _, s, vt = np.linalg.svd(R, full_matrices=True)
     values = np.zeros(J.shape[1])
     values[: len(s)] = s

@@ -1,4 +1,4 @@
-"""The standard atmosphere (ISO 2533:1975) up to 11 km, and the speed of sound. Thin: what the barometer and sonar need."""
+"""The standard atmosphere (ISO 2533:1975) up to 11 km and the speed of sound: what the barometer and sonar need."""
 
 from __future__ import annotations
 

@@ -90,8 +90,8 @@ def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch:
 def scan_range_of_the_course(ranges: FloatArray, angles: FloatArray) -> FloatArray:
     """The course's d_laser = mean(range_i cos(a_i)), its stand-in for the slant range -p_z / (cos(pitch) cos(roll)).
 
-    Exact without roll in the scan's plane. With roll each term is range_i cos a_i = d cos(roll) cos(a_i) / cos(roll + a_i)
-    = d / (1 - tan(roll) tan(a_i)): for a symmetric scan the odd terms cancel and what is left is
+    Exact without roll in the scan's plane. With roll each term is range_i cos a_i = d cos(roll) cos(a_i) / cos(roll +
+    a_i) = d / (1 - tan(roll) tan(a_i)): for a symmetric scan the odd terms cancel and what is left is
     d (1 + tan(roll)^2 mean(tan(a_i)^2) + ...), too long by 1.4 % at 20 deg of roll and a +-30 deg scan.
     `course_scan_error` gives it in full; `scan_height` has no such error. Source: the course, section 6.
     """

@@ -19,8 +19,8 @@ class Level:
 
     f_mean = -C_bn g_n + b_accel + n
 
-    The white noise stands for the acceleration itself and is far larger than the accelerometer's. It is a sensor like any
-    other: named, journalled, in the report; on only where no position aiding sees the tilt.
+    The white noise stands for the acceleration itself and is far larger than the accelerometer's. It is a sensor like
+    any other: named, journalled, in the report; on only where no position aiding sees the tilt.
 
     Neglects motion.rotor_drag, motion.wind and every true acceleration longer than the window.
 

@@ -1,7 +1,8 @@
 """White noise and random walks: density <-> sample standard deviation, and how to draw them.
 
-Conventions (one-sided in the sense of data sheets): density N [unit/sqrt(Hz)] means that a sample taken at rate f has the
-standard deviation N sqrt(f), so that its Allan deviation is N / sqrt(tau); a walk w means that the variance grows by w^2 t.
+Conventions (one-sided in the sense of data sheets): density N [unit/sqrt(Hz)] means that a sample taken at rate f has
+the standard deviation N sqrt(f), so that its Allan deviation is N / sqrt(tau); a walk w means that the variance grows
+by w^2 t.
 """
 
 from __future__ import annotations

@@ -49,6 +49,7 @@ def tilt_compensated_height(slant: FloatArray, roll: FloatArray, pitch: FloatArr
     slant : (n,) m
     roll, pitch : (n,) rad
 
-    Neglects sonar.beam_cone, sonar.mount_offset, sonar.terrain_slope and the laser's like. Source: the course, section 4.
+    Neglects sonar.beam_cone, sonar.mount_offset, sonar.terrain_slope and the laser's like. Source: the course, section
+    4.
     """
     return np.asarray(slant * np.cos(pitch) * np.cos(roll))

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.errors import InputError
 
 Kind = Literal["flight", "poses"]
@@ -72,9 +72,9 @@ class Stream:
         """(n, k) the named columns side by side."""
         return np.stack([self.columns[name] for name in names], axis=-1)
 
-    def rows(self, keep: object) -> Stream:
+    def rows(self, keep: BoolArray | IntArray | slice) -> Stream:
         """The rows that a mask, slice or index array names."""
-        return Stream(self.t[keep], {name: column[keep] for name, column in self.columns.items()})  # type: ignore[index]
+        return Stream(self.t[keep], {name: column[keep] for name, column in self.columns.items()})
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ What SciPy lacks or does too slowly for a time loop: quaternion arrays with the 
 right Jacobian, and the ZYX angles of flight. Everything works on a leading axis of any shape.
 
 Attitude error convention of the whole project: ``C_nb_true = C_nb @ Exp(dtheta_b)``.
-Source: J. Sola, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508, 2017 (equation numbers below).
+Source: J. Sola, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508, 2017 (equation numbers
+below).
 """
 
 from __future__ import annotations
@@ -143,7 +144,7 @@ def cos_tilt(q: FloatArray) -> FloatArray:
 
 
 def quaternion_interpolate(t: FloatArray, t_q: FloatArray, q: FloatArray) -> FloatArray:
-    """Spherical linear interpolation of q (m, 4) at t_q (m,) to the instants t (n,); beyond the ends it extrapolates."""
+    """Spherical linear interpolation of q (m, 4) at t_q (m,) to the instants t (n,); extrapolates beyond the ends."""
     if len(t_q) == 1:
         return np.repeat(q, len(t), axis=0)
     i = np.clip(np.searchsorted(t_q, t, side="right") - 1, 0, len(t_q) - 2)

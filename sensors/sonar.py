@@ -66,7 +66,8 @@ class Sonar:
     def echo(self, motion: Motion, softness: FloatArray | float = 0.0, threshold: float = 1.0) -> BoolArray:
         """(n,) whether an echo comes back.
 
-        It fails out of range, beyond the beam angle (the echo is mirrored away), and from a soft target that absorbs it.
+        It fails out of range, beyond the beam angle (the echo is mirrored away), and from a soft target that absorbs
+        it.
 
         Parameters
         ----------
@@ -84,7 +85,8 @@ class Sonar:
 
 
 def range_from_time_of_flight(time: FloatArray, temperature: FloatArray | float) -> FloatArray:
-    """Range [m] from the time between pulse and echo [s] at air temperature [degC]: d = c(T) dt / 2. The course, section 4.
+    """Range [m] from the time between pulse and echo [s] at air temperature [degC]: d = c(T) dt / 2. The course,
+    section 4.
 
     Neglects wind along the beam and humidity.
     """

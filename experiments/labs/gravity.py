@@ -41,7 +41,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
             (f"{ratio:.1f} ×", "sum of squares of the printed solution over the minimum: its solver stopped early"),
         ]
     )
-    t = np.arange(len(turned)) * 1.0
+    t = np.arange(len(turned), dtype=np.float64)
     figure = lines(t, {"g = 9.8": pitch[0], "g = 1": pitch[1]}, "reading", "pitch / deg")
     page.figure(figure, "Pitch while the autopilot is turned slowly: the two curves lie on each other.")
     rows = [

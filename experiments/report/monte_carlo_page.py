@@ -21,8 +21,8 @@ def monte_carlo_page(path: Path, document: Mapping[str, Any]) -> None:
     verdict = "lies within" if inside else "leaves"
     page = Page(
         f"{document['scenario']}: the filter {'knows' if inside else 'does not know'} how wrong it is",
-        f"{document['runs']} flights: the mean squared error over its predicted variance, {overall['mean_per_dof']:.3f}, "
-        f"{verdict} its 95 % interval {low:.3f} to {high:.3f}.",
+        f"{document['runs']} flights: the mean squared error over its predicted variance is "
+        f"{overall['mean_per_dof']:.3f}, which {verdict} its 95 % interval {low:.3f} to {high:.3f}.",
     )
     page.numbers([(f"{100 * share:.1f} %", f"errors within {k} sigma") for k, share in document["coverage"].items()])
     nees = {"all states": overall, **document["nees"]["blocks"]}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -165,7 +166,7 @@ class FlightSource:
         beta: Sequence[FloatArray],
         motion: Motion,
     ) -> tuple[Journal, Sensitivity]:
-        pairs = list(zip(effects, beta, strict=True))
+        pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
             self.recording, self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=1, stride=0
         )
@@ -294,7 +295,8 @@ def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Re
     A reading is wrong when its whitened innovation leaves those of its neighbours by six sigma, alone: an effect of the
     catalogue, a step or a disturbance moves neighbours too.
     """
-    streams, found = dict(recording.streams), {}
+    streams = dict(recording.streams)
+    found: dict[str, tuple[int, int]] = {}
     for _ in range(2):  # what a gross one hides shows when it is gone
         current = recording.replace(streams=streams)
         journal = run_filter(current, model, {}, engine="numba", stride=0)

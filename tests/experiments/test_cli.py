@@ -12,9 +12,8 @@ import pytest
 
 
 def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "experiments", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False
-    )
+    command = [sys.executable, "-m", "experiments", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +25,8 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help_imports_no_numerics() -> None:
-    code = "import experiments.cli, sys; print([m for m in ('numpy', 'scipy', 'matplotlib', 'numba', 'pandas') if m in sys.modules])"
+    heavy = ("numpy", "scipy", "matplotlib", "numba", "pandas")
+    code = f"import experiments.cli, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 
@@ -38,7 +38,8 @@ def test_answer_lies_beside_the_folder_and_not_in_it(poses: Path) -> None:
 
 def test_calibrate_writes_its_report(poses: Path, tmp_path: Path) -> None:
     out = tmp_path / "mag.json"
-    result = sinan("calibrate", "mag", str(poses), "--axes", "full", "--json", str(out), "--html", str(tmp_path / "mag.html"))
+    files = ("--json", str(out), "--html", str(tmp_path / "mag.html"))
+    result = sinan("calibrate", "mag", str(poses), "--axes", "full", *files)
     assert result.returncode == 0, result.stderr
     document = json.loads(out.read_text())
     assert document["sensor"] == "mag"
