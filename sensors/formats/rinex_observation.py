@@ -146,7 +146,7 @@ def observation_types(where: str, header: Header) -> dict[str, list[str]]:
     types: dict[str, list[str]] = {}
     if header.version < 3.0:
         words = " ".join(line[6:60] for line in header.get("# / TYPES OF OBSERV")).split()
-        types = {system: words for system in SYSTEMS} if words else {}
+        types = dict.fromkeys(SYSTEMS, words) if words else {}
     else:
         system = ""
         for line in header.get("SYS / # / OBS TYPES"):

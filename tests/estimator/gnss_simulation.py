@@ -83,7 +83,7 @@ def observe(
         up = where[k] / np.linalg.norm(where[k])
         for i in range(len(navigation.kepler)):
             row = navigation.kepler[i : i + 1]
-            p, v, sent = travel(row, where[k], tag - clock)
+            p, _, sent = travel(row, where[k], tag - clock)
             d = p - where[k]
             if np.degrees(np.arcsin(d @ up / np.linalg.norm(d))) < lowest:
                 continue

@@ -107,7 +107,8 @@ def test_four_satellites_check_nothing() -> None:
     zero, group = np.zeros(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
     checks = integrity.check(fix, EIGHT[:4], zero, group, np.ones(4))
     assert checks.statement(0) == integrity.UNCHECKED
-    assert np.isinf(checks.mdb).all() and np.isinf(checks.horizontal[0])
+    assert np.isinf(checks.mdb).all()
+    assert np.isinf(checks.horizontal[0])
 
 
 def test_covariance_is_that_of_simulated_fixes() -> None:
