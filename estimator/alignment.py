@@ -1,11 +1,15 @@
 """The first state: from what the recording declares, and what it does not declare from its first readings.
 
-Attitude from the mean specific force (down) and the field (heading), with the covariance that the sensors' biases, their
+Attitude from the mean specific force (down) and the field (heading), with the covariance that the sensors' biases,
+their
 noise and the motion during the window leave, and its correlation with the biases. Position and velocity from the first
-readings of GPS and barometer, with a sigma so wide that using the same reading again as an update does not count it twice.
+readings of GPS and barometer, with a sigma so wide that using the same reading again as an update does not count it
+twice.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,7 +17,7 @@ from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
-from sensors.rotation import quaternion_from_matrix, quaternion_log, quaternion_multiply, quaternion_conjugate
+from sensors.rotation import quaternion_conjugate, quaternion_from_matrix, quaternion_log, quaternion_multiply
 
 WINDOW = 1.0  # s, over which the first specific force and field are averaged
 WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
@@ -86,7 +90,8 @@ def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, m_n: FloatArr
 def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with b_accel and b_mag.
 
-    d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + n): J from differences of the construction itself; a is the motion,
+    d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + n): J from differences of the construction itself; a is the
+    motion,
     as large as the mean force misses gravity and as the force scatters. The field counts with the noise of one reading,
     since the filter uses the same readings again.
 
@@ -101,14 +106,16 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     magnetic = "mag" in model.sensors and float(np.hypot(*model.m_n[:2])) > 0.0
     if magnetic:
         stream = recording.streams["mag"]
-        near = np.argsort(np.abs(stream.t - imu.t[0] - 0.5 * WINDOW))[: max(1, int(np.sum(stream.t <= imu.t[0] + WINDOW)))]
+        near = np.argsort(np.abs(stream.t - imu.t[0] - 0.5 * WINDOW))[
+            : max(1, int(np.sum(stream.t <= imu.t[0] + WINDOW)))
+        ]
         m_b = stream.array(MAG)[near].mean(axis=0)
     q = attitude_from_vectors(f_b, m_b, model.m_n)
     J_f = _differences(lambda v: attitude_from_vectors(v, m_b, model.m_n), f_b, q)
     motion = np.hypot(np.linalg.norm(f_b) - np.linalg.norm(model.g_n), np.std(f, axis=0).max())
     spread = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + motion**2
     covariance = spread * J_f @ J_f.T
-    cross = {"b_accel": -model.accel.bias_std**2 * J_f}
+    cross = {"b_accel": -(model.accel.bias_std**2) * J_f}
     if m_b is None:
         covariance += UNKNOWN_ATTITUDE**2 * np.outer(-f_b, -f_b) / (f_b @ f_b)
         return q, covariance, cross
@@ -119,13 +126,13 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     return q, covariance, {**cross, "b_mag": -(bias_std**2) * J_m}
 
 
-def _differences(function: object, v: FloatArray, q: FloatArray) -> FloatArray:
+def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q: FloatArray) -> FloatArray:
     """(3, 3) derivative of the rotation vector q^-1 q(v) with v, central differences."""
     step = 1e-5 * float(np.linalg.norm(v))
     columns = []
     for axis in np.eye(3):
         ends = [
-            quaternion_log(quaternion_multiply(quaternion_conjugate(q), function(v + s * step * axis)))  # type: ignore[operator]
+            quaternion_log(quaternion_multiply(quaternion_conjugate(q), function(v + s * step * axis)))
             for s in (1.0, -1.0)
         ]
         columns.append((ends[0] - ends[1]) / (2.0 * step))

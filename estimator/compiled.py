@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,8 @@ class Columns:
 
     Attributes
     ----------
-    tiles : columns over 16; a_tiles : those of the accelerometer; g_first, g_tiles : those of the gyroscope; one tile may have both
+    tiles : columns over 16; a_tiles : those of the accelerometer; g_first, g_tiles : those of the gyroscope; one tile
+        may have both
     Ga, Gg : (N a_tiles, 48), (N g_tiles, 48) three rows of 16 columns: regressors at the samples of the IMU table
     Gz : flat regressors of the readings; at : (K,) first element of a reading
     first, count : (sensors,) columns of each sensor's effects
@@ -51,7 +53,18 @@ class Columns:
 def no_columns(sensors: int, events: int) -> Columns:
     """No candidates: the plain filter."""
     none = np.zeros(sensors, dtype=np.int64)
-    return Columns(0, 0, 0, 0, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1), np.zeros(max(events, 1), dtype=np.int64), none, none)
+    return Columns(
+        0,
+        0,
+        0,
+        0,
+        np.zeros((1, 1)),
+        np.zeros((1, 1)),
+        np.zeros(1),
+        np.zeros(max(events, 1), dtype=np.int64),
+        none,
+        none,
+    )
 
 
 @dataclass
@@ -110,9 +123,9 @@ class CompiledRun:
                 start = model.layout.start(process.block)
                 self.walk2[start : start + BLOCK_SIZES[process.block]] = process.walk**2
 
-    def chunk(self, i0: int, i1: int, record: dict[str, FloatArray] | None = None, rows: FloatArray | None = None,
+    def chunk(self, i0: int, i1: int, record: dict[str, Any] | None = None, rows: FloatArray | None = None,
               white: FloatArray | None = None, rows_event: IntArray | None = None) -> int:  # fmt: skip
-        """Run from IMU sample i0 to i1; readings at the last sample of all belong to it. Returns the rows of W written."""
+        """Run from IMU sample i0 to i1; the last sample of all takes its readings along. Returns the rows of W."""
         from estimator.engine_numba import run_chunk
 
         inputs, out, c, model = self.inputs, self.outputs, self.columns, self.inputs.model
@@ -133,13 +146,14 @@ class CompiledRun:
             bool(record), record.get("steps", none2), record.get("step_of_event", index),
             record.get("step_of_imu", index), record.get("U", none2), record.get("H", none2), record.get("turn", none2),
             self.V, c.tiles, c.Ga, c.Gg, c.a_tiles, c.g_first, c.g_tiles, c.Gz, c.at, c.first, c.count,
-            none2 if rows is None else rows, none if white is None else white, index if rows_event is None else rows_event,
+            none2 if rows is None else rows, none if white is None else white, index if rows_event is None else
+            rows_event,
         )  # fmt: skip
         raise_for(int(status), int(event), inputs)
         return int(count)
 
     def events_of(self, i0: int, i1: int) -> tuple[int, int]:
-        """Readings with t_i0 <= t < t_i1, and those at t_i1 where that is the last sample; all outside ones ride along."""
+        """Readings with t_i0 <= t < t_i1, and those at t_i1 where that is the last sample; outside ones ride along."""
         t, imu = self.inputs.events.t, self.inputs.imu
         last = i1 == len(imu) - 1
         k0 = int(np.searchsorted(t, imu.t[i0], side="left")) if i0 > 0 else 0

@@ -16,7 +16,8 @@ from sensors.arrays import FloatArray
 
 LEVEL = 0.99  # probability of the intervals
 BLOCK_NAMES = {
-    "position": "position", "velocity": "velocity", "attitude": "attitude", "b_accel": "accel bias", "b_gyro": "gyro bias",
+    "position": "position", "velocity": "velocity", "attitude": "attitude",
+    "b_accel": "accel bias", "b_gyro": "gyro bias",
     "b_mag": "mag bias", "b_gps": "gps bias", "b_baro": "baro bias", "b_sonar": "sonar bias", "b_laser": "laser bias",
 }  # fmt: skip
 
@@ -67,8 +68,10 @@ def nees(error: FloatArray, P: FloatArray) -> float:
     return float(error @ np.linalg.solve(P, error))
 
 
-def nees_by_block(error: FloatArray, P: FloatArray, layout: StateLayout, translation: bool = True) -> Mapping[str, float]:
-    """NEES of each block, each with its own part of P, and `overall`; an attitude estimator has no position or velocity."""
+def nees_by_block(
+    error: FloatArray, P: FloatArray, layout: StateLayout, translation: bool = True
+) -> Mapping[str, float]:
+    """NEES of each block, each with its own part of P, and `overall`; `translation` as in the model."""
     names = [name for name in layout.names if translation or name not in ("position", "velocity")]
     rows = np.concatenate([np.arange(layout.n)[layout.slice(name)] for name in names])
     table = {"overall": nees(error[rows], P[np.ix_(rows, rows)])}

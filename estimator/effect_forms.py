@@ -1,7 +1,8 @@
-"""Effects in the filter: what they put into each reading, evaluated along a known motion and handed to the engines as arrays.
+"""Effects in the filter: what they put into each reading along a known motion, handed to the engines as arrays.
 
 An effect on the IMU is taken off the samples: c = e(f) - f at the f that solves u = e(f) + b, so the exact inverse.
-An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), offset = e(h(x_ref)) - h(x_ref) in
+An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), offset = e(h(x_ref)) -
+h(x_ref) in
 its exact form and D its derivative by the state, so exact in beta and first order in the distance from the reference. A
 lateness moves the stamps instead. The reference is the smoothed motion of the pass before; the passes are repeated.
 """
@@ -222,7 +223,7 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
             return entry.apply(plain, beta, m, sensor) - plain
 
         offset += added(at)
-        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))  # type: ignore[arg-type]
+        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
         for k, step in enumerate(STEPS):
             if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
                 D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
@@ -232,7 +233,7 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
 def over_time(
     recording: Recording, name: str, entry: Effect, beta: FloatArray, at: Motion, motion: Motion, sensor: Any
 ) -> FloatArray:
-    """(k, m) what an effect with a memory adds: evaluated at the IMU's instants too, so that nothing is lost in between.
+    """(k, m) what an effect with a memory adds: evaluated at the IMU's instants too: nothing is lost in between.
 
     Its memory is longer than the error of the reference is alike, so it adds nothing to H.
     """

@@ -1,7 +1,8 @@
 """The readable engine: filterpy's Kalman filter on the error state, `predict()` then `update()`, step by step.
 
 In a notebook: ``for moment in ReadableFilter(inputs).steps(): ...`` stops after every step with everything in sight.
-filterpy 2.0's `predict_update` linearises before it predicts and keeps the old posterior as prior; so the two are called.
+filterpy 2.0's `predict_update` linearises before it predicts and keeps the old posterior as prior; so the two are
+called.
 """
 
 from __future__ import annotations
@@ -94,12 +95,12 @@ class ReadableFilter:
         events, out, layout = self.inputs.events, self.outputs, self.model.layout
         name = events.sensors[events.sensor[k]]
         rows = slice(events.row[k], events.row[k + 1])
+        if not (np.all(np.isfinite(self.x)) and np.all(np.isfinite(self.ekf.P))):
+            raise_for(1, k, self.inputs)
         z_pred, H = self.prediction(name, k)
         if not np.all(np.isfinite(z_pred)):
-            if np.all(np.isfinite(self.x)):
-                out.status[k] = NO_PREDICTION
-                return
-            raise_for(1, k, self.inputs)
+            out.status[k] = NO_PREDICTION
+            return
         R = self.model.sensors[name].R
         nu, S = events.z[rows] - z_pred, H @ self.ekf.P @ H.T + R
         try:

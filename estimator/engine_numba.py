@@ -10,6 +10,9 @@ P stays symmetric to the last bit: the update subtracts sum_k u_k u_k' with u = 
 is the same sum as (j, i), and the prediction mirrors one triangle.
 """
 
+# mypy: disable-error-code="no-untyped-def"
+# The kernels' types are those of the arrays that `estimator.compiled` hands them.
+
 from __future__ import annotations
 
 from typing import Any
@@ -119,8 +122,16 @@ def _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c):
     half = 0.5 * h
     c[54] = half
     if translation:
-        ax0, ay0, az0 = C0[0] * fx0 + C0[1] * fy0 + C0[2] * fz0, C0[3] * fx0 + C0[4] * fy0 + C0[5] * fz0, C0[6] * fx0 + C0[7] * fy0 + C0[8] * fz0
-        ax1, ay1, az1 = C1[0] * fx1 + C1[1] * fy1 + C1[2] * fz1, C1[3] * fx1 + C1[4] * fy1 + C1[5] * fz1, C1[6] * fx1 + C1[7] * fy1 + C1[8] * fz1
+        ax0, ay0, az0 = (
+            C0[0] * fx0 + C0[1] * fy0 + C0[2] * fz0,
+            C0[3] * fx0 + C0[4] * fy0 + C0[5] * fz0,
+            C0[6] * fx0 + C0[7] * fy0 + C0[8] * fz0,
+        )
+        ax1, ay1, az1 = (
+            C1[0] * fx1 + C1[1] * fy1 + C1[2] * fz1,
+            C1[3] * fx1 + C1[4] * fy1 + C1[5] * fz1,
+            C1[6] * fx1 + C1[7] * fy1 + C1[8] * fz1,
+        )
         vx, vy, vz = x[3], x[4], x[5]
         x[3] = vx + half * (ax0 + ax1) + h * (g[0] - 2.0 * (w_ie[1] * vz - w_ie[2] * vy))
         x[4] = vy + half * (ay0 + ay1) + h * (g[1] - 2.0 * (w_ie[2] * vx - w_ie[0] * vz))
@@ -148,7 +159,7 @@ def _turn_earth(x, dx, dy, dz):
 
 
 def _propagation(stride):
-    """The compiled M <- Phi M for M = M[at], flat with `stride` columns: with constant offsets its loop fills vector registers."""
+    """The compiled M <- Phi M for M = M[at], flat with `stride` columns: its offsets are constants."""
 
     @njit(**_INLINE)
     def propagate(M, at, c):
@@ -216,7 +227,7 @@ def _predict(P, c, top, h, q_accel, q_gyro, walk2):
 
 @njit(**_INLINE)
 def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_first, g_tiles, u00, u01, u10, u11, work):
-    """V <- Phi V - B G, tile by tile; the regressor at the ends of the step is u00 G_k + u01 G_k+1, u10 G_k + u11 G_k+1."""
+    """V <- Phi V - B G, tile by tile; at the step's ends the regressor is u00 G_k + u01 G_k+1, u10 G_k + u11 G_k+1."""
     for j in range(9):  # what the accelerometer's effects add to the velocity
         work[j] = u00 * c[36 + j] + u10 * c[45 + j]
         work[9 + j] = u01 * c[36 + j] + u11 * c[45 + j]
@@ -240,7 +251,14 @@ def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_first, g_tiles, u00, u01, u10
             k0 = at * a_tiles + tile
             k1 = k0 + a_tiles
             for j in range(16):
-                a0, a1, a2, b0, b1, b2 = Ga[k0, j], Ga[k0, 16 + j], Ga[k0, 32 + j], Ga[k1, j], Ga[k1, 16 + j], Ga[k1, 32 + j]
+                a0, a1, a2, b0, b1, b2 = (
+                    Ga[k0, j],
+                    Ga[k0, 16 + j],
+                    Ga[k0, 32 + j],
+                    Ga[k1, j],
+                    Ga[k1, 16 + j],
+                    Ga[k1, 32 + j],
+                )
                 d0 = x0 * a0 + x1 * a1 + x2 * a2 + y0 * b0 + y1 * b1 + y2 * b2
                 d1 = x3 * a0 + x4 * a1 + x5 * a2 + y3 * b0 + y4 * b1 + y5 * b2
                 d2 = x6 * a0 + x7 * a1 + x8 * a2 + y6 * b0 + y7 * b1 + y8 * b2
@@ -300,7 +318,7 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
         _put(H_index, H_value, H_n, 2, 6, -z_pred[1])
         _put(H_index, H_value, H_n, 2, 7, z_pred[0])
     if bias >= 0:
-        single = kind == BARO or kind == RANGE
+        single = kind in (BARO, RANGE)
         for i in range(m if single else 3):
             at = bias if single else bias + i
             z_pred[i] += x[at + 1]
@@ -310,7 +328,7 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
 
 @njit(**_INLINE)
 def _add_form(m, row, D, ref, event, x, H_index, H_value, H_n, z_pred):
-    """z_pred += D (x (-) x_ref), H += D on position, velocity and attitude: an effect's reading along a known motion."""
+    """z_pred += D (x (-) x_ref), H += D on position, velocity and attitude: an effect along a known motion."""
     d = np.empty(9)
     for i in range(6):
         d[i] = x[i] - ref[event, i]
@@ -358,10 +376,10 @@ def _add_row(M, i, N, k, a):
 
 
 def _subtraction(stride):
-    """The compiled M <- M - U' W: rows k to k + 2 of U and l to l + 2 of W, eight rows of M = M[at] at a time."""
+    """The compiled M <- M - U' W: three rows of U and W, eight rows of M = M[at] at a time."""
 
     @njit(**_INLINE)
-    def subtract(M, at, U, k, W, l):
+    def subtract(M, at, U, k, W, first):
         for i in range(0, 24, 8):
             a0, b0, c0 = U[k, i + 0], U[k + 1, i + 0], U[k + 2, i + 0]
             a1, b1, c1 = U[k, i + 1], U[k + 1, i + 1], U[k + 2, i + 1]
@@ -373,7 +391,7 @@ def _subtraction(stride):
             a7, b7, c7 = U[k, i + 7], U[k + 1, i + 7], U[k + 2, i + 7]
             n = stride * i
             for j in range(stride):
-                u, v, w = W[l, j], W[l + 1, j], W[l + 2, j]
+                u, v, w = W[first, j], W[first + 1, j], W[first + 2, j]
                 M[at, n + j] = M[at, n + j] - a0 * u - b0 * v - c0 * w
                 M[at, n + stride + j] = M[at, n + stride + j] - a1 * u - b1 * v - c1 * w
                 M[at, n + 2 * stride + j] = M[at, n + 2 * stride + j] - a2 * u - b2 * v - c2 * w
@@ -484,7 +502,7 @@ def _correct(m, U, y, x, P, J, dx):
 
 @njit(**_INLINE)
 def _sort_row(i, H_index, H_value, H_n, near, h, r):
-    """Elements of one row of H for `_correct_V`: columns 2, 6, 7 and 8 in `near`, two others in h and r; returns the rest."""
+    """Elements of one row of H for `_correct_V`: columns 2, 6, 7, 8 in `near`, two others in h and r; counts others."""
     for q in range(4):
         near[4 * i + q] = 0.0
     h[2 * i], h[2 * i + 1], r[2 * i], r[2 * i + 1] = 0.0, 0.0, np.uint64(0), np.uint64(0)
@@ -506,7 +524,8 @@ def _sort_row(i, H_index, H_value, H_n, near, h, r):
 def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r):
     """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
 
-    Three components at a time: those before them have changed V already, which is what their part of L would do. The rows
+    Three components at a time: those before them have changed V already, which is what their part of L would do. The
+    rows
     of V that most readings need have constant places, which lets the loops fill vector registers.
     """
     crowded = False
@@ -530,7 +549,14 @@ def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, coun
                         if others > 2 and not (c == 2 or 6 <= c <= 8):
                             for j in range(16):
                                 group[i, j] += H_value[k + i, q] * V[tile, 16 * c + j]
-            a0, a1, a2, a3, ha, hb = near[4 * k], near[4 * k + 1], near[4 * k + 2], near[4 * k + 3], h[2 * k], h[2 * k + 1]
+            a0, a1, a2, a3, ha, hb = (
+                near[4 * k],
+                near[4 * k + 1],
+                near[4 * k + 2],
+                near[4 * k + 3],
+                h[2 * k],
+                h[2 * k + 1],
+            )
             ra, rb, d0 = r[2 * k], r[2 * k + 1], 1.0 / L[k, k]
             if width == 1:
                 for j in range(SIXTEEN):
@@ -682,8 +708,25 @@ def run_chunk(
                     _correct(m, U, y, x, P, J, dx)
                     if tiles > 0:
                         _correct_V(
-                            m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s], W_out,
-                            rows, group, near, h_other, r_other,
+                            m,
+                            V,
+                            tiles,
+                            H_index,
+                            H_value,
+                            H_n,
+                            L,
+                            U,
+                            J,
+                            Gz,
+                            ev_G[k],
+                            col_first[s],
+                            col_count[s],
+                            W_out,
+                            rows,
+                            group,
+                            near,
+                            h_other,
+                            r_other,
                         )
                         for a in range(m):
                             W_white[rows] = y[a]

@@ -111,7 +111,9 @@ def _ned(recording: Recording, name: str) -> FloatArray:
 def _base_position(recording: Recording) -> FloatArray:
     place = recording.spec("base").base_position
     if place is None:
-        raise InputError(recording.where, "not declared", "where the base receiver stands", "[sensors.base] base_position")
+        raise InputError(
+            recording.where, "not declared", "where the base receiver stands", "[sensors.base] base_position"
+        )
     if recording.origin is None:
         return np.asarray(place, dtype=np.float64)
     from sensors.formats.geodetic import ned_columns
@@ -156,7 +158,9 @@ def collect(
         status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
         outside = int(np.sum(status == OUTSIDE))
         if outside:
-            notes.append(Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out"))
+            notes.append(
+                Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
+            )
         if name not in ("level", "base"):
             for start, stop in frozen_runs(z):
                 status[start + 1 : stop] = FAULTY

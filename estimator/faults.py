@@ -1,4 +1,4 @@
-"""Streams that stopped telling the truth without saying so: frozen and saturated stretches, found in the readings alone."""
+"""Streams that stopped telling the truth without saying so: frozen and saturated stretches."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:
 
 
 def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
-    """Rows [start, stop) in which a component stays at the largest magnitude that it ever reads.
+    """Rows [start, stop) in which a component stays at the largest or smallest value that it ever reads.
 
     White noise meets its own maximum once; a converter at its limit meets it again and again.
 
@@ -70,10 +70,7 @@ def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
     """
     found: list[tuple[int, int]] = []
     for column in readings.T:
-        limit = np.max(np.abs(column))
-        if limit == 0.0:
-            continue
-        pinned = np.abs(column) == limit
+        pinned = (column == np.max(column)) | (column == np.min(column))
         runs = [run for run in _equal_runs(pinned[1:] & pinned[:-1]) if run[1] - run[0] >= SATURATED_RUN]
         share = np.mean(column[1:] == column[:-1])
         found += [run for run in runs if share < 0.5]

@@ -138,8 +138,9 @@ def flight_model(
         notes.append("base: left out, there is no gps whose bias it could see")
         del sensors["base"]
     if "gps" not in sensors and (level is not None or "level" in wanted):
-        sensors["level"] = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
-        notes.append(f"level: on, sigma {sensors['level'].sigma:g} m/s^2, since no gps sees the tilt")  # type: ignore[attr-defined]
+        chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
+        sensors["level"] = chosen
+        notes.append(f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt")
     translation = bool(set(sensors) & {"gps", "baro", "sonar", "laser"})
     if not set(sensors) - {"level"}:
         notes.append("no aiding stream: heading and position drift")
@@ -184,7 +185,9 @@ def _merged(declared: SensorSpec, given: SensorSpec | None) -> SensorSpec:
 def _positive(where: str, sensor: str, key: str, value: float | None) -> float:
     place = f"[sensors.{sensor}] {key}"
     if value is None:
-        raise InputError(where, "not declared", "a noise level: declare it, or estimate it from the log and pass it", place)
+        raise InputError(
+            where, "not declared", "a noise level: declare it, or estimate it from the log and pass it", place
+        )
     if not np.isfinite(value) or value <= 0.0:
         raise InputError(where, f"{value:g}", "a positive number", place)
     return float(value)

@@ -2,7 +2,8 @@
 
 Between two samples specific force and rate are taken as linear (or, for averaged samples, as constant over the interval
 before the stamp). With linear interpolation sample k enters the integral with the weight w_k = (h_{k-1} + h_k) / 2, so
-the noise that its sigma adds to the integral is sigma^2 w_k^2. Shared out over the two intervals that meet in k, interval
+the noise that its sigma adds to the integral is sigma^2 w_k^2. Shared out over the two intervals that meet in k,
+interval
 k has the variance rate
 
     q_k = sigma^2 (w_k + w_{k+1}) / 2            (sigma^2 h = N^2 for even sampling),
@@ -75,7 +76,9 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
         motion = unseen_motion(t, u, float(h[k]), nominal)
         q_accel[k] = max(q_accel[k], motion[0] / h[k])
         q_gyro[k] = max(q_gyro[k], motion[1] / h[k])
-        notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), "interpolated, with the noise of the unseen motion"))
+        notes.append(
+            Note("imu", "gap", float(t[k]), float(t[k + 1]), "interpolated, with the noise of the unseen motion")
+        )
     if len(gaps):
         t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, gaps, nominal)
     return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes))

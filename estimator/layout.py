@@ -7,6 +7,7 @@ Nominal state ``x``: the same with the attitude as a quaternion ``q_nb``, so it 
 
 from __future__ import annotations
 
+from builtins import slice as Slice
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,7 +48,9 @@ class StateLayout:
     def __post_init__(self) -> None:
         known = [name for name in BLOCK_SIZES if name in self.names]
         if list(self.names) != known or self.names[:5] != PROCESS_BLOCKS:
-            raise ValueError(f"`names` is {self.names}; expected the five process blocks, then some of {list(BLOCK_SIZES)}")
+            raise ValueError(
+                f"`names` is {self.names}; expected the five process blocks, then some of {list(BLOCK_SIZES)}"
+            )
 
     @property
     def n(self) -> int:
@@ -64,23 +67,27 @@ class StateLayout:
             raise KeyError(f"no state block `{name}`; there are {', '.join(self.names)}")
         return sum(BLOCK_SIZES[other] for other in self.names[: self.names.index(name)])
 
-    def slice(self, name: str) -> slice:
+    def slice(self, name: str) -> Slice:
         """The block in the error state, in P and in a row of H."""
         start = self.start(name)
-        return slice(start, start + BLOCK_SIZES[name])
+        return Slice(start, start + BLOCK_SIZES[name])
 
-    def nominal(self, name: str) -> slice:
+    def nominal(self, name: str) -> Slice:
         """The block in the nominal state; attitude is the quaternion."""
         start = self.start(name)
         if name == "attitude":
-            return slice(start, start + 4)
+            return Slice(start, start + 4)
         shift = 1 if start > 6 else 0
-        return slice(start + shift, start + shift + BLOCK_SIZES[name])
+        return Slice(start + shift, start + shift + BLOCK_SIZES[name])
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Name of every error state, such as `b_accel_x`."""
-        axes = {"position": ("north", "east", "down"), "velocity": ("north", "east", "down"), "b_gps": ("north", "east", "down")}
+        axes = {
+            "position": ("north", "east", "down"),
+            "velocity": ("north", "east", "down"),
+            "b_gps": ("north", "east", "down"),
+        }
         labels: list[str] = []
         for name in self.names:
             if BLOCK_SIZES[name] == 1:

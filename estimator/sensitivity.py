@@ -1,6 +1,7 @@
 """How the innovations answer to each effect's beta: one further pass for all candidates together.
 
-An effect on the IMU reads u_meas = u + G beta, one on another sensor z = h(x) + G beta. With V the sensitivity of the state
+An effect on the IMU reads u_meas = u + G beta, one on another sensor z = h(x) + G beta. With V the sensitivity of the
+state
 error (true minus estimate), Friedland's recursion (IEEE Trans. Automatic Control 14(4), 1969)
 
     step:     V <- Phi V - B G            B = d x / d u of the step
@@ -10,17 +11,20 @@ gives E[nu] = S_beta beta. Information and score are taken over all candidates t
 
     Lambda = sum S_beta' S^-1 S_beta,   b = sum S_beta' S^-1 nu.
 
-A filter whose state is augmented by beta has the same answer: with a prior P_beta, beta = (Lambda + P_beta^-1)^-1 b and the
+A filter whose state is augmented by beta has the same answer: with a prior P_beta, beta = (Lambda + P_beta^-1)^-1 b
+and the
 state x + V beta.
 
-Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed); where a beta is
+Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed); where a
+beta is
 not zero, the slope of the exact form there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -143,11 +147,11 @@ def _accumulate(
     p = len(order)
     information, score, kept = np.zeros((len(edges) - 1, p, p)), np.zeros((len(edges) - 1, p)), []
     row = inputs.events.row
-    spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in zip(edges[:-1], edges[1:], strict=True)]
+    spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in pairwise(edges)]
     longest = max((int(row[k1] - row[k0]) for k0, k1 in spans), default=0)
     W, white = np.zeros((longest + 1, columns.tiles * TILE)), np.zeros(longest + 1)
     event = np.zeros(longest + 1, dtype=np.int64)
-    for block, (i0, i1) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for block, (i0, i1) in enumerate(pairwise(edges)):
         count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
         part = W[:count, :p]
         information[block] = (part.T @ part)[np.ix_(order, order)]
@@ -158,7 +162,11 @@ def _accumulate(
     x, P = engine.result()
     n = inputs.model.layout.n
     V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]
-    rows = [np.concatenate(parts) for parts in zip(*kept, strict=True)] if kept else [np.empty((0, p)), np.empty(0), np.empty(0, int)]
+    rows = (
+        [np.concatenate(parts) for parts in zip(*kept, strict=True)]
+        if kept
+        else [np.empty((0, p)), np.empty(0), np.empty(0, int)]
+    )
     found = Sensitivity(effects, slices, t[edges], information, score, V, rows[0], rows[1], rows[2])
     return journal_of(inputs, outputs, x, P), found
 
@@ -255,12 +263,10 @@ def driver_regressors(
                 changed = _with(along, name, plain + sign * d)
                 ends.append(entry.apply(plain + sign * d, beta, changed) - plain - sign * d)
             gain[:, :, axis] += (ends[0] - ends[1]) / (2.0 * step)
-    return np.linalg.solve(gain, G)
+    return np.asarray(np.linalg.solve(gain, G), dtype=np.float64)
 
 
 def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
-    from dataclasses import replace
-
     return replace(motion, **{name: value})  # type: ignore[arg-type]
 
 

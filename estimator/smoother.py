@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class SmoothedStates:
 
 
 def stretch_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
-    """The part of a run between two IMU samples; readings at the last one belong to the next part, unless it is the end."""
+    """The part of a run between two IMU samples; readings at the last belong to the next part, unless it is the end."""
     imu, events = inputs.imu, inputs.events
     k0 = int(np.searchsorted(events.t, imu.t[i0], side="left")) if i0 > 0 else 0
     k1 = len(events) if i1 == len(imu) - 1 else int(np.searchsorted(events.t, imu.t[i1], side="left"))
@@ -111,7 +112,7 @@ def _smooth_stretch(part: RunInputs, r: FloatArray, information: FloatArray, sig
     outputs = outputs_for(part, 1)
     engine = CompiledRun(part, outputs)
     K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
-    record = {
+    record: dict[str, Any] = {
         "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
         "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
         "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
@@ -123,7 +124,9 @@ def _smooth_stretch(part: RunInputs, r: FloatArray, information: FloatArray, sig
     white = np.where(scale > 0.0, outputs.white, 0.0) * scale
     steps, step_of_event, row = record["steps"][:count], record["step_of_event"][:K], part.events.row
     r_after, x_smooth = np.zeros((count, CAPACITY)), np.zeros((samples, CAPACITY + 1))
-    backward(steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, information, sigmas)
+    backward(
+        steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, information, sigmas
+    )
     d = np.zeros(CAPACITY)
     n = len(part.P)
     d[:n] = part.P @ r[:n]
@@ -142,7 +145,8 @@ def estimated_motion(
 ) -> Motion:
     """The motion as the filter, or all readings together, have it: the arrays along which effects are evaluated.
 
-    f_b and w_ib_b are the IMU's readings less the biases, sample by sample, so that an effect on the IMU is taken of what the
+    f_b and w_ib_b are the IMU's readings less the biases, sample by sample, so that an effect on the IMU is taken of
+    what the
     IMU saw; dw_b is the slope of w_ib_b over `RATE_WINDOW`.
 
     Parameters

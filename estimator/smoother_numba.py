@@ -1,5 +1,7 @@
 """Compiled passes of the fixed-interval smoother over one recorded stretch of the filter; see `estimator.smoother`."""
 
+# mypy: disable-error-code="no-untyped-def"
+
 from __future__ import annotations
 
 from typing import Any

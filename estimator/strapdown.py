@@ -7,7 +7,8 @@ The samples at the two ends of the step are taken as joined by a straight line:
     v_1 = v_0 + h / 2 (C_0 f_0 + C_1 f_1) + h (g - 2 w_ie x v_0)
     p_1 = p_0 + h / 2 (v_0 + v_1)
 
-The trapezoid's own errors add up to differences between the ends of the flight, h^2 / 12 of the change in acceleration, and
+The trapezoid's own errors add up to differences between the ends of the flight, h^2 / 12 of the change in
+acceleration, and
 do not grow. Neglects transport rate and the change of gravity with height: NED is flat.
 
 Source: P. G. Savage, "Strapdown inertial navigation integration algorithm design", J. Guidance 21(1), 1998 (coning).
@@ -44,7 +45,13 @@ class Step:
 
 
 def strapdown_step(
-    x: FloatArray, u0: FloatArray, u1: FloatArray, h: float, g_n: FloatArray, w_ie_n: FloatArray, translation: bool = True
+    x: FloatArray,
+    u0: FloatArray,
+    u1: FloatArray,
+    h: float,
+    g_n: FloatArray,
+    w_ie_n: FloatArray,
+    translation: bool = True,
 ) -> tuple[FloatArray, Step]:
     """Nominal state after a step of h, and the step.
 

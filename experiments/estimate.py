@@ -46,7 +46,8 @@ def run(
 
     Returns
     -------
-    the keys of `sinan estimate --json`, with further ones: `interval` of each NIS, `accepted`, `notes`, `log_likelihood`
+    the keys of `sinan estimate --json`, with further ones: `interval` of each NIS, `accepted`, `notes`,
+    `log_likelihood`
     """
     model = flight_model(recording, specs=specs, **options) if model is None else model
     journal = run_filter(recording, model, engine=engine)
@@ -79,7 +80,8 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "estimates": "position, velocity and attitude" if journal.model.translation else "attitude",
         "final": {
             "position": end[0:3].tolist(), "velocity": end[3:6].tolist(), "quaternion": end[6:10].tolist(),
-            "position_std": sigma[0:3].tolist(), "velocity_std": sigma[3:6].tolist(), "attitude_std": sigma[6:9].tolist(),
+            "position_std": sigma[0:3].tolist(), "velocity_std": sigma[3:6].tolist(),
+            "attitude_std": sigma[6:9].tolist(),
         },
         "notes": [str(note) for note in journal.notes],
     }  # fmt: skip
@@ -105,7 +107,9 @@ def score(journal: Journal, truth: Stream) -> dict[str, Any]:
         BLOCK_NAMES[name]: {str(k): float(np.mean(np.abs(error[:, part]) <= k * sigma[:, part])) for k in (1, 2, 3)}
         for name, part in ((name, layout.slice(name)) for name in layout.names if name in known)
     }
-    result["bias_error"] = {n[2:]: error[-1, layout.slice(n)].tolist() for n in layout.names if n[:2] == "b_" and n in known}
+    result["bias_error"] = {
+        n[2:]: error[-1, layout.slice(n)].tolist() for n in layout.names if n[:2] == "b_" and n in known
+    }
     if set(layout.names) <= known and inside[-1]:
         final = nees_by_block(error[-1], journal.P_end, layout, journal.model.translation)
         rows = np.arange(0 if journal.model.translation else 6, layout.n)
@@ -118,7 +122,8 @@ def true_states(journal: Journal, truth: Stream, t: FloatArray) -> tuple[FloatAr
     """(m, n + 1) true nominal states at the instants t, and the blocks of which the truth is known."""
     layout = journal.model.layout
     true, known = np.zeros((len(t), layout.n + 1)), set()
-    for name, columns in (("position", POSITION), ("velocity", VELOCITY)):
+    kinematics: tuple[tuple[str, tuple[str, ...]], ...] = (("position", POSITION), ("velocity", VELOCITY))
+    for name, columns in kinematics:
         if truth.has(columns):
             true[:, layout.nominal(name)] = _at(t, truth, columns)
             known.add(name)

@@ -12,9 +12,15 @@ from sensors.gps import Gps
 from sensors.laser import Laser
 from sensors.magnetometer import Magnetometer
 from sensors.motion import Motion
-from sensors.noise import random_walk, BiasProcess
+from sensors.noise import BiasProcess, random_walk
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Environment, Initial, Recording, SensorSpec, Stream
-from sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_from_rpy, quaternion_multiply, rotate_back
+from sensors.rotation import (
+    matrix_from_quaternion,
+    quaternion_exp,
+    quaternion_from_rpy,
+    quaternion_multiply,
+    rotate_back,
+)
 from sensors.sonar import Sonar
 
 GRAVITY = np.array([0.0, 0.0, 9.8012])
@@ -65,7 +71,7 @@ def fly(
     seed: int, duration: float = 30.0, sensors: tuple[str, ...] = ("mag", "baro", "laser", "gps"), noise: float = 1.0,
     specs: Mapping[str, SensorSpec] = SPECS, rates: Mapping[str, float] = RATES, jitter: float = 0.0,
 ) -> tuple[Recording, FloatArray]:  # fmt: skip
-    """A recording and its true states at the IMU samples: p, v, q, b_accel, b_gyro, then b_mag, b_gps, b_baro where they are."""
+    """A recording and its true states at the IMU samples: p, v, q and the biases that the filter has."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(duration * rates["imu"]) + 1) / rates["imu"]
     motion = analytic_motion(t)
@@ -101,14 +107,20 @@ def fly(
         reading[:, : bias.shape[1]] += bias
         reading += scale * rng.standard_normal(reading.shape)
         streams[name] = Stream(stamps, dict(zip(names[name], reading.T, strict=True)))
-    states = [motion.p_n, motion.v_n, motion.q_nb, *(biases[n] for n in ("accel", "gyro", "mag", "gps", "baro") if n in biases)]
+    states = [
+        motion.p_n,
+        motion.v_n,
+        motion.q_nb,
+        *(biases[n] for n in ("accel", "gyro", "mag", "gps", "baro") if n in biases),
+    ]
     truth = np.concatenate(states, axis=1)
     std = {key: noise * value for key, value in INITIAL_STD.items()}
     initial = Initial(
         position=truth[0, :3] + std["position"] * rng.standard_normal(3),
         velocity=truth[0, 3:6] + std["velocity"] * rng.standard_normal(3),
         quaternion=quaternion_multiply(truth[0, 6:10], quaternion_exp(-std["attitude"] * rng.standard_normal(3))),
-        position_std=INITIAL_STD["position"], velocity_std=INITIAL_STD["velocity"], attitude_std=INITIAL_STD["attitude"],
+        position_std=INITIAL_STD["position"], velocity_std=INITIAL_STD["velocity"],
+        attitude_std=INITIAL_STD["attitude"],
     )  # fmt: skip
     environment = Environment(gravity=float(GRAVITY[2]), magnetic_field=FIELD)
     return Recording("analytic", "flight", streams, dict(specs), environment, initial), truth

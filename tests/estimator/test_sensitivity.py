@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from estimator.effect_forms import Terms, reference_motion
 from estimator.engine_filterpy import ReadableFilter
 from estimator.error_dynamics import transition
@@ -14,7 +15,6 @@ from estimator.strapdown import strapdown_step
 from sensors.arrays import FloatArray
 from sensors.effects import effect
 from sensors.rotation import right_jacobian
-
 from tests.estimator.analytic_flight import fly
 
 ROUNDING = 1e-9  # relative
@@ -86,7 +86,9 @@ def test_fused_pass_is_the_dense_recursion(flown) -> None:
             rows = slice(0, 3) if entry.stream == "accel" else slice(3, 6)
             G_u[:, rows, columns] = driver_regressors(recording, entry.stream, [entry], Terms(), motion)
         else:
-            G_z[entry.stream][:, :, columns] = sensor_regressors(recording, model, entry.stream, [entry], Terms(), motion)
+            G_z[entry.stream][:, :, columns] = sensor_regressors(
+                recording, model, entry.stream, [entry], Terms(), motion
+            )
     dense = DenseSensitivity(journal.run, G_u, G_z)
     for _ in dense.steps():
         pass

@@ -1,0 +1,98 @@
+"""Effects in the filter: innovations answer to beta as the propagated sensitivity says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.effect_forms import Terms, declared_terms, with_covariates
+from estimator.filter import run_filter
+from estimator.flight_model import flight_model
+from estimator.journal import Journal
+from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
+from estimator.smoother import estimated_motion
+from experiments.scenarios.loader import load_scenario
+from sensors.arrays import FloatArray
+from sensors.effects import CATALOGUE, effect, effects_for
+from sensors.errors import InputError
+from sensors.motion import Motion
+from sensors.recording import Recording
+from sensors.simulate import simulate
+
+ONE_PER_CENT = 0.01
+STEP = 0.02  # of a plausible size: the response is linear there
+NAMES = sorted(
+    e.name for e in CATALOGUE.values()
+    if "flight" in e.kinds and not e.is_local and e.stream not in ("pseudorange", "level", "base")
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flown() -> tuple[Recording, Motion, Journal, Sensitivity]:
+    recording, _ = simulate(load_scenario("aerobatics"), np.random.default_rng(7))
+    model = flight_model(recording, gate_level=None)
+    journal = run_filter(recording, model, engine="numba")
+    motion = estimated_motion(journal)
+    candidates = [
+        e for e in effects_for("flight", candidate_streams(model))
+        if not e.missing(with_covariates(recording, e.stream, motion))
+    ]  # fmt: skip
+    return recording, motion, *sensitivity_pass(recording, model, candidates, motion=motion, keep_rows=1)
+
+
+def by_reading(journal: Journal) -> FloatArray:
+    """Whitened innovations, sensor after sensor: an order that a change of time stamps leaves alone."""
+    order = np.lexsort((journal.index, journal.sensor))
+    return np.concatenate([journal.white[journal.row[k] : journal.row[k + 1]] for k in order])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_innovations_answer_as_the_sensitivity_says(flown, name: str) -> None:
+    """Central differences of whole runs, projected on S^-1/2 S_beta, against it: what the score works with."""
+    recording, motion, journal, found = flown
+    if name not in [e.name for e in found.effects]:
+        pytest.skip("the scenario lacks what the effect needs")
+    entry, model = effect(name), journal.model
+    k = entry.size - 1
+    h = np.zeros(entry.size)
+    h[k] = STEP * entry.plausible_in(motion)[k]
+    ends = [by_reading(run_filter(recording, model, {name: s * h}, engine="numba", stride=0)) for s in (1.0, -1.0)]
+    S = np.zeros(len(journal.white))
+    S[np.repeat(journal.accepted, journal.dof)] = found.rows[:, found.of(name)][:, k]
+    order = np.lexsort((journal.index, journal.sensor))
+    S = np.concatenate([S[journal.row[i] : journal.row[i + 1]] for i in order])
+    slope = -(ends[0] - ends[1]) @ S / (2.0 * h[k]) / (S @ S)
+    assert abs(slope - 1.0) < ONE_PER_CENT
+
+
+def test_declared_effects_are_modelled() -> None:
+    scenario = load_scenario("figure_eight")
+    beta = [0.05, -0.03, 0.04]
+    declared, _ = simulate(scenario, np.random.default_rng(3), {"mag.scale": beta}, declare=True)
+    model = flight_model(declared)
+    with_it = run_filter(declared, model, engine="numba", stride=0)
+    without = run_filter(declared.replace(effects={}), model.replace(gate_level=None), engine="numba", stride=0)
+    assert with_it.nis_per_dof()["mag"] == pytest.approx(1.0, abs=0.05)
+    assert without.nis_per_dof()["mag"] > 1.5
+
+
+def test_beta_of_the_wrong_length_is_named() -> None:
+    with pytest.raises(ValueError, match=r"`mag.scale` is \[0.1\]; expected 3"):
+        Terms.of({"mag.scale": [0.1]})
+
+
+def test_declared_effect_that_does_not_exist() -> None:
+    recording, _ = simulate(load_scenario("hover"), np.random.default_rng(1))
+    with pytest.raises(InputError, match=r"\[effects\].*mag.scael"):
+        declared_terms(recording.replace(effects={"mag.scael": (0.1,)}))
+
+
+def test_scores_of_a_clean_flight_are_normal(flown) -> None:
+    """b' Lambda^-1 b over all candidates: chi-square with as many degrees of freedom as directions that are seen."""
+    found = flown[3]
+    Lambda, b = found.total
+    scale = 1.0 / np.sqrt(np.diag(Lambda).clip(1e-300))
+    w, Q = np.linalg.eigh(Lambda * np.outer(scale, scale))
+    seen = w > 1e-6
+    z = (Q.T @ (b * scale))[seen] / np.sqrt(w[seen])
+    assert abs(np.mean(z**2) - 1.0) < 3.3 * np.sqrt(2.0 / seen.sum())

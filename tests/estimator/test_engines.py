@@ -1,0 +1,112 @@
+"""The two engines hold the same equations; the compiled one keeps its covariance symmetric and positive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.compiled import CompiledRun
+from estimator.error_dynamics import transition
+from estimator.filter import outputs_for, prepare, run, run_filter
+from estimator.flight_model import flight_model
+from estimator.journal import Journal
+from estimator.strapdown import strapdown_step
+from sensors.recording import SensorSpec
+from tests.estimator.analytic_flight import RATES, SPECS, fly
+
+AGREEMENT = 1e-9  # of sigma + |value|
+ROUNDING = 1e-7  # of central differences
+TRIOS = {
+    "all aiding": {},
+    "heights only": {"sensors": ("mag", "sonar", "baro"), "rates": {**RATES, "sonar": 20.0}},
+    "attitude only": {"sensors": ("mag",)},
+    "range biases": {
+        "sensors": ("mag", "laser", "gps"),
+        "specs": {**SPECS, "laser": SensorSpec(noise_std=0.02, bias_std=0.1, bias_walk=1e-3)},
+    },
+}  # fmt: skip
+
+
+def difference(a: Journal, b: Journal) -> float:
+    """Largest difference of states in units of sigma + |value|."""
+    worst = 0.0
+    for x, y, var in ((a.x, b.x, a.var), (a.imu_x, b.imu_x, a.imu_var)):
+        s = np.sqrt(var)
+        sigma = np.concatenate([s[:, :6], s[:, 6:9].max(axis=1, keepdims=True).repeat(4, axis=1), s[:, 9:]], axis=1)
+        worst = max(worst, float(np.max(np.abs(x - y) / (sigma + np.abs(x)))))
+    return worst
+
+
+@pytest.mark.parametrize("case", TRIOS)
+def test_engines_agree(case: str) -> None:
+    recording, _ = fly(5, duration=5.0, **TRIOS[case])
+    model = flight_model(recording, robust_level=1e-2, gate_level=1e-3)
+    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    assert difference(fast, slow) < AGREEMENT
+    assert np.array_equal(fast.status, slow.status)
+
+
+def test_engines_agree_with_effects_and_earth_rotation() -> None:
+    recording, _ = fly(6, duration=3.0)
+    environment = replace(recording.environment, earth_rotation=True)
+    recording = recording.replace(environment=environment, origin=(40.0, 116.0, 50.0))
+    betas = {"accel.scale": [0.02, 0.0, 0.01], "gps.lever_arm": [0.3, 0.1, -0.2], "laser.boresight": [0.03, -0.02]}
+    fast, slow = (
+        run_filter(recording, flight_model(recording), betas, engine=e, passes=2) for e in ("numba", "filterpy")
+    )
+    assert difference(fast, slow) < AGREEMENT
+
+
+def test_phi_is_the_derivative_of_the_step() -> None:
+    """But for the derivative of the coning term by the gyroscope's bias, which Phi leaves out."""
+    recording, _ = fly(7, duration=1.0)
+    model = flight_model(recording)
+    layout, rng = model.layout, np.random.default_rng(1)
+    x = prepare(recording, model).x
+    u0, u1, h = rng.normal(size=6), rng.normal(size=6), 0.02
+    x1, step = strapdown_step(x, u0, u1, h, model.g_n, model.w_ie_n)
+    Phi = transition(step, layout.n)
+    left_out = h * h / 12.0 * float(np.linalg.norm(u0[3:] - u1[3:]))
+    for j in range(layout.n):
+        d = np.zeros(layout.n)
+        d[j] = 1e-6
+        ends = [strapdown_step(layout.retract(x, s * d), u0, u1, h, model.g_n, model.w_ie_n)[0] for s in (1.0, -1.0)]
+        column = (layout.difference(ends[0], x1) - layout.difference(ends[1], x1)) / 2e-6
+        assert np.max(np.abs(column - Phi[:, j])) < (left_out if 12 <= j < 15 else 0.0) + ROUNDING
+
+
+def test_covariance_stays_symmetric_and_positive() -> None:
+    recording, _ = fly(8, duration=60.0)
+    journal = run_filter(recording, flight_model(recording), engine="numba", stride=0)
+    assert np.array_equal(journal.P_end, journal.P_end.T)
+    scale = 1.0 / np.sqrt(np.diag(journal.P_end))
+    assert np.linalg.eigvalsh(journal.P_end * np.outer(scale, scale)).min() > 0.0
+
+
+def test_cutting_an_interval_leaves_the_noise_alone() -> None:
+    """Readings of no weight cut the IMU's intervals; the covariance at the end is that of the uncut run."""
+    specs = {**SPECS, "baro": SensorSpec(noise_std=1e9, bias_std=2.0, bias_walk=0.02)}
+    recording, _ = fly(9, duration=4.0, specs=specs)
+    cut = run_filter(recording, flight_model(recording), engine="numba")
+    whole = run_filter(recording, flight_model(recording, use=("gps", "mag", "laser")), engine="numba")
+    ratio = np.diag(cut.P_end)[:21] / np.diag(whole.P_end)[:21]
+    assert np.max(np.abs(ratio - 1.0)) < 1e-4
+
+
+def test_chunks_give_the_same_bits() -> None:
+    recording, _ = fly(10, duration=4.0)
+    inputs = prepare(recording, flight_model(recording))
+    whole, outputs = run(inputs, "numba"), outputs_for(inputs)
+    engine = CompiledRun(inputs, outputs)
+    for i0, i1 in ((0, 123), (123, 500), (500, len(inputs.imu) - 1)):
+        engine.chunk(i0, i1)
+    assert np.array_equal(engine.result()[0], whole.x_end)
+
+
+def test_noise_free_flight_has_no_innovations() -> None:
+    recording, truth = fly(3, duration=20.0, noise=0.0)
+    journal = run_filter(recording, flight_model(recording), engine="numba")
+    assert np.max(np.abs(journal.white)) < 0.02
+    assert np.max(np.abs(journal.imu_x[-1, :3] - truth[-1, :3])) < 1e-3
