@@ -200,10 +200,26 @@ def calibrate_norm(
         sse_before=float(np.sum((np.linalg.norm(readings, axis=1) - norm) ** 2)),
     )
     T_seen = axes_matrix(fit.x[:9])
+    _require_centre(readings, (readings + fit.x[3:6]) * fit.x[:3] @ T_seen.T, where)
     T = T_seen.copy()
     if np.any(~np.isfinite(fit.std[9:])):
         T[~np.eye(3, dtype=bool)] = np.nan
     return Calibration(sensor, T, fit.x[:3], fit.x[3:6], fit, axes, len(readings), normalised_by, T_seen)
+
+
+def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) -> None:
+    """Raise if the fit ran away: seen from far outside, all readings have one length and one direction.
+
+    A norm with free scales and offsets has a second minimum at infinity. Readings in a narrow cone slide there; those that
+    surround their centre do not.
+    """
+
+    def spread(v: FloatArray) -> float:
+        e = v / np.linalg.norm(v, axis=1, keepdims=True)
+        return float(np.sqrt(np.sum(np.var(e, axis=0))))
+
+    if spread(calibrated) < 0.5 * spread(readings):
+        raise InputError(where, "directions too much alike to fix scale and offset", "readings all round the sphere")
 
 
 def _require_spread(readings: FloatArray, where: str) -> None:

@@ -183,3 +183,11 @@ def test_spread_of_the_path(tmp_path: Path) -> None:
     readings = np.array([0.0, 0.0, -9.8]) + 0.02 * rng.standard_normal((50, 3))
     with pytest.raises(InputError, match="turn the sensor"):
         calibrate_norm("accel", readings, 9.8, where=str(tmp_path))
+
+
+@pytest.mark.measured
+@pytest.mark.usefixtures("measured_data")
+def test_readings_in_a_narrow_cone_are_refused_and_not_fitted_from_infinity() -> None:
+    """The autopilot turned about its pitch axis alone: the free minimum lies seventy times gravity away."""
+    with pytest.raises(InputError, match="all round the sphere"):
+        course("accdata.mat", 9.8)
