@@ -17,7 +17,7 @@ from sensors.errors import InputError
 from sensors.gps import BaseReceiver
 from sensors.model import SensorModel
 from sensors.motion import Motion
-from sensors.recording import Recording, SensorSpec
+from sensors.recording import Recording
 from sensors.scenario import Scenario
 from sensors.sonar import Sonar
 
@@ -85,19 +85,22 @@ def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
     return _case(recording, model, None, motion, stretches.of_scenario(scenario), heard)
 
 
-def case_of_recording(recording: Recording, specs: Mapping[str, SensorSpec] | None = None) -> Case:
+def case_of_recording(recording: Recording) -> Case:
     """A recording along the motion that all its readings together give; readings that the filter refused do not count.
 
-    Parameters
-    ----------
-    recording : a flight
-    specs : noise that was estimated elsewhere, by sensor
+    Noise that the recording does not declare is estimated from it.
+
+    Raises
+    ------
+    InputError : not a flight, or what the noise cannot be estimated from
     """
+    from calibration.noise_levels import fit_noise_levels
     from estimator.filter import run_filter
     from estimator.smoother import estimated_motion
 
     recording, notes = _shortened(recording)
-    model = flight_model(recording, specs=specs)
+    fit = fit_noise_levels(recording)
+    model = flight_model(recording, specs=fit.specs)
     journal = run_filter(recording, model, engine="numba")
     motion = estimated_motion(journal)
     used = {
@@ -109,7 +112,7 @@ def case_of_recording(recording: Recording, specs: Mapping[str, SensorSpec] | No
         column = stream["range"] if "range" in stream else stream["range_0"]
         heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
     case = _case(recording, model, used, lambda t: motion, (), heard)
-    return replace(case, along="smoothed", notes=(*case.notes, *notes))
+    return replace(case, along="smoothed", notes=(*case.notes, *fit.notes, *notes))
 
 
 def _case(

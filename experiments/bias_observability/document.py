@@ -207,7 +207,7 @@ def summary(study: Study) -> str:
         f"{len(found.labels)}, {study.strong} directions narrowed to half their prior sigma or less",
     ]
     lines += [f"  weak: {w.direction.sentence}" for w in study.weaknesses if w.sensors == study.case.aboard]
-    lines.append("  bias             sigma at the start -> at the end, half of it after, brought by")
+    lines.append("  bias             sigma at the start → at the end, half of it after, brought by")
     for state in study.biases:
         lines.append(
             f"    {name_of(state.label):16} {sigma_change(state)}, {halved_in_words(state)}, {state.brought_by or '-'}"
@@ -218,10 +218,10 @@ def summary(study: Study) -> str:
 
 
 def sigma_change(state: BiasStudy) -> str:
-    """`0.1 -> 0.0026 m/s²`."""
+    """`0.1 → 0.0026 m/s²`."""
     before, after = (shown(state.label, value) for value in (state.prior, state.posterior))
     unit = unit_of(state.label)
-    return f"{before:.2g} -> {after:.2g}" + (f" {unit}" if unit else "")
+    return f"{before:.2g} → {after:.2g}" + (f" {unit}" if unit else "")
 
 
 def halved_in_words(state: BiasStudy) -> str:
