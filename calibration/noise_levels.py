@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calibration.compass import compass_of
 from calibration.noise_start import datum, imu_density, reading_noise, scatter
 from estimator.events import collect
 from estimator.filter import prepare, run
@@ -30,7 +31,8 @@ MAG_BIAS_STD = 0.15
 WALK_START = 0.05
 #: How far a level may move from its first guess, as a factor. Upwards a noise ends where it would be all that was read.
 #: A walk ends where the bias would wander by its own 1-sigma in this time [s]: what moves faster is no bias.
-NOISE_DOWN = 0.05
+NOISE_DOWN = {"accel": 0.5, "gyro": 0.5}
+AIDING_DOWN = 0.05
 WALK_DOWN = 1e-3
 LEAST_WANDER = 60.0
 #: Zeros of two height sensors that differ by more than this are taken as a bias of the one that is not the GPS [m].
@@ -46,7 +48,12 @@ MOST_ITERATIONS = 40
 #: Passes that bring the NIS of each stream to one, and how near.
 POLISH_PASSES, POLISHED = 20, 0.02
 
+#: Walk of a consumer gyroscope's bias that nothing but a magnetometer or `level` watches [rad/s/sqrt(s)]: what its scale
+#: and its g-sensitivity make of turns moves the bias far more than the walk of a data sheet does (1e-5).
+UNWATCHED_WALK = 1e-4
+
 Key = tuple[str, str]
+HEIGHTS = ("baro", "sonar", "laser")
 _PART = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}  # of a GPS reading
 
 
@@ -102,8 +109,12 @@ def fit_noise_levels(recording: Recording) -> NoiseFit:
     specs, missing, assumed = first_guess(recording)
     if not missing:
         return NoiseFit(specs, (), assumed)
-    problem = _Problem(recording, specs, tuple(missing))
-    theta = problem.maximise(np.zeros(len(missing)))
+    sought = [key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS]
+    if not sought:
+        journal = run(prepare(recording, flight_model(recording, specs=specs)), "numba", stride=0)
+        return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1)
+    problem = _Problem(recording, specs, tuple(sought))
+    theta = problem.maximise(np.zeros(len(sought)))
     theta = problem.upper_walks(theta)
     theta = problem.polished(theta)
     journal = problem.journal(theta, gate_level=GATE_LEVEL, robust_level=None)
@@ -146,7 +157,33 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
     for name, key in [*missing, *assumed]:
         specs[name] = replace(specs[name], **{key: {**believed, **found}[name, key]})
+    if "gps" not in streams:
+        return _without_position(recording, specs, missing, assumed)
     return specs, missing, tuple(assumed)
+
+
+def _without_position(
+    recording: Recording, specs: dict[str, SensorSpec], missing: list[Key], assumed: list[Key]
+) -> tuple[dict[str, SensorSpec], list[Key], tuple[Key, ...]]:
+    """Levels of a log whose tilt only `level` sees, and whose heading only the magnetometer.
+
+    The errors of both are colour: accelerations, and what the field of the room and the soft iron do. Whitened
+    innovations would there mean a gyroscope so noisy that it follows them. So the IMU's noise is that at rest, the
+    magnetometer's what leaves its averages as uncertain as they are (its NIS is then far below one), and the likelihood
+    finds the height sensors' alone. A bias of the accelerometer cannot be told from the mean acceleration in the body,
+    which a circling hand makes: it counts as known, and `level` bears it.
+    """
+    given: dict[Key, float] = {("accel", "bias_std"): 0.0, ("accel", "bias_walk"): 0.0, ("gyro", "bias_walk"): UNWATCHED_WALK}
+    if "mag" in recording.streams:
+        compass = compass_of(recording)
+        given["mag", "noise_std"] = compass.noise_std
+        given["mag", "bias_std"] = float(np.max(np.hypot(compass.offset, compass.std)))
+        given["mag", "bias_walk"] = 0.0
+    for (name, key), value in given.items():
+        if (name, key) in missing or (name, key) in assumed:
+            specs[name] = replace(specs[name], **{key: value})
+    by_rule = [key for key in missing if key in given and key != ("mag", "noise_std")]
+    return specs, [key for key in missing if key not in by_rule], (*assumed, *by_rule)
 
 
 @dataclass
@@ -169,7 +206,7 @@ class _Problem:
             assert spec.bias_walk is not None and spec.bias_std is not None
             size = min(spec.bias_std, BIAS_STD.get(name, np.inf))
             return WALK_DOWN, max(size / np.sqrt(LEAST_WANDER) / spec.bias_walk, 2.0 * WALK_DOWN)
-        return NOISE_DOWN, max(scatter(self.recording, name, key) / getattr(self.start[name], key), 2.0)
+        return NOISE_DOWN.get(name, AIDING_DOWN), max(scatter(self.recording, name, key) / getattr(self.start[name], key), 2.0)
 
     def specs_of(self, theta: FloatArray) -> dict[str, SensorSpec]:
         specs = dict(self.start)

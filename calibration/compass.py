@@ -1,0 +1,152 @@
+"""What a log says of its own magnetometer: hard iron, norm and dip of the field, where it was disturbed, how its errors last.
+
+Found without an attitude: |m - b| is the field's norm, and (m - b) . down its vertical part, whatever the heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensors.arrays import BoolArray, FloatArray
+from sensors.errors import InputError
+from sensors.recording import ACCEL, MAG, Recording, Stream
+
+#: Specific force within this of gravity counts as showing where down is [m/s^2]; a tenth of gravity, 6 deg.
+STEADY = 1.0
+#: Passes of the robust fit, and the residual, in robust sigmas, from which a row loses weight (Cauchy).
+PASSES, BEND = 20, 2.0
+#: Errors of a compass that is turned about (soft iron, axes, the room) come back with the pose and do not average out
+#: within the memory of an attitude filter, tens of seconds: so many seconds of readings count as one.
+LASTING = 30.0
+#: Shorter logs are cut into so many blocks instead.
+LEAST_BLOCKS = 4
+#: A stretch is disturbed where the norm, averaged over `SMOOTH` seconds, is this many robust sigmas off; what is within
+#: `AROUND` seconds of it counts as disturbed as well.
+DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
+#: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
+HARMLESS = 0.01
+
+
+@dataclass(frozen=True)
+class Compass:
+    """A magnetometer as its log shows it.
+
+    Attributes
+    ----------
+    offset, std : (3,) hard iron and its 1-sigma [unit of the readings]
+    norm, dip : of the field [unit], [rad, positive down]
+    disturbed : (n,) readings whose norm is not the field's
+    scatter : standard deviation of the norm of one undisturbed reading [unit]
+    noise_std : white noise of one reading that leaves averages as uncertain as they are [unit]
+    """
+
+    offset: FloatArray
+    std: FloatArray
+    norm: float
+    dip: float
+    disturbed: BoolArray
+    scatter: float
+    noise_std: float
+
+    @property
+    def m_n(self) -> FloatArray:
+        """(3,) field; north is magnetic north."""
+        return self.norm * np.array([np.cos(self.dip), 0.0, np.sin(self.dip)])
+
+
+def compass_of(recording: Recording) -> Compass:
+    """Fit hard iron, norm and dip; find disturbed stretches; fit again without them.
+
+    |m|^2 = 2 b . m + (|B|^2 - |b|^2)    and    m . down = b . down + |B| sin(dip)
+
+    are linear in b and the two constants. down = -f / |f| where |f| is near gravity. Cauchy weights, because either line
+    has outliers (accelerations, steel). Directions of b that the log's turns do not show keep a large `std`.
+
+    Raises
+    ------
+    InputError : no `mag` or `imu`
+    """
+    for name in ("mag", "imu"):
+        if name not in recording.streams:
+            raise InputError(recording.where, f"no stream {name}", "a magnetometer and an IMU")
+    mag, imu = recording.streams["mag"], recording.streams["imu"]
+    f = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
+    m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
+    disturbed = np.zeros(len(m), dtype=bool)
+    for _ in range(2):
+        b, std, norm, dip = _fit(m, f, ~disturbed, rate)
+        error = np.linalg.norm(m - b, axis=1) - norm
+        disturbed = _disturbed(error, rate, norm)
+    clean = error[~disturbed]
+    scatter = float(np.sqrt(np.mean(clean**2)))
+    noise = _lasting(mag.t[~disturbed], clean) * np.sqrt(max(LASTING * rate, 1.0))
+    return Compass(b, std, norm, dip, disturbed, scatter, float(noise))
+
+
+def corrected(recording: Recording, compass: Compass) -> Recording:
+    """The recording with the hard iron taken off, without the disturbed readings, with the field that was found.
+
+    A field that the recording declares stays. What was done is in the recording's notes.
+    """
+    mag = recording.streams["mag"]
+    columns = {**mag.columns, **{name: mag[name] - b for name, b in zip(MAG, compass.offset, strict=True)}}
+    m_n = recording.environment.magnetic_field
+    words = ", ".join(f"{b:.4g}" for b in compass.offset)
+    notes = [f"mag: hard iron ({words}) found from the log and taken off"]
+    count = int(np.sum(compass.disturbed))
+    if count:
+        notes.append(f"mag: {count} readings left out: the norm is not the field's")
+    return recording.replace(
+        streams={**recording.streams, "mag": Stream(mag.t, columns).rows(~compass.disturbed)},
+        environment=replace(recording.environment, magnetic_field=compass.m_n if m_n is None else m_n),
+        notes=(*recording.notes, *notes),
+    )
+
+
+def _fit(m: FloatArray, f: FloatArray, used: BoolArray, rate: float) -> tuple[FloatArray, FloatArray, float, float]:
+    """Hard iron, its 1-sigma, norm and dip."""
+    unit = float(np.median(np.linalg.norm(m[used], axis=1)))
+    m, force = m / unit, np.linalg.norm(f, axis=1)
+    steady = used & (np.abs(force - np.median(force)) < STEADY)
+    down = -f / np.maximum(force, 1e-9)[:, None]
+    zero, one = np.zeros((len(m), 1)), np.ones((len(m), 1))
+    A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
+    y = np.concatenate([np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
+    w, sigma = np.ones(len(y)), 1.0
+    for _ in range(PASSES):
+        x = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
+        residual = y - A @ x
+        sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+        w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
+    information = (A * w[:, None]).T @ (A * w[:, None])
+    repeats = max(LASTING * rate, 1.0)
+    covariance = np.linalg.pinv(information, hermitian=True) * sigma**2 * repeats
+    b = x[:3]
+    norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
+    std = np.sqrt(np.diag(covariance)[:3])
+    return b * unit, std * unit, norm * unit, float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0)))
+
+
+def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
+    """(n,) rows in and around stretches in which the averaged norm is off."""
+    window = max(round(SMOOTH * rate), 1)
+    average = np.convolve(error, np.full(window, 1.0 / window), mode="same")
+    sigma = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * norm)
+    off = np.abs(average) > DISTURBED * sigma
+    reach = max(round(AROUND * rate), 1)
+    near = np.convolve(off.astype(float), np.ones(2 * reach + 1), mode="same") > 0.5
+    return np.asarray(near & (np.mean(near) < 0.5))  # more than half disturbed: then the fit is what is wrong
+
+
+def _lasting(t: FloatArray, error: FloatArray) -> float:
+    """Root mean square of what is left of an error that is averaged over `LASTING` seconds.
+
+    The norm shows one component of three, which turns about with the body: the others are as large.
+    """
+    length = min(LASTING, (t[-1] - t[0]) / LEAST_BLOCKS)
+    block = ((t - t[0]) / length).astype(int)
+    count, total = np.bincount(block), np.bincount(block, error)
+    mean = total[count > 0] / count[count > 0]
+    return float(np.sqrt(np.mean(mean**2)))
