@@ -41,4 +41,7 @@ def case_of(text: str, map_file: Path | None = None) -> Case:
         return case_of_scenario(scenario)
     from experiments.datasets import resolve
 
+    if map_file is None and "/" not in text and not Path(text).exists():
+        names = ", ".join(scenario_names())
+        raise InputError(text, "no such scenario, file or folder", f"a log, DATASET/FILE, or one of {names}")
     return case_of_recording(resolve(text, map_file))

@@ -33,8 +33,8 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
     made = {
         "curves": (
             figures.sigma_curves(study),
-            "Uncertainty of every bias over time; above, what is flown. A fall is information, a rise is the bias's own "
-            "random walk. The dashed line is half of what was known before the flight.",
+            "Uncertainty of every bias over time; above, what is flown. A fall is information, a rise is the bias's "
+            "own random walk. The dashed line is half of what was known before the flight.",
         ),
         "gains": (
             figures.gain_map(study),
@@ -43,30 +43,30 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
         ),
         "singular values": (
             figures.singular_values(study),
-            "What the readings alone know of each direction of the first state. On the dashed line they know three times "
-            "as much as was known before, which halves sigma.",
+            "What the readings alone know of each direction of the first state. On the dashed line they know three "
+            "times as much as was known before, which halves sigma.",
         ),
         "sensors": (
             figures.subset_map(study),
-            "Every set of the sensors, those that know least on the left: what it leaves of each bias's sigma at the end.",
+            "Every set of the sensors, those that know least on the left: what it leaves of each bias's sigma.",
         ),
     }
     if any(weakness.sensors == study.case.aboard for weakness in study.weaknesses):
         made["weak directions"] = (
             figures.weak_parts(study),
-            "What each direction that is not seen is made of, in units of each state's prior sigma. Moving these states "
-            "together changes no reading, or hardly any.",
+            "What each direction that is not seen is made of, in units of each state's prior sigma. Moving these "
+            "states together changes no reading, or hardly any.",
         )
     if study.catalogue is not None:
         made["catalogue"] = (
             figures.catalogue_map(study),
-            f"The same sensors and the same prior on every flight of the catalogue, the best flight on the left: per cent of "
-            f"the prior sigma that {study.catalogue.horizon:.0f} s of it leave.",
+            f"The same sensors and the same prior on every flight of the catalogue, the best flight on the left: per "
+            f"cent of the prior sigma that {study.catalogue.horizon:.0f} s of it leave.",
         )
     if "base" in study.found.readings:
         made["base"] = (
             figures.base_curves(study),
-            f"What a base receiver with {study.case.rates['base']:g} Hz adds: it reads the error that both receivers share.",
+            f"What a base receiver with {study.case.rates['base']:g} Hz adds: it reads the error that both share.",
         )
     return made
 
@@ -170,8 +170,8 @@ def _base(page: Page, study: Study, made: dict[str, tuple[Figure, str]]) -> None
     without, beside = base_places(study)
     aboard = "base" in study.case.aboard
     page.text(
-        "GPS reads position plus bias: the two move together and no flight separates them. A receiver at a known place reads "
-        "the bias alone." + ("" if aboard else " There is none in this recording; the figure imagines one.")
+        "GPS reads position plus bias: the two move together and no flight separates them. A receiver at a known place "
+        "reads the bias alone." + ("" if aboard else " There is none in this recording; the figure imagines one.")
     )
     page.figure(*made["base"])
     rows = []
