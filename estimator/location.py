@@ -109,8 +109,8 @@ def locate(
     begin = first_position(ranges, z, group, allowed) if start is None else start
     result = fixes(allowed, nothing, coarse_variance, begin)
     if exclude:
-        kept, _ = exclude_faults(lambda used: fixes(used, nothing, coarse_variance, begin), allowed, ranges, group)
-        result = fixes(kept, nothing, coarse_variance, begin) if (kept != allowed).any() else result
+        again = functools.partial(fixes, delay=nothing, weight=coarse_variance, begin=begin)
+        result = exclude_faults(again, allowed, result, ranges, group, coarse_variance)[1]
     position = filled(result.position)
     for _ in range(MOST_PASSES):
         motion = circumstances(ranges, position)
@@ -124,16 +124,14 @@ def locate(
             weight = code_variance(ranges, elevation, ionosphere)
             field = ionosphere_left(motion, ionosphere) if IONOSPHERE in names else None
         result = fixes(allowed & (elevation > mask), delay, weight, position, field)
-        moved = np.nanmax(np.abs(result.position - position), initial=0.0)
+        moved = np.nan_to_num(np.abs(result.position - position)).max(initial=0.0)
         position = np.where(np.isfinite(result.position), result.position, position)
         if not moved > 10.0 * CONVERGED:
             break
     above = allowed & (elevation > mask)
-    used = above
-    if exclude:
-        again = functools.partial(fixes, delay=delay, weight=weight, begin=position, field=field)
-        used, result = exclude_faults(again, above, ranges, group, weight, field)
-    checks = check(result, ranges.position, ranges.epoch, group, weight, field)
+    again = functools.partial(fixes, delay=delay, weight=weight, begin=position, field=field)
+    most = MOST_EXCLUDED if exclude else 0
+    used, result, checks = exclude_faults(again, above, result, ranges, group, weight, field, most)
     return Location(
         ranges,
         result,
@@ -170,22 +168,31 @@ def filled(position: FloatArray) -> FloatArray:
 def exclude_faults(
     solver: Callable[[BoolArray], Fixes],
     used: BoolArray,
+    result: Fixes,
     ranges: Pseudoranges,
     group: IntArray,
-    variance: FloatArray | None = None,
+    variance: FloatArray,
     field: FloatArray | None = None,
-) -> tuple[BoolArray, Fixes]:
+    most: int = MOST_EXCLUDED,
+) -> tuple[BoolArray, Fixes, Integrity]:
     """Leave out, epoch by epoch, the satellite with the largest w until the test passes.
 
     With a redundancy of one all w are equal: an error is seen but cannot be ascribed, and nothing is left out.
+
+    Parameters
+    ----------
+    solver : fixes with the given rows
+    used, result : rows, and the fixes with them
+    ranges, group, variance, field : of the fixes
+    most : satellites that are left out of one epoch
     """
-    weight = np.full(len(ranges), COARSE**2) if variance is None else variance
     used = used.copy()
-    result = solver(used)
-    for _ in range(MOST_EXCLUDED):
-        worst = worst_rows(check(result, ranges.position, ranges.epoch, group, weight, field), result, ranges.epoch)
+    checks = check(result, ranges.position, ranges.epoch, group, variance, field)
+    for _ in range(most):
+        worst = worst_rows(checks, result, ranges.epoch)
         if not len(worst):
             break
         used[worst] = False
         result = solver(used)
-    return used, result
+        checks = check(result, ranges.position, ranges.epoch, group, variance, field)
+    return used, result, checks
