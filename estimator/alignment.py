@@ -1,10 +1,8 @@
 """The first state: from what the recording declares, and what it does not declare from its first readings.
 
-Attitude from the mean specific force (down) and the field (heading), with the covariance that the sensors' biases,
-their
-noise and the motion during the window leave, and its correlation with the biases. Position and velocity from the first
-readings of GPS and barometer, with a sigma so wide that using the same reading again as an update does not count it
-twice.
+Attitude from the mean specific force (down) and the field (heading), with the covariance that the biases of the sensors,
+their noise and the motion during the window leave, and its correlation with the biases. Position and velocity from the
+first readings of GPS and barometer, with a sigma so wide that using them again as updates does not count them twice.
 """
 
 from __future__ import annotations
@@ -16,11 +14,20 @@ import numpy as np
 from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
-from sensors.rotation import quaternion_conjugate, quaternion_from_matrix, quaternion_log, quaternion_multiply
+from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sensors.rotation import (
+    quaternion_conjugate,
+    quaternion_exp,
+    quaternion_from_matrix,
+    quaternion_interpolate,
+    quaternion_log,
+    quaternion_multiply,
+    rotate,
+)
 
 WINDOW = 1.0  # s, over which the first specific force and field are averaged
 WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
+AT_REST = 4.0  # times the noise: what a sensor at rest may scatter or stand off zero
 UNKNOWN_ATTITUDE = np.pi / np.sqrt(3.0)  # rad, of a heading that nothing shows: uniform over the circle
 UNKNOWN_VELOCITY = 5.0  # m/s, of a body of which nothing is known but that it is carried or flies
 UNKNOWN_POSITION = 1.0  # m, along axes that nothing aids: the origin is where the recording starts
@@ -68,62 +75,117 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
     return x, P
 
 
-def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, m_n: FloatArray) -> FloatArray:
-    """(4,) q_nb whose down is -f_b and whose heading turns m_b to the azimuth of m_n; no field: heading zero.
+def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray) -> FloatArray:
+    """(4,) q_nb that turns f_b exactly, and m_b as nearly as it can, to f_n and m_n; no field: north is ahead (TRIAD).
 
-    Rows of C_nb are north, east and down in the body: down = -f / |f|, then the field's horizontal part (TRIAD).
+    Source: M. D. Shuster, S. D. Oh, J. Guidance 4(1), 1981, eqs. 6 to 14.
     """
-    down = -f_b / np.linalg.norm(f_b)
-    azimuth = 0.0
     if m_b is None:
-        seen = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    else:
-        seen, azimuth = m_b, np.arctan2(m_n[1], m_n[0])
-    level = seen - (seen @ down) * down
-    ahead = level / np.linalg.norm(level)
-    right = np.cross(down, ahead)
-    north = np.cos(azimuth) * ahead - np.sin(azimuth) * right
-    east = np.sin(azimuth) * ahead + np.cos(azimuth) * right
-    return quaternion_from_matrix(np.stack([north, east, down]))
+        m_b, m_n = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+        if abs(f_b[0]) > 0.9 * np.linalg.norm(f_b):
+            m_b = np.array([0.0, 1.0, 0.0])
+    return quaternion_from_matrix(_triad(f_n, m_n) @ _triad(f_b, m_b).T)
+
+
+def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(3, 3) orthonormal columns along `first`, across both, and the third."""
+    a = first / np.linalg.norm(first)
+    across = np.cross(a, second)
+    b = across / np.linalg.norm(across)
+    return np.stack([a, b, np.cross(a, b)], axis=1)
 
 
 def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with b_accel and b_mag.
 
-    d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + n): J from differences of the construction itself; a is the
-    motion,
-    as large as the mean force misses gravity and as the force scatters. The field counts with the noise of one reading,
-    since the filter uses the same readings again.
+    Force and field are turned back to the first instant with the gyroscope and averaged; the force is that of gravity
+    and,
+    where a GPS gives velocities, of the acceleration between them.
 
-    Neglects accel.scale, accel.misalignment and every mag.* effect; turns during the window.
+        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + n)
+
+    J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
+    The field
+    counts with the noise of one reading, since the filter uses the same readings again.
+
+    Neglects accel.scale, accel.misalignment and every mag.* effect; the gyroscope's bias over the window.
     """
     imu = recording.streams["imu"]
-    window = imu.t <= imu.t[0] + WINDOW
-    f = imu.array(ACCEL)[window]
-    f_b, m_b = f.mean(axis=0), None
+    t0, window = imu.t[0], imu.t <= imu.t[0] + WINDOW
+    turn = _turned_since_start(imu.t[window], imu.array(GYRO)[window])
+    f = rotate(turn, imu.array(ACCEL)[window])
+    f_b = f.mean(axis=0)
     if np.linalg.norm(f_b) < 0.1 * np.linalg.norm(model.g_n):
         raise InputError(recording.where, "free fall in the first second", "[initial] quaternion", "stream imu")
-    magnetic = "mag" in model.sensors and float(np.hypot(*model.m_n[:2])) > 0.0
-    if magnetic:
+    a_n, spread = _acceleration(recording, model)
+    at_rest = _at_rest(f, imu.array(GYRO)[window], model)
+    if spread is None:
+        a_n, spread = np.zeros(3), _unknown_acceleration(f, f_b, model, at_rest)
+    f_n, m_b = a_n - model.g_n, None
+    if "mag" in model.sensors and float(np.hypot(*model.m_n[:2])) > 0.0:
         stream = recording.streams["mag"]
-        near = np.argsort(np.abs(stream.t - imu.t[0] - 0.5 * WINDOW))[
-            : max(1, int(np.sum(stream.t <= imu.t[0] + WINDOW)))
-        ]
-        m_b = stream.array(MAG)[near].mean(axis=0)
-    q = attitude_from_vectors(f_b, m_b, model.m_n)
-    J_f = _differences(lambda v: attitude_from_vectors(v, m_b, model.m_n), f_b, q)
-    motion = np.hypot(np.linalg.norm(f_b) - np.linalg.norm(model.g_n), np.std(f, axis=0).max())
-    spread = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + motion**2
-    covariance = spread * J_f @ J_f.T
+        near = np.flatnonzero((stream.t >= t0) & (stream.t <= t0 + WINDOW))
+        near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t0)))])
+        back = quaternion_interpolate(np.clip(stream.t[near], t0, imu.t[window][-1]), imu.t[window], turn)
+        m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    q = attitude_from_vectors(f_b, m_b, f_n, model.m_n)
+    J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
+    noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
+    covariance = noise * J_f @ J_f.T
     cross = {"b_accel": -(model.accel.bias_std**2) * J_f}
     if m_b is None:
-        covariance += UNKNOWN_ATTITUDE**2 * np.outer(-f_b, -f_b) / (f_b @ f_b)
+        covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
         return q, covariance, cross
-    mag = model.sensors["mag"]
+    mag, field_b = model.sensors["mag"], m_b
     bias_std = 0.0 if mag.bias is None else mag.bias.std
-    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, model.m_n), m_b, q)
-    covariance += (bias_std**2 + float(mag.R[0, 0])) * J_m @ J_m.T
+    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
+    covariance = covariance + (bias_std**2 + float(mag.R[0, 0])) * J_m @ J_m.T
     return q, covariance, {**cross, "b_mag": -(bias_std**2) * J_m}
+
+
+def _turned_since_start(t: FloatArray, w: FloatArray) -> FloatArray:
+    """(n, 4) attitude relative to the first instant, from the rates (n, 3)."""
+    turn = np.zeros((len(t), 4))
+    turn[0, 0] = 1.0
+    steps = quaternion_exp(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
+    for k, step in enumerate(steps):
+        turn[k + 1] = quaternion_multiply(turn[k], step)
+    return turn
+
+
+def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:
+    """Mean acceleration over the window from the GPS velocities around it [m/s^2], and its 1-sigma; None: not known."""
+    if "gps" not in model.sensors or not recording.streams["gps"].has(VELOCITY):
+        return np.zeros(3), None
+    gps, t0 = recording.streams["gps"], recording.streams["imu"].t[0]
+    i0, i1 = int(np.argmin(np.abs(gps.t - t0))), int(np.argmin(np.abs(gps.t - t0 - WINDOW)))
+    missed = abs(gps.t[i0] - t0) + abs(gps.t[i1] - t0 - WINDOW)
+    if i1 == i0 or missed > 0.5 * WINDOW:
+        return np.zeros(3), None
+    v = gps.array(VELOCITY)
+    span = float(gps.t[i1] - gps.t[i0])
+    a_n = (v[i1] - v[i0]) / span
+    return a_n, float(np.sqrt(2.0 * model.sensors["gps"].R[3, 3]) / span + np.linalg.norm(a_n) * missed / WINDOW)
+
+
+def _at_rest(f: FloatArray, w: FloatArray, model: FlightModel) -> bool:
+    """Whether force and rate scatter and stand as those of instruments at rest."""
+    quiet = np.all(np.std(f, axis=0) < AT_REST * model.accel.sigma) and np.all(
+        np.std(w, axis=0) < AT_REST * model.gyro.sigma
+    )
+    return bool(quiet and np.all(np.abs(w.mean(axis=0)) < AT_REST * (model.gyro.bias_std + model.gyro.sigma)))
+
+
+def _unknown_acceleration(f: FloatArray, f_b: FloatArray, model: FlightModel, at_rest: bool) -> float:
+    """1-sigma per axis of the mean acceleration, of which nothing is known but what the force shows [m/s^2].
+
+    At rest none. In motion a horizontal acceleration a makes |f|^2 = g^2 + a^2, and what changes over the window
+    shows too.
+    """
+    if at_rest:
+        return 0.0
+    g = float(np.linalg.norm(model.g_n))
+    return float(np.hypot(np.sqrt(abs(f_b @ f_b - g * g) / 2.0), np.std(f, axis=0).max()))
 
 
 def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q: FloatArray) -> FloatArray:

@@ -2,9 +2,8 @@
 
 Between two samples specific force and rate are taken as linear (or, for averaged samples, as constant over the interval
 before the stamp). With linear interpolation sample k enters the integral with the weight w_k = (h_{k-1} + h_k) / 2, so
-the noise that its sigma adds to the integral is sigma^2 w_k^2. Shared out over the two intervals that meet in k,
-interval
-k has the variance rate
+the noise that its sigma adds to the integral is sigma^2 w_k^2. Shared out over the two intervals that meet in
+k, interval k has the variance rate
 
     q_k = sigma^2 (w_k + w_{k+1}) / 2            (sigma^2 h = N^2 for even sampling),
 

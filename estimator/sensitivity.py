@@ -131,10 +131,10 @@ def sensitivity_pass(
         motion = reference_motion(recording, settled, terms, table)
     inputs = inputs_with(recording, model, terms, motion, table)
     columns, order, slices = pack(recording, inputs, effects, terms, motion)
-    return _accumulate(inputs, effects, slices, columns, order, blocks, keep_rows, stride)
+    return accumulate(inputs, effects, slices, columns, order, blocks, keep_rows, stride)
 
 
-def _accumulate(
+def accumulate(
     inputs: RunInputs, effects: tuple[Effect, ...], slices: tuple[slice, ...], columns: Columns, order: IntArray,
     blocks: int, keep_rows: int, stride: int,
 ) -> tuple[Journal, Sensitivity]:  # fmt: skip

@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from estimator.events import ACCEPTED, Events
+from estimator.events import ACCEPTED
 from estimator.filter import RunInputs, outputs_for
-from estimator.imu import ImuTable, at_instants
+from estimator.imu import at_instants
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
+from estimator.pieces import stretch_of
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 
@@ -45,27 +46,6 @@ class SmoothedStates:
     x: FloatArray
     t_sigma: FloatArray
     sigma: FloatArray
-
-
-def stretch_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
-    """The part of a run between two IMU samples; readings at the last belong to the next part, unless it is the end."""
-    imu, events = inputs.imu, inputs.events
-    k0 = int(np.searchsorted(events.t, imu.t[i0], side="left")) if i0 > 0 else 0
-    k1 = len(events) if i1 == len(imu) - 1 else int(np.searchsorted(events.t, imu.t[i1], side="left"))
-    rows = slice(i0, i1 + 1)
-    table = ImuTable(imu.t[rows], imu.u[rows], imu.q_accel[i0:i1], imu.q_gyro[i0:i1], imu.row[rows])
-    return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P)
-
-
-def _events_between(events: Events, k0: int, k1: int) -> Events:
-    row = events.row[k0 : k1 + 1]
-    components = slice(row[0], row[-1])
-    formed = len(events.ref) == len(events) and len(events) > 1
-    return replace(
-        events, t=events.t[k0:k1], sensor=events.sensor[k0:k1], index=events.index[k0:k1], row=row - row[0],
-        z=events.z[components], status=events.status[k0:k1],
-        D=events.D[components] if formed else events.D, ref=events.ref[k0:k1] if formed else events.ref,
-    )  # fmt: skip
 
 
 def smooth(journal: Journal, sigmas: bool = False, stretch: int = STRETCH) -> SmoothedStates:

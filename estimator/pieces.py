@@ -1,0 +1,59 @@
+"""A long run in pieces: each piece is a run of its own that starts where the one before it ended, to the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.events import Events
+from estimator.filter import Engine, RunInputs, prepare, run
+from estimator.flight_model import FlightModel
+from estimator.imu import ImuTable
+from estimator.journal import Journal
+from sensors.arrays import FloatArray
+from sensors.recording import Recording
+
+PIECE = 60.0  # s
+
+
+def journal_pieces(
+    recording: Recording, model: FlightModel, engine: Engine = "auto", stride: int = 1, seconds: float = PIECE
+) -> Iterator[Journal]:
+    """Journals of one run, piece after piece: beside the recording, only one piece is in memory.
+
+    Parameters
+    ----------
+    recording, model, engine, stride : as for `run_filter`; declared effects are not modelled
+    seconds : length of a piece
+    """
+    inputs = prepare(recording, model)
+    t, last = inputs.imu.t, len(inputs.imu) - 1
+    x, P, i0 = inputs.x, inputs.P, 0
+    while i0 < last:
+        i1 = max(i0 + 1, min(last, int(np.searchsorted(t, t[i0] + seconds))))
+        journal = run(stretch_of(inputs, i0, i1, x, P), engine, stride)
+        yield journal
+        x, P, i0 = journal.x_end, journal.P_end, i1
+
+
+def stretch_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
+    """The part of a run between two IMU samples; readings at the last belong to the next part, unless it is the end."""
+    imu, events = inputs.imu, inputs.events
+    k0 = int(np.searchsorted(events.t, imu.t[i0], side="left")) if i0 > 0 else 0
+    k1 = len(events) if i1 == len(imu) - 1 else int(np.searchsorted(events.t, imu.t[i1], side="left"))
+    rows = slice(i0, i1 + 1)
+    table = ImuTable(imu.t[rows], imu.u[rows], imu.q_accel[i0:i1], imu.q_gyro[i0:i1], imu.row[rows])
+    return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P)
+
+
+def _events_between(events: Events, k0: int, k1: int) -> Events:
+    row = events.row[k0 : k1 + 1]
+    components = slice(row[0], row[-1])
+    formed = len(events.ref) == len(events) and len(events) > 1
+    return replace(
+        events, t=events.t[k0:k1], sensor=events.sensor[k0:k1], index=events.index[k0:k1], row=row - row[0],
+        z=events.z[components], status=events.status[k0:k1],
+        D=events.D[components] if formed else events.D, ref=events.ref[k0:k1] if formed else events.ref,
+    )  # fmt: skip

@@ -1,0 +1,95 @@
+"""The first state from the data itself, and its covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.alignment import align, attitude_from_vectors, field_of_the_log, first_state
+from estimator.consistency import chi_square, nees
+from estimator.filter import choose_engine, prepare, run_filter
+from estimator.flight_model import flight_model
+from estimator.pieces import journal_pieces
+from sensors.recording import ACCEL, GYRO, MAG, Initial, Stream
+from sensors.rotation import quaternion_conjugate, quaternion_from_rpy, quaternion_log, quaternion_multiply, rotate_back
+from tests.estimator.analytic_flight import FIELD, GRAVITY, fly
+
+MICRORADIAN = 1e-6
+RUNS = 40
+FALSE_ALARM = 0.001
+
+
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.2, 2.0), (-1.2, 0.9, -2.8), (3.0, 0.1, 0.5)])
+def test_two_vectors_give_the_attitude(rpy: tuple[float, float, float]) -> None:
+    q = quaternion_from_rpy(np.array(rpy))
+    found = attitude_from_vectors(rotate_back(q, -GRAVITY), rotate_back(q, FIELD), -GRAVITY, FIELD)
+    assert np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(q), found))) < MICRORADIAN
+
+
+def test_covariance_of_the_alignment_is_honest() -> None:
+    """At rest: error of attitude with the biases behind it, chi-square over runs."""
+    total, size = 0.0, 0
+    for seed in range(RUNS):
+        recording, truth = fly(seed, duration=2.0, sensors=("mag",))
+        still = truth[0]
+        rng = np.random.default_rng(seed)
+        imu, mag = recording.streams["imu"], recording.streams["mag"]
+        f = rotate_back(still[6:10], -GRAVITY) + still[10:13] + 2e-3 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
+        m = rotate_back(still[6:10], FIELD) + still[16:19] + 0.01 * rng.normal(size=(len(mag), 3))
+        w = still[13:16] + 2e-4 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
+        at_rest = dict(zip((*ACCEL, *GYRO), np.concatenate([f, w], axis=1).T, strict=True))
+        streams = {"imu": Stream(imu.t, at_rest), "mag": Stream(mag.t, dict(zip(MAG, m.T, strict=True)))}
+        recording = recording.replace(streams=streams)
+        model = flight_model(recording)
+        q, P, _ = align(recording, model)
+        error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), still[6:10]))
+        total, size = total + nees(error, P), size + 3
+    statistic = chi_square(total, size, 1.0 - FALSE_ALARM)
+    assert statistic.consistent, statistic
+
+
+def test_what_is_declared_is_taken() -> None:
+    recording, _ = fly(1, duration=1.0)
+    x, P = first_state(recording, flight_model(recording))
+    assert np.array_equal(x[:3], recording.initial.position)
+    assert P[6, 6] == pytest.approx(0.02**2)
+
+
+def test_without_a_declared_start_the_filter_finds_its_way() -> None:
+    recording, truth = fly(2, duration=30.0)
+    recording = recording.replace(initial=Initial())
+    model = flight_model(recording)
+    journal = run_filter(recording, model, engine="numba")
+    error = model.layout.difference(truth[-1:], journal.x_end[None])[0]
+    assert np.max(np.abs(error) / np.sqrt(np.diag(journal.P_end))) < 5.0
+
+
+def test_field_of_a_log_has_the_dip_of_the_field() -> None:
+    recording, _ = fly(3, duration=10.0, noise=0.0)
+    found = field_of_the_log(recording)
+    assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(FIELD), rel=1e-3)
+    assert found[2] == pytest.approx(FIELD[2], abs=0.05)
+
+
+def test_no_heading_aid_is_said_by_the_covariance() -> None:
+    recording, _ = fly(4, duration=2.0, sensors=("gps",))
+    recording = recording.replace(initial=Initial())
+    _, P = first_state(recording, flight_model(recording))
+    assert np.linalg.eigvalsh(P[6:9, 6:9])[-1] > 3.0
+
+
+def test_pieces_are_the_whole() -> None:
+    recording, _ = fly(5, duration=12.0)
+    model = flight_model(recording)
+    whole = run_filter(recording, model, engine="numba")
+    pieces = list(journal_pieces(recording, model, engine="numba", seconds=2.5))
+    assert np.array_equal(np.concatenate([p.nu for p in pieces]), whole.nu)
+    assert np.array_equal(pieces[-1].x_end, whole.x_end)
+    assert max(len(p) for p in pieces) < 0.3 * len(whole)
+
+
+def test_named_engine_is_taken() -> None:
+    recording, _ = fly(6, duration=1.0)
+    inputs = prepare(recording, flight_model(recording))
+    assert choose_engine("filterpy", inputs) == "filterpy"
+    assert choose_engine("auto", inputs) in ("numba", "filterpy")
