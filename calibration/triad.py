@@ -210,8 +210,8 @@ def calibrate_norm(
 def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) -> None:
     """Raise if the fit ran away: seen from far outside, all readings have one length and one direction.
 
-    A norm with free scales and offsets has a second minimum at infinity. Readings in a narrow cone slide there; those that
-    surround their centre do not.
+    A norm with free scales and offsets has a second minimum at infinity. Readings in a narrow cone slide there; those
+    that surround their centre do not.
     """
 
     def spread(v: FloatArray) -> float:

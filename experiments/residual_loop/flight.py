@@ -24,13 +24,14 @@ from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.onsets import best_onsets
 from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
 from experiments.residual_loop.term import Term, declaration
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect, effects_for
 from sensors.effects.streams import STREAMS
 from sensors.motion import Motion
 from sensors.recording import Recording
 
 _BLOCKS = 20
+_LEAST_OUTLIERS = 3
 #: The last third of the time is held out.
 _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS = 8
@@ -59,6 +60,7 @@ class FlightSource:
 
     def __init__(self, recording: Recording, model: FlightModel) -> None:
         self.model = model.replace(gate_level=None)
+        self._as_recorded = recording
         self.recording, self.wrong = without_wrong_readings(recording, self.model)
         self._table = imu_table(self.recording, self.model)
         t = self.recording.streams["imu"].t
@@ -229,7 +231,7 @@ class FlightSource:
         worth = float(np.log(0.01 / self.families))
         found = best_onsets(streams, self._start, last, rows_of, len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
-        return [*found, *(o for o in self._outliers() if o.term.name not in named)]
+        return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
 
     def _is_coloured(self, journal: Journal, stream: str) -> bool:
         from estimator.whiteness import whiteness
@@ -238,12 +240,18 @@ class FlightSource:
         result = whiteness(one.white[one.accepted])
         return result is not None and result[1] < 1e-3
 
-    def _outliers(self) -> list[LocalFinding]:
+    def _outliers(self, state: _State) -> list[LocalFinding]:
+        """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""
         from scipy import stats
 
+        if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
+            return []
+        betas: Any = list(state.betas)
+        journal = run_filter(self._as_recorded, self.model, betas, engine="numba", stride=0)
         found = []
-        for stream, (wrong, count) in self.wrong.items():
-            if wrong >= 3:
+        for stream, (before, count) in self.wrong.items():
+            wrong = min(before, len(wrong_rows(journal, stream)))
+            if wrong >= _LEAST_OUTLIERS:
                 log_p = float(stats.binom.logsf(wrong - 1, count, 2.0 * stats.norm.sf(6.0)))
                 share = np.array([wrong / count])
                 found.append(LocalFinding(Term(f"{stream}.outliers"), float(wrong), 1, log_p, share))
@@ -289,6 +297,16 @@ class FlightSource:
         return predicted[mine], sensitivity.white[mine], "sigma"
 
 
+def wrong_rows(journal: Journal, sensor: str) -> IntArray:
+    """Rows of a sensor's stream whose whitened innovation leaves its neighbours' by six sigma, alone."""
+    one = journal.stream(sensor)
+    order = np.argsort(one.t, kind="stable")
+    wrong = np.zeros(len(one), dtype=bool)
+    for component in np.nan_to_num(one.white[order].T):
+        wrong[order] |= isolated_outliers(component, 1.0)
+    return one.index[wrong]
+
+
 def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Recording, dict[str, tuple[int, int]]]:
     """The recording without isolated wrong readings, and how many of how many there were by stream.
 
@@ -304,12 +322,7 @@ def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Re
         for name in model.sensors:
             if name not in streams:
                 continue
-            one = journal.stream(name)
-            order = np.argsort(one.t, kind="stable")
-            wrong = np.zeros(len(one), dtype=bool)
-            for component in np.nan_to_num(one.white[order].T):
-                wrong[order] |= isolated_outliers(component, 1.0)
-            rows = one.index[wrong]
+            rows = wrong_rows(journal, name)
             before = found.get(name, (0, len(recording.streams[name])))
             found[name] = (before[0] + len(rows), before[1])
             if len(rows):

@@ -166,7 +166,7 @@ def test_course_magnetometer_has_two_effects_of_different_kinds() -> None:
     ("log", "sensor", "gravity", "names"),
     [
         ("rfly_course/AccRaw.mat", "accel", 9.8, set()),
-        ("rfly_course/e_acc1_A.bin", "accel", 9.8, set()),
+        ("rfly_course/e_acc1_A.bin#log", "accel", 9.8, set()),
         ("xsens_mti_imu_tk/xsens_acc.mat.gz", "accel", 9.81744, {"accel.cross_axis"}),
         ("mpu9150_imu_calib/imu0.log", "accel", None, {"accel.cross_axis"}),
         ("mpu9150_imu_calib/imu0.log", "gyro", None, {"gyro.cross_axis", "gyro.scale"}),
