@@ -525,8 +525,7 @@ def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, coun
     """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
 
     Three components at a time: those before them have changed V already, which is what their part of L would do. The
-    rows
-    of V that most readings need have constant places, which lets the loops fill vector registers.
+    rows of V that most readings need have constant places, which lets the loops fill vector registers.
     """
     crowded = False
     for i in range(m):

@@ -60,13 +60,11 @@ class Journal:
     Attributes
     ----------
     model : what the filter believed
-    t : (K,) s of the readings, in the order of processing; `sensor` (K,) index into `sensors`; `index` row in the
-        stream
+    t : (K,) s of the readings, in the order of processing; `sensor` (K,) index into `sensors`; `index` row in it
     row : (K + 1,) first component in `nu` and `white` (rows,); S_row : (K + 1,) first element in `S`, row by row
     nis, loglik, weight, status : (K,); NaN where nothing was predicted
     x, var : (K, n + 1), (K, n) nominal state and variances after the reading; with `keep_states=False` empty
-    imu_t, imu_x, imu_var : (N,), (N, n + 1), (N, n) at IMU samples, before readings at the same instant; decimated on
-        request
+    imu_t, imu_x, imu_var : (N,), (N, n + 1), (N, n) at IMU samples, before readings at the same instant; decimated
     x_end, P_end : state and covariance at the end
     t_start, t_end : s
     notes : gaps, frozen and saturated stretches, what was assumed

@@ -1,8 +1,7 @@
 """How the innovations answer to each effect's beta: one further pass for all candidates together.
 
-An effect on the IMU reads u_meas = u + G beta, one on another sensor z = h(x) + G beta. With V the sensitivity of the
-state
-error (true minus estimate), Friedland's recursion (IEEE Trans. Automatic Control 14(4), 1969)
+An effect on the IMU reads u_meas = u + G beta, one on another sensor z = h(x) + G beta. With V the sensitivity
+of the state error (true minus estimate), Friedland's recursion (IEEE Trans. Automatic Control 14(4), 1969)
 
     step:     V <- Phi V - B G            B = d x / d u of the step
     reading:  S_beta = H V + G,  V <- J (V - K S_beta)
@@ -11,9 +10,8 @@ gives E[nu] = S_beta beta. Information and score are taken over all candidates t
 
     Lambda = sum S_beta' S^-1 S_beta,   b = sum S_beta' S^-1 nu.
 
-A filter whose state is augmented by beta has the same answer: with a prior P_beta, beta = (Lambda + P_beta^-1)^-1 b
-and the
-state x + V beta.
+A filter whose state is augmented by beta has the same answer: with a prior P_beta,
+beta = (Lambda + P_beta^-1)^-1 b and the state x + V beta.
 
 Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed); where a
 beta is

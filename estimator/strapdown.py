@@ -8,8 +8,7 @@ The samples at the two ends of the step are taken as joined by a straight line:
     p_1 = p_0 + h / 2 (v_0 + v_1)
 
 The trapezoid's own errors add up to differences between the ends of the flight, h^2 / 12 of the change in
-acceleration, and
-do not grow. Neglects transport rate and the change of gravity with height: NED is flat.
+acceleration, and do not grow. Neglects transport rate and the change of gravity with height: NED is flat.
 
 Source: P. G. Savage, "Strapdown inertial navigation integration algorithm design", J. Guidance 21(1), 1998 (coning).
 """
