@@ -1,0 +1,1 @@
+"""Measured logs through the filter: noise from the log, accuracy against a reference where there is one."""
