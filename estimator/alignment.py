@@ -1,7 +1,8 @@
 """The first state: from what the recording declares, and what it does not declare from its first readings.
 
 Attitude from the mean specific force (down) and the field (heading), with the covariance that biases, noise and the
-motion during the window leave, and its correlation with the biases. Position and velocity from the first readings of GPS and barometer, with a sigma so wide that using them again as updates does not count them twice.
+motion during the window leave, and its correlation with the biases. Position and velocity from the first readings of
+GPS and barometer, with a sigma so wide that using them again as updates does not count them twice.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Effects in the filter: what they put into each reading along a known motion, handed to the engines as arrays.
 
 An effect on the IMU is taken off the samples: c = e(f) - f at the f that solves u = e(f) + b, so the exact inverse.
-An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), with
-offset = e(h(x_ref)) - h(x_ref) in its exact form and D its derivative by the state: exact in beta, and first order in the
-distance from the reference. A lateness moves the stamps instead. The reference is the smoothed motion of the pass before;
-the passes are repeated.
+An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), with offset = e(h(x_ref))
+- h(x_ref) in its exact form and D its derivative by the state: exact in beta, and first order in the distance from the
+reference. A lateness moves the stamps instead. The reference is the smoothed motion of the pass before; the passes are
+repeated.
 """
 
 from __future__ import annotations

@@ -7,9 +7,9 @@ With C_true = C Exp(dtheta_b), f_true = f_meas - b_accel - n, w_true = w_meas - 
     dv_1 = dv_0 - A_0 dtheta_0 - A_1 dtheta_1 - h / 2 (C_0 + C_1) db_accel    A_k = h / 2 [C_k f_k]x C_k
     dp_1 = dp_0 + h / 2 (dv_0 + dv_1)
 
-Neglects the turn of the Earth inside the step (1e-7 of dtheta), what the coning term adds to the part of db_gyro (h / 12 of
-the change of rate, 1e-4 of it), and in Q the noise that the angle passes on to the velocity within one step (it does so
-from the next step on).
+Neglects the turn of the Earth inside the step (1e-7 of dtheta), what the coning term adds to the part of db_gyro (h /
+12 of the change of rate, 1e-4 of it), and in Q the noise that the angle passes on to the velocity within one step (it
+does so from the next step on).
 """
 
 from __future__ import annotations
