@@ -21,7 +21,7 @@ from estimator.journal import Journal
 from estimator.score import Evidence
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
-from experiments.residual_loop.onsets import best_onsets
+from experiments.residual_loop.onsets import Rows, best_onsets
 from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -221,24 +221,17 @@ class FlightSource:
         own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
         last = self._end if fit.part == "all" else self._split
 
-        def rows_of(onsets: Sequence[Effect]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        def rows_of(onsets: Sequence[Effect]) -> Rows:
             journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion)
             W, white = self._rows(sensitivity, journal, fit.part)
             width = sum(entry.size for entry in own)
-            return W[:, :width], W[:, width:], white
+            event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]
+            return Rows(W[:, :width], W[:, width:], white, np.array(journal.sensors)[journal.sensor[event]])
 
-        streams = {s: s in self.model.sensors and self._is_coloured(state.journal, s) for s in self._local_streams}
         worth = float(np.log(0.01 / self.families))
-        found = best_onsets(streams, self._start, last, rows_of, len(state.journal.nu), worth)
+        found = best_onsets(self._local_streams, self._start, last, rows_of, len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
         return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
-
-    def _is_coloured(self, journal: Journal, stream: str) -> bool:
-        from estimator.whiteness import whiteness
-
-        one = journal.stream(stream)
-        result = whiteness(one.white[one.accepted])
-        return result is not None and result[1] < 1e-3
 
     def _outliers(self, state: _State) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""

@@ -6,12 +6,15 @@ difference of two steps, so all intervals follow from the steps' joint informati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy import stats
 
 from estimator.score import log_p_value
+from estimator.whiteness import whiteness
 from experiments.residual_loop.source import LocalFinding
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray, IntArray
@@ -22,22 +25,41 @@ _FINER = 5
 _LEAST_PEERS = 6
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
+#: p-value of the whiteness test below which innovations count as coloured.
+_COLOURED = 1e-3
 
-#: effects over their intervals -> rows of the model's own terms, rows of these, whitened innovations
-Rows = Callable[[Sequence[Effect]], tuple[FloatArray, FloatArray, FloatArray]]
+
+@dataclass(frozen=True)
+class Rows:
+    """Sensitivities of the whitened innovations, one row a component, in the order of time.
+
+    Attributes
+    ----------
+    own, wanted : (r, .) by the parameters of the model's own terms, and by those asked for
+    white : (r,) whitened innovations
+    sensor : (r,) name of the sensor of each
+    """
+
+    own: FloatArray
+    wanted: FloatArray
+    white: FloatArray
+    sensor: npt.NDArray[np.str_]
+
+
+#: effects over their intervals -> sensitivities to them
+Pass = Callable[[Sequence[Effect]], Rows]
 #: Innovations times columns that one pass may keep in memory.
 _MOST_ELEMENTS = 3e7
 
 
 def best_onsets(
-    streams: Mapping[str, bool], start: float, end: float, rows_of: Rows, readings: int, refine_below: float
+    streams: Sequence[str], start: float, end: float, rows_of: Pass, readings: int, refine_below: float
 ) -> list[LocalFinding]:
     """The best step and the best transient of every stream.
 
     Parameters
     ----------
-    streams : name, and whether its innovations are coloured: then an interval is compared with others of about its
-        length instead of with white noise
+    streams : names
     start, end : of the data [s]
     rows_of : the sensitivity pass
     readings : components of all innovations, to keep memory bounded
@@ -48,17 +70,17 @@ def best_onsets(
     for group in _groups(streams, readings):
         steps = {stream: effect(f"{stream}.step") for stream in group}
         columns = [step.over(float(t), np.inf) for step in steps.values() for t in grid]
-        own, W, white = rows_of(columns)
+        rows = rows_of(columns)
         at = 0
         for stream, step in steps.items():
             width = step.size * len(grid)
-            joint = _Joint(own, W[:, at : at + width], white, step.size, grid)
+            joint = _Joint(replace(rows, wanted=rows.wanted[:, at : at + width]), step.size, grid)
             at += width
-            found += _of_stream(stream, step, joint, start, end, rows_of, streams[stream], refine_below)
+            found += _of_stream(stream, step, joint, start, end, rows_of, refine_below)
     return found
 
 
-def _groups(streams: Mapping[str, bool], readings: int) -> list[list[str]]:
+def _groups(streams: Sequence[str], readings: int) -> list[list[str]]:
     """Streams that share a pass."""
     groups: list[list[str]] = [[]]
     columns = 0
@@ -78,8 +100,7 @@ def _of_stream(
     joint: _Joint,
     start: float,
     end: float,
-    rows_of: Rows,
-    coloured: bool,
+    rows_of: Pass,
     refine_below: float,
 ) -> list[LocalFinding]:
     """The best step and the best transient of one stream."""
@@ -90,7 +111,9 @@ def _of_stream(
         gain, dof, beta = joint.gain(pairs)
         k = int(np.argmax(gain - 2.0 * dof))
         searched = float(np.log(len(pairs) * _FINER))
-        log_p = _log_p(joint, pairs, k, gain, dof, coloured) + searched
+        log_p = log_p_value(float(gain[k]), int(dof[k]))
+        coloured = log_p + searched < refine_below and joint.is_coloured(stream, pairs[k], beta[k])
+        log_p = (_log_p_among_peers(joint, pairs, k, gain, dof) if coloured else log_p) + searched
         interval = _times(grid, pairs[k], end)
         statistic, size = float(gain[k]), int(dof[k])
         offset = beta[k]
@@ -104,7 +127,8 @@ def _of_stream(
 class _Joint:
     """Joint information and score of steps at a grid of onsets, what the model has already projected out."""
 
-    def __init__(self, own: FloatArray, W: FloatArray, white: FloatArray, size: int, onsets: FloatArray) -> None:
+    def __init__(self, rows: Rows, size: int, onsets: FloatArray) -> None:
+        own, W, white = rows.own, rows.wanted, rows.white
         if own.shape[1]:
             Q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300))[0]
             W, white = W - Q @ (Q.T @ W), white - Q @ (Q.T @ white)
@@ -112,6 +136,18 @@ class _Joint:
         self.onsets, self.size = onsets, size
         self.L = (W.T @ W).reshape(m, size, m, size).transpose(0, 2, 1, 3)
         self.b = (W.T @ white).reshape(m, size)
+        self.W, self.white, self.sensor = W, white, rows.sensor
+
+    def is_coloured(self, stream: str, pair: IntArray, offset: FloatArray) -> bool:
+        """Whether the innovations stay coloured once the offset is taken off: those of the stream, of an IMU all."""
+        n = self.size
+        explained = self.W[:, pair[0] * n : pair[0] * n + n] @ offset
+        if pair[1] >= 0:
+            explained = explained - self.W[:, pair[1] * n : pair[1] * n + n] @ offset
+        left = self.white - explained
+        names = [stream] if stream in self.sensor else list(np.unique(self.sensor))
+        results = [whiteness(left[self.sensor == name][:, None]) for name in names]
+        return any(r is not None and r[1] < _COLOURED / len(names) for r in results)
 
     def steps(self) -> IntArray:
         """(m - 1, 2) onsets after the first; the second number -1 stands for "to the end"."""
@@ -147,6 +183,7 @@ class _Joint:
         """What is left once an offset in this interval is fitted."""
         other = object.__new__(_Joint)
         other.onsets, other.size = self.onsets, self.size
+        other.W, other.white, other.sensor = self.W, self.white, self.sensor
         m, n = len(self.onsets), self.size
         flat = self.L.transpose(0, 2, 1, 3).reshape(m * n, m * n)
         select = np.zeros((m * n, n))
@@ -161,10 +198,10 @@ class _Joint:
         return other
 
 
-def _log_p(joint: _Joint, pairs: IntArray, k: int, gain: FloatArray, dof: IntArray, coloured: bool) -> float:
-    """Log p of one interval; in a coloured stream by comparison with others of about its length."""
+def _log_p_among_peers(joint: _Joint, pairs: IntArray, k: int, gain: FloatArray, dof: IntArray) -> float:
+    """Log p of one interval among coloured innovations, by comparison with others of about its length."""
     log_p = log_p_value(float(gain[k]), int(dof[k]))
-    if not coloured or dof[k] == 0:
+    if dof[k] == 0:
         return log_p
     m = len(joint.onsets)
     length = (pairs[k, 1] if pairs[k, 1] >= 0 else m) - pairs[k, 0]
@@ -185,7 +222,7 @@ def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
 
 
 def _refined(
-    rows_of: Rows, step: Effect, interval: tuple[float, float], spacing: float, start: float, end: float
+    rows_of: Pass, step: Effect, interval: tuple[float, float], spacing: float, start: float, end: float
 ) -> tuple[tuple[float, float], float, FloatArray, float]:
     """The interval on a grid `_FINER` times as fine, twice over; its gain and offset."""
     a, b = interval
@@ -196,7 +233,7 @@ def _refined(
         first = np.unique(np.clip(a + shifts, start, end))
         last = np.array([]) if to_the_end else np.unique(np.clip(b + shifts, start, end))
         onsets = np.unique(np.concatenate([first, last]))
-        joint = _Joint(*rows_of([step.over(float(t), np.inf) for t in onsets]), step.size, onsets)
+        joint = _Joint(rows_of([step.over(float(t), np.inf) for t in onsets]), step.size, onsets)
         i = np.searchsorted(onsets, first)
         if to_the_end:
             pairs = np.stack([i, np.full(len(i), -1)], axis=1)

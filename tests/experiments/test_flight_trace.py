@@ -1,0 +1,63 @@
+"""The loop on flights: the right effect alone, none where there is none, errors against the truth."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from estimator.flight_model import flight_model
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.reference import score_against
+from experiments.residual_loop.select import select
+from experiments.residual_loop.trace import report, trace
+from experiments.scenarios import load_scenario, parse_effect
+from sensors.simulate import simulate
+
+
+def flown(scenario: str, seed: int, *effects: str):
+    return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])
+
+
+@pytest.mark.parametrize(
+    ("scenario", "effect"),
+    [
+        ("figure_eight", "mag.current=0.003,0,0.001"),
+        ("warm_up", "baro.temperature=0.15"),
+        ("square", "gps.latency=0.15"),
+        ("warm_up", "accel.temperature=0.004,0,-0.003"),
+        ("figure_eight", "mag.transient=0.06,0.02,-0.05@30:40"),
+    ],
+)
+def test_the_right_effect_alone(scenario: str, effect: str) -> None:
+    recording, _ = flown(scenario, 21, effect)
+    selection = select(FlightSource(recording, flight_model(recording)))
+    present = parse_effect(effect)
+    assert selection.names == (present.effect.name,)
+    finding = selection.findings[0]
+    assert np.all(np.abs(finding.beta - present.beta) < 4.0 * finding.std)
+    if finding.term.interval is not None:
+        np.testing.assert_allclose(finding.term.interval, (present.t0, present.t1), atol=0.5)
+
+
+@pytest.mark.parametrize("scenario", ["figure_eight", "square"])
+def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
+    recording, _ = flown(scenario, 22)
+    assert not select(FlightSource(recording, flight_model(recording))).findings
+
+
+def test_report_has_the_errors_before_and_after() -> None:
+    recording, truth = flown("yaw_turns", 23, "mag.current=0.004,-0.002,0.001")
+    source = FlightSource(recording, flight_model(recording))
+    document = json.loads(json.dumps(report(source, trace(source, score=score_against(truth, source))), allow_nan=False))
+    assert document["verdict"] == "effects"
+    assert [e["name"] for e in document["effects"]] == ["mag.current"]
+    assert document["error"]["stream"] == "mag"
+    assert document["error"]["same_names_on_fitting_part"]
+    assert document["error"]["after"]["rms"] < document["error"]["before"]["rms"]
+    assert document["error"]["after"]["nis_per_dof"] == pytest.approx(1.0, abs=0.1)
+    truth_errors = document["error"]["truth"]
+    assert truth_errors["after"]["attitude_rms"] < truth_errors["before"]["attitude_rms"]
+    sizes = {c["name"]: c["detectable_from"] for c in document["candidates"]}
+    assert any(s is not None for s in sizes["baro.temperature"]) if "baro.temperature" in sizes else True
