@@ -146,8 +146,12 @@ class ReadableFilter:
         if events.has_form[events.sensor[k]]:
             ref, D = events.ref[k], events.D[events.row[k] : events.row[k + 1]]
             turn = quaternion_log(quaternion_multiply(quaternion_conjugate(ref[6:10]), x[6:10]))
+            if events.has_form[events.sensor[k]] == 2:  # linear about the reference: only the bias stays
+                z_pred = H[:, 9:] @ x[10:]
+                H[:, :9] = 0.0
             z_pred += D @ np.concatenate([x[:6] - ref[:6], turn])
-            H[:, :9] += D
+            H[:, :6] += D[:, :6]
+            H[:, 6:9] += D[:, 6:] @ np.linalg.inv(right_jacobian(turn))
         return z_pred, H
 
 

@@ -84,6 +84,20 @@ def _right_jacobian(px, py, pz, J):
 
 
 @njit(**_INLINE)
+def _inverse_right_jacobian(px, py, pz, J):
+    """J_r^-1(phi) = I + [phi]x / 2 + b [phi]x^2, flat (9,). Sola eq. 184."""
+    square = px * px + py * py + pz * pz
+    if square < 0.0625:
+        b = 1 / 12 + square * (1 / 720 + square * (1 / 30240 + square / 1209600))
+    else:
+        angle = np.sqrt(square)
+        b = 1.0 / square - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
+    J[0], J[1], J[2] = 1 - b * (py * py + pz * pz), -0.5 * pz + b * px * py, 0.5 * py + b * px * pz
+    J[3], J[4], J[5] = 0.5 * pz + b * px * py, 1 - b * (px * px + pz * pz), -0.5 * px + b * py * pz
+    J[6], J[7], J[8] = -0.5 * py + b * px * pz, 0.5 * px + b * py * pz, 1 - b * (px * px + py * py)
+
+
+@njit(**_INLINE)
 def _cross_times(ax, ay, az, C, scale, out, at):
     """out[at:at+9] = scale [a]x C."""
     for j in range(3):
@@ -327,8 +341,11 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
 
 
 @njit(**_INLINE)
-def _add_form(m, row, D, ref, event, x, H_index, H_value, H_n, z_pred):
-    """z_pred += D (x (-) x_ref), H += D on position, velocity and attitude: an effect along a known motion."""
+def _add_form(m, row, D, ref, event, replaces, x, H_index, H_value, H_n, z_pred, J):
+    """z_pred += D (x (-) x_ref), H += D J_r^-1 on position, velocity and attitude: an effect along a known motion.
+
+    Where it replaces the model's own prediction, only the bias stays of that: linear about the reference.
+    """
     d = np.empty(9)
     for i in range(6):
         d[i] = x[i] - ref[event, i]
@@ -342,15 +359,24 @@ def _add_form(m, row, D, ref, event, x, H_index, H_value, H_n, z_pred):
     s = np.sqrt(nx * nx + ny * ny + nz * nz)
     scale = 2.0 * np.arctan2(s, nw) / s if s > 1e-8 else 2.0
     d[6], d[7], d[8] = scale * nx, scale * ny, scale * nz
+    _inverse_right_jacobian(d[6], d[7], d[8], J)
     dense, kept_index, kept_value = np.empty(9), np.empty(MAX_H, np.int64), np.empty(MAX_H)
     for i in range(m):
+        if replaces:
+            z_pred[i] = 0.0
+            for k in range(H_n[i]):
+                if H_index[i, k] >= 9:
+                    z_pred[i] += H_value[i, k] * x[H_index[i, k] + 1]
         for j in range(9):
-            dense[j] = D[row + i, j]
             z_pred[i] += D[row + i, j] * d[j]
+        for j in range(6):
+            dense[j] = D[row + i, j]
+        for j in range(3):
+            dense[6 + j] = D[row + i, 6] * J[j] + D[row + i, 7] * J[3 + j] + D[row + i, 8] * J[6 + j]
         kept = 0
         for k in range(H_n[i]):
             if H_index[i, k] < 9:
-                dense[H_index[i, k]] += H_value[i, k]
+                dense[H_index[i, k]] += 0.0 if replaces else H_value[i, k]
             else:
                 kept_index[kept], kept_value[kept] = H_index[i, k], H_value[i, k]
                 kept += 1
@@ -670,7 +696,7 @@ def run_chunk(
                 ev_status[k] = NO_PREDICTION
             else:
                 if form[s]:
-                    _add_form(m, at, D, ref, k, x, H_index, H_value, H_n, z_pred)
+                    _add_form(m, at, D, ref, k, form[s] == 2, x, H_index, H_value, H_n, z_pred, J)
                 for j in range(m):
                     nu[at + j] = z[at + j] - z_pred[j]
                 if not _factor(m, P_rows, H_index, H_value, H_n, r, s, U, S, L):

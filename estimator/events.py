@@ -30,11 +30,13 @@ class StreamForm:
     offset : (k, m) reading with the effects less the plain one, along the reference
     D : (k, m, 9) its derivative by position, velocity and attitude error
     ref : (k, 10) position, velocity and quaternion of the reference
+    replaces : offset and D are the whole reading, but for the bias, not what is added to h(x)
     """
 
     offset: FloatArray
     D: FloatArray
     ref: FloatArray
+    replaces: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Events:
     z : (rows,) readings, less the offsets of effects
     status : (K,) what is known before the filter runs
     D, ref : (rows, 9), (K, 10) of `StreamForm`; one row of zeros where no stream has a form
-    has_form : (sensors,)
+    has_form : (sensors,) 1: a form is added, 2: it replaces the model's own prediction
     notes : frozen stretches, readings outside the IMU's time
     """
 
@@ -187,5 +189,5 @@ def collect(
         if form is not None:
             D[at] = form.D[index[mine]].reshape(-1, 9)
             ref[mine] = form.ref[index[mine]]
-    has_form = np.array([forms.get(name) is not None for name in names], dtype=np.int64)
+    has_form = np.array([0 if part[4] is None else 1 + part[4].replaces for part in parts], dtype=np.int64)
     return Events(names, t, sensor, index, row, z, status, D, ref, has_form, tuple(notes))
