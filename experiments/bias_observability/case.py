@@ -15,6 +15,7 @@ from experiments.bias_observability.segments import Segment
 from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
 from sensors.gps import BaseReceiver
+from sensors.laser import Laser
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.recording import Recording
@@ -23,6 +24,10 @@ from sensors.sonar import Sonar
 
 #: Readings a second of a base receiver that is only imagined [Hz]: what correction services send.
 BASE_RATE = 1.0
+#: Least noise that is imagined of it [m]: of a code receiver, whatever a GPS that filters its own output seems to have.
+BASE_SIGMA = 0.3
+#: A laser range finder that is only imagined: rate [Hz], noise [m], longest range [m]; as the scenarios have it.
+LASER_RATE, LASER_SIGMA, LASER_RANGE = 20.0, 0.03, 40.0
 #: A longer flight is looked at from its start to here [s].
 LONGEST = 1200.0
 
@@ -98,6 +103,9 @@ def case_of_recording(recording: Recording) -> Case:
     from estimator.filter import run_filter
     from estimator.smoother import estimated_motion
 
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
+        raise InputError(recording.where, found, "a flight with an imu stream, whose filter has biases to see")
     recording, notes = _shortened(recording)
     fit = fit_noise_levels(recording)
     model = flight_model(recording, specs=fit.specs)
@@ -136,18 +144,43 @@ def _case(
             recording.where, "no reading of an aiding sensor", "at least one: without any, no bias can be told"
         )
     motion = motion_at(inputs.imu.t)
-    imagined: tuple[SensorModel, ...] = ()
-    notes = tuple(str(note) for note in model.notes)
-    if "gps" in readings and model.layout.has("b_gps") and "base" not in readings:
-        sigma = float(np.sqrt(model.sensors["gps"].R[0, 0]))
-        imagined = (BaseReceiver(sigma),)
-        readings["base"] = np.arange(motion.t[0], motion.t[-1], 1.0 / BASE_RATE)
-        notes = (*notes, f"base: none aboard; imagined with {BASE_RATE:g} Hz and the noise of the GPS, {sigma:g} m")
+    notes = [str(note) for note in model.notes]
+    imagined: list[SensorModel] = []
+    for sensor, instants, note in (_base(model, readings, motion), _laser(model, readings, motion)):
+        if sensor is not None:
+            imagined.append(sensor)
+            readings[sensor.name] = instants
+            notes.append(note)
     return Case(
         name=recording.name, along="true", model=model, motion=motion, readings=readings, P0=inputs.P,
         noise=(inputs.imu.q_accel, inputs.imu.q_gyro), segments=segments or stretches.of_motion(motion),
-        rates={name: _rate(t) for name, t in readings.items()}, heard=heard, imagined=imagined, notes=notes,
+        rates={name: _rate(t) for name, t in readings.items()}, heard=heard,
+        imagined=tuple(imagined), notes=tuple(notes),
     )  # fmt: skip
+
+
+def _base(
+    model: FlightModel, readings: Mapping[str, FloatArray], motion: Motion
+) -> tuple[SensorModel | None, FloatArray, str]:
+    """A base receiver where a GPS has a bias and no other looks at it."""
+    if "gps" not in readings or not model.layout.has("b_gps") or "base" in readings:
+        return None, np.empty(0), ""
+    sigma = max(float(np.sqrt(model.sensors["gps"].R[0, 0])), BASE_SIGMA)
+    note = f"base receiver: none aboard; imagined with {BASE_RATE:g} Hz and a noise of {sigma:.2g} m"
+    return BaseReceiver(sigma), np.arange(motion.t[0], motion.t[-1], 1.0 / BASE_RATE), note
+
+
+def _laser(
+    model: FlightModel, readings: Mapping[str, FloatArray], motion: Motion
+) -> tuple[SensorModel | None, FloatArray, str]:
+    """A laser over known ground where heights are estimated and no range finder without a bias is aboard."""
+    unbiased = any(name in readings and not model.layout.has(f"b_{name}") for name in ("sonar", "laser"))
+    if not model.translation or unbiased or "laser" in readings:
+        return None, np.empty(0), ""
+    instants = np.arange(motion.t[0], motion.t[-1], 1.0 / LASER_RATE)
+    heard = Sonar(1.0, 0.0, 0.0, 0.0, LASER_RANGE).echo(motion.at(instants))
+    note = f"laser: none aboard; imagined over flat ground with {LASER_RATE:g} Hz, a noise of {LASER_SIGMA:g} m"
+    return Laser(LASER_SIGMA), instants[heard], f"{note} and {LASER_RANGE:g} m of range"
 
 
 def _rate(t: FloatArray) -> float:
@@ -156,8 +189,6 @@ def _rate(t: FloatArray) -> float:
 
 def _shortened(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """The first `LONGEST` of a recording."""
-    if recording.kind != "flight" or "imu" not in recording.streams:
-        return recording, ()
     start, stop = float(recording.streams["imu"].t[0]), float(recording.streams["imu"].t[-1])
     if stop - start <= LONGEST:
         return recording, ()

@@ -106,9 +106,14 @@ def shown(label: str, value: float) -> float:
 
 def amount_of(label: str, value: float, signed: bool = False) -> str:
     """A value that is already in `unit_of`, with its unit."""
-    text = f"{value:+.2g}" if signed else f"{abs(value):.2g}"
+    text = figures(value) if signed and value < 0.0 else f"{'+' if signed else ''}{figures(abs(value))}"
     unit = unit_of(label)
     return f"{text} {unit}" if unit else text
+
+
+def figures(value: float) -> str:
+    """Two significant figures, large numbers in full."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
 
 
 def listed(parts: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from experiments.bias_observability.directions import (
     amount_of,
     block_of,
+    figures,
     listed,
     name_of,
     shown,
@@ -18,6 +19,8 @@ from experiments.bias_observability.directions import (
 from experiments.bias_observability.study import BiasStudy, Study, Weakness
 from sensors.arrays import FloatArray
 
+#: A further sensor is advised where it leaves at most this share of the sigma of a state at the end.
+WORTH = 0.7
 #: Instants of the curves in the JSON.
 MOST_INSTANTS = 200
 NAMES = {"gps": "GPS", "base": "base receiver", "mag": "magnetometer", "baro": "barometer", "sonar": "sonar",
@@ -156,12 +159,9 @@ def advice(study: Study) -> list[str]:
     for weakness in study.weaknesses:
         if weakness.sensors != study.case.aboard:
             continue
-        title, flown = weakness.direction.title, flown_by(weakness, study)
-        if weakness.removed_by:
-            more = [sorted(set(one) - set(study.case.aboard)) for one in weakness.removed_by]
-            lines.append(
-                f"{title}: needs {listed([NAMES[name] for name in min(more, key=len)])}{_gain(weakness, study)}"
-            )
+        title, flown, gain = weakness.direction.title, flown_by(weakness, study), sensor_gain(weakness, study)
+        if gain is not None:
+            lines.append(f"{title}: {gain}")
         elif flown:
             name, left = flown[0]
             assert study.catalogue is not None
@@ -173,17 +173,20 @@ def advice(study: Study) -> list[str]:
     return lines
 
 
-def _gain(weakness: Weakness, study: Study) -> str:
-    """What the base receiver does to the first state of a direction, in its unit."""
-    if "base" in study.case.aboard or "base" not in study.found.readings:
-        return ""
-    without, beside = base_places(study)
-    label = weakness.direction.states[0]
-    before, after = (
-        shown(label, float(study.course.sigma[k, -1, study.found.index(label)])) for k in (without, beside)
-    )
-    change = f"from {amount_of(label, before)} to {amount_of(label, after)}"
-    return f"; it takes the sigma of {name_of(label)} at the end {change}"
+def sensor_gain(weakness: Weakness, study: Study) -> str | None:
+    """Which imagined sensor removes a direction, and what it does to a state in it; None: none, or to little use."""
+    aboard, found = study.case.aboard, study.found
+    best: tuple[float, str] | None = None
+    for more in {tuple(sorted(set(subset) - set(aboard))) for subset in weakness.removed_by}:
+        k = study.place_of((*aboard, *more))
+        for label in weakness.direction.main:
+            before, after = (float(study.course.sigma[row, -1, found.index(label)]) for row in (0, k))
+            change = f"from {amount_of(label, shown(label, before))} to {amount_of(label, shown(label, after))}"
+            names = listed([NAMES[name] for name in more])
+            text = f"needs {names}; it takes the sigma of {name_of(label)} at the end {change}"
+            if after <= WORTH * before and (best is None or after / before < 0.99 * best[0]):
+                best = (after / before, text)
+    return None if best is None else best[1]
 
 
 def headline(study: Study) -> str:
@@ -221,7 +224,7 @@ def sigma_change(state: BiasStudy) -> str:
     """`0.1 → 0.0026 m/s²`."""
     before, after = (shown(state.label, value) for value in (state.prior, state.posterior))
     unit = unit_of(state.label)
-    return f"{before:.2g} → {after:.2g}" + (f" {unit}" if unit else "")
+    return f"{figures(before)} → {figures(after)}" + (f" {unit}" if unit else "")
 
 
 def halved_in_words(state: BiasStudy) -> str:
@@ -229,11 +232,3 @@ def halved_in_words(state: BiasStudy) -> str:
     if state.halved_after is None:
         return "never"
     return "at once" if state.halved_after == 0.0 else f"{state.halved_after:.1f} s"
-
-
-def by_block(states: Sequence[BiasStudy]) -> Mapping[str, list[BiasStudy]]:
-    """States by their block, in order."""
-    blocks: dict[str, list[BiasStudy]] = {}
-    for state in states:
-        blocks.setdefault(block_of(state.label), []).append(state)
-    return blocks

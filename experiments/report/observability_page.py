@@ -160,7 +160,9 @@ def _bias_table(page: Page, study: Study) -> None:
 
 
 def _sensor_table(page: Page, study: Study) -> None:
-    page.text("The smallest sets of these sensors that halve the sigma of a state along this motion:")
+    imagined = " and ".join(NAMES[sensor.name] for sensor in study.case.imagined)
+    only = f" ({imagined}: imagined, not aboard)" if imagined else ""
+    page.text(f"The smallest sets of these sensors that halve the sigma of a state along this motion{only}:")
     page.table(["state", "seen with"], [[name_of(s.label), sensors_in_words(s.needs)] for s in study.states])
 
 

@@ -147,6 +147,15 @@ def test_process_noise_takes_information_away() -> None:
     assert np.trace(noisy) < 0.9 * np.trace(less)
 
 
+def test_declared_noise_is_that_of_the_imu_table() -> None:
+    model, motion, times = flown(LIVELY)
+    even = np.ones(len(motion) - 1) / model.rate
+    found = information(
+        model, motion, times, prior(model), noise=(model.accel.sigma**2 * even, model.gyro.sigma**2 * even)
+    )
+    np.testing.assert_allclose(found_on(LIVELY).Q, found.Q, rtol=1e-6, atol=1e-15)
+
+
 def test_a_further_sensor_never_hurts() -> None:
     course = posterior(
         found_on(LIVELY), [("gps",), ("gps", "mag"), ("gps", "mag", "baro"), ("gps", "mag", "baro", "sonar")]

@@ -196,3 +196,16 @@ def test_the_command_writes_text_json_and_page(tmp_path: Path) -> None:
 def test_what_cannot_be_studied_is_said(text: str, word: str) -> None:
     with pytest.raises(InputError, match=word):
         case_of(text)
+
+
+def test_a_height_bias_is_told_to_look_at_the_ground() -> None:
+    """Barometer alone: its bias is a height, and only a second height sensor tells them apart."""
+    lines = advice(studied("no_aiding_flight"))
+    assert any(line.startswith("baro bias against down position: needs laser") for line in lines)
+
+
+def test_a_recording_without_imu_is_refused() -> None:
+    recording, _ = simulate(short_flight(), np.random.default_rng(4))
+    streams = {name: stream for name, stream in recording.streams.items() if name != "imu"}
+    with pytest.raises(InputError, match="no stream imu"):
+        case_of_recording(recording.replace(streams=streams))
