@@ -1,4 +1,4 @@
-"""What a log says of its own magnetometer: hard iron, norm and dip of the field, where it was disturbed, how its errors last.
+"""What a log says of its own magnetometer: hard iron, norm and dip, where it was disturbed, which errors last.
 
 Found without an attitude: |m - b| is the field's norm, and (m - b) . down its vertical part, whatever the heading.
 """
@@ -17,11 +17,9 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 STEADY = 1.0
 #: Passes of the robust fit, and the residual, in robust sigmas, from which a row loses weight (Cauchy).
 PASSES, BEND = 20, 2.0
-#: Errors of a compass that is turned about (soft iron, axes, the room) come back with the pose and do not average out
-#: within the memory of an attitude filter, tens of seconds: so many seconds of readings count as one.
-LASTING = 30.0
-#: Shorter logs are cut into so many blocks instead.
-LEAST_BLOCKS = 4
+#: What is left of an error that is averaged over so long is what lasts [s]; shorter logs are cut into so many blocks.
+#: It comes back with the pose (soft iron, axes, the room), so that the whole log's mean is no better than one block's.
+BLOCK, LEAST_BLOCKS = 30.0, 4
 #: A stretch is disturbed where the norm, averaged over `SMOOTH` seconds, is this many robust sigmas off; what is within
 #: `AROUND` seconds of it counts as disturbed as well.
 DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
@@ -61,8 +59,8 @@ def compass_of(recording: Recording) -> Compass:
 
     |m|^2 = 2 b . m + (|B|^2 - |b|^2)    and    m . down = b . down + |B| sin(dip)
 
-    are linear in b and the two constants. down = -f / |f| where |f| is near gravity. Cauchy weights, because either line
-    has outliers (accelerations, steel). Directions of b that the log's turns do not show keep a large `std`.
+    are linear in b and the two constants. down = -f / |f| where |f| is near gravity. Cauchy weights, because either
+    line has outliers (accelerations, steel). Directions of b that the log's turns do not show keep a large `std`.
 
     Raises
     ------
@@ -76,13 +74,15 @@ def compass_of(recording: Recording) -> Compass:
     m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
     disturbed = np.zeros(len(m), dtype=bool)
     for _ in range(2):
-        b, std, norm, dip = _fit(m, f, ~disturbed, rate)
-        error = np.linalg.norm(m - b, axis=1) - norm
-        disturbed = _disturbed(error, rate, norm)
+        fit = _fit(m, f, ~disturbed)
+        error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
+        disturbed = _disturbed(error, rate, fit.norm)
     clean = error[~disturbed]
-    scatter = float(np.sqrt(np.mean(clean**2)))
-    noise = _lasting(mag.t[~disturbed], clean) * np.sqrt(max(LASTING * rate, 1.0))
-    return Compass(b, std, norm, dip, disturbed, scatter, float(noise))
+    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
+    noise = np.hypot(scatter, lasting * np.sqrt(len(clean)))
+    # the scatter averages out over the rows, what lasts does not
+    std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
+    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed, scatter, float(noise))
 
 
 def corrected(recording: Recording, compass: Compass) -> Recording:
@@ -105,8 +105,18 @@ def corrected(recording: Recording, compass: Compass) -> Recording:
     )
 
 
-def _fit(m: FloatArray, f: FloatArray, used: BoolArray, rate: float) -> tuple[FloatArray, FloatArray, float, float]:
-    """Hard iron, its 1-sigma, norm and dip."""
+@dataclass(frozen=True)
+class _Fit:
+    """Hard iron, norm and dip; `cofactor` (5, 5) times the variance of a reading is the covariance of the solution."""
+
+    offset: FloatArray
+    norm: float
+    dip: float
+    cofactor: FloatArray
+
+
+def _fit(m: FloatArray, f: FloatArray, used: BoolArray) -> _Fit:
+    """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings."""
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
@@ -114,19 +124,18 @@ def _fit(m: FloatArray, f: FloatArray, used: BoolArray, rate: float) -> tuple[Fl
     zero, one = np.zeros((len(m), 1)), np.ones((len(m), 1))
     A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
     y = np.concatenate([np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    w, sigma = np.ones(len(y)), 1.0
+    w = np.ones(len(y))
     for _ in range(PASSES):
         x = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
         residual = y - A @ x
         sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
         w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    information = (A * w[:, None]).T @ (A * w[:, None])
-    repeats = max(LASTING * rate, 1.0)
-    covariance = np.linalg.pinv(information, hermitian=True) * sigma**2 * repeats
     b = x[:3]
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
-    std = np.sqrt(np.diag(covariance)[:3])
-    return b * unit, std * unit, norm * unit, float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0)))
+    dip = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0)))
+    # an error of one reading enters the norm's line twice its size
+    weighted = A * (w / np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)]))[:, None]
+    return _Fit(b * unit, norm * unit, dip, np.linalg.pinv(weighted.T @ weighted, hermitian=True))
 
 
 def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
@@ -141,11 +150,11 @@ def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
 
 
 def _lasting(t: FloatArray, error: FloatArray) -> float:
-    """Root mean square of what is left of an error that is averaged over `LASTING` seconds.
+    """Root mean square of what is left of an error that is averaged over `BLOCK` seconds.
 
     The norm shows one component of three, which turns about with the body: the others are as large.
     """
-    length = min(LASTING, (t[-1] - t[0]) / LEAST_BLOCKS)
+    length = min(BLOCK, (t[-1] - t[0]) / LEAST_BLOCKS)
     block = ((t - t[0]) / length).astype(int)
     count, total = np.bincount(block), np.bincount(block, error)
     mean = total[count > 0] / count[count > 0]

@@ -24,7 +24,7 @@ from sensors.recording import GYRO, MAG, POSITION, VELOCITY, Recording, SensorSp
 #: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
 #: 0.6 m/s^2 and 0.09 rad/s before it.
 #: A barometer's is the air in the draught, a GPS's the atmosphere and the orbits.
-BIAS_STD = {"accel": 0.3, "gyro": 0.03, "baro": 2.0, "gps": 2.0}
+BIAS_STD = {"accel": 0.3, "gyro": 0.01, "baro": 2.0, "gps": 2.0}
 #: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
 MAG_BIAS_STD = 0.15
 #: First guess of a bias walk: the noise density, or one reading's noise, times this a sqrt(s).
@@ -51,6 +51,9 @@ POLISH_PASSES, POLISHED = 20, 0.02
 #: Walk of a consumer gyroscope's bias that nothing but a magnetometer or `level` watches [rad/s/sqrt(s)]: what its scale
 #: and its g-sensitivity make of turns moves the bias far more than the walk of a data sheet does (1e-5).
 UNWATCHED_WALK = 1e-4
+#: Scale error of a trimmed consumer gyroscope, and how long a body turns one way [s]: what the two make of the turns of a
+#: log counts there as white noise of the rate. Data sheets allow 3 %.
+SCALE_ERROR, TURN = 0.005, 0.5
 
 Key = tuple[str, str]
 HEIGHTS = ("baro", "sonar", "laser")
@@ -174,6 +177,9 @@ def _without_position(
     which a circling hand makes: it counts as known, and `level` bears it.
     """
     given: dict[Key, float] = {("accel", "bias_std"): 0.0, ("accel", "bias_walk"): 0.0, ("gyro", "bias_walk"): UNWATCHED_WALK}
+    rate_rms = float(np.sqrt(np.mean(np.square(recording.streams["imu"].array(GYRO)))))
+    white = specs["gyro"].noise_density or 0.0
+    given["gyro", "noise_density"] = float(np.hypot(white, SCALE_ERROR * rate_rms * np.sqrt(TURN)))
     if "mag" in recording.streams:
         compass = compass_of(recording)
         given["mag", "noise_std"] = compass.noise_std
@@ -182,7 +188,7 @@ def _without_position(
     for (name, key), value in given.items():
         if (name, key) in missing or (name, key) in assumed:
             specs[name] = replace(specs[name], **{key: value})
-    by_rule = [key for key in missing if key in given and key != ("mag", "noise_std")]
+    by_rule = [key for key in missing if key in given and key[1] not in ("noise_std", "noise_density")]
     return specs, [key for key in missing if key not in by_rule], (*assumed, *by_rule)
 
 
