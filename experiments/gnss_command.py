@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.gnss import run as solve
 from experiments.report.files import write_json
-from experiments.report.words import number
+from experiments.report.words import number, stage_names
 
 
 def run(
@@ -39,10 +39,9 @@ def summary(document: Mapping[str, Any]) -> str:
     """The result in a few lines."""
     lines = [f"{document['recording']}: {document['epochs']} epochs, {', '.join(document['systems'])}"]
     lines.append(f"  verdict: {document['verdict']}")
-    for stage in document["stages"]:
-        names = ", ".join(effect.removeprefix("pseudorange.") for effect in stage["effects"]) or "plain model"
+    for name, stage in zip(stage_names(document["stages"]), document["stages"], strict=True):
         error = stage.get("position_error")
-        text = f"  {names}: residual {number(stage['residual_rms'])} m"
+        text = f"  {name}: residual {number(stage['residual_rms'])} m"
         lines.append(text + (f", position error {number(error['mean'])} m mean" if error else ""))
     dgps = document.get("dgps")
     if dgps:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from experiments.report.words import stage_names
 from experiments.residual_loop.source import StreamResidual
 from sensors.arrays import FloatArray
 
@@ -124,8 +125,7 @@ def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label
 
 def stage_bars(stages: Sequence[Mapping[str, Any]]) -> Figure:
     """Residual and position error after each stage of a model."""
-    names = [", ".join(e.removeprefix("pseudorange.") for e in s["effects"][-1:]) or "plain model" for s in stages]
-    names = [name if k == 0 else f"+ {name}" for k, name in enumerate(names)]
+    names = stage_names(stages)
     errors = [(s.get("position_error") or {}).get("mean") for s in stages]
     panels = 2 if any(e is not None for e in errors) else 1
     figure, axes = new_figure(1, panels, 0.4 * len(stages) + 1.1, sharey=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.report.figures import stage_bars
 from experiments.report.page import Page
-from experiments.report.words import number
+from experiments.report.words import number, stage_names
 
 
 def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
@@ -29,12 +29,12 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
     page.heading("Stage by stage")
     page.figure(stage_bars(stages), "Residual and, where the position is known, position error after each effect.")
     rows = []
-    for stage in stages:
+    for name, stage in zip(stage_names(stages), stages, strict=True):
         error = stage.get("position_error") or {}
         enu = error.get("enu")
         rows.append(
             [
-                ", ".join(e.removeprefix("pseudorange.") for e in stage["effects"]) or "plain model",
+                name,
                 number(stage["residual_rms"]),
                 number(error["mean"]) if error else "-",
                 number(error["p95"]) if error else "-",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 _VERDICTS = {
@@ -61,6 +61,25 @@ def error_sentence(error: Mapping[str, Any]) -> str:
     )
 
 
+#: quantity of a reference -> its unit, and the factor from SI
+_REFERENCE_UNITS = {
+    "position_rms": ("m", 1.0),
+    "velocity_rms": ("m/s", 1.0),
+    "attitude_rms": ("deg", 57.29577951308232),
+}
+
+
+def reference_change(name: str, before: float, after: float) -> str:
+    """An error against a reference before and after, in the unit that people use."""
+    unit, factor = _REFERENCE_UNITS.get(name, ("", 1.0))
+    return f"{number(factor * before)} → {number(factor * after)} {unit}".strip()
+
+
+def reference_name(name: str) -> str:
+    """What an error against a reference is."""
+    return f"{name.removesuffix('_rms')} error (RMS) against the reference"
+
+
 def verdict_sentence(document: Mapping[str, Any]) -> str:
     """The verdict with the effects it names."""
     text = _VERDICTS[document["verdict"]]
@@ -91,7 +110,10 @@ def trace_summary(document: Mapping[str, Any]) -> str:
         lines.append(f"  {error_sentence(document['error'])}")
         same = "chooses the same names" if document["error"]["same_names_on_fitting_part"] else "chooses other names"
         lines.append(f"  The fitting part alone {same}.")
-    else:
+    truth = document["error"].get("truth") or {"before": {}, "after": {}}
+    for name, before in truth["before"].items():
+        lines.append(f"  {reference_name(name)}: {reference_change(name, before, truth['after'][name])}")
+    if not document["effects"]:
         sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c]
         lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
     for item in document["remaining"]:
@@ -107,3 +129,14 @@ def detectable_sentence(candidate: Mapping[str, Any]) -> str:
     if not sizes:
         return f"{candidate['name']}: not visible in these data"
     return f"{candidate['name']}: from {', '.join(number(s) for s in sizes)}"
+
+
+def stage_names(stages: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What each stage adds to the one before."""
+    names, before = [], None
+    for stage in stages:
+        added = [e.removeprefix("pseudorange.").replace("_", " ") for e in stage["effects"] if e not in (before or [])]
+        same = "− faulty satellites" if before is not None else "plain model"
+        names.append("+ " + ", ".join(added) if added else same)
+        before = stage["effects"]
+    return names

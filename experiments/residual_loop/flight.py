@@ -229,7 +229,9 @@ class FlightSource:
             return Rows(W[:, :width], W[:, width:], white, np.array(journal.sensors)[journal.sensor[event]])
 
         worth = float(np.log(0.01 / self.families))
-        found = best_onsets(self._local_streams, self._start, last, rows_of, len(state.journal.nu), worth)
+        drivers = self.recording.streams["imu"].t
+        stamps = {s: drivers if s in ("accel", "gyro") else self.recording.streams[s].t for s in self._local_streams}
+        found = best_onsets(stamps, self._start, last, rows_of, len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
         return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
 

@@ -6,7 +6,7 @@ difference of two steps, so all intervals follow from the steps' joint informati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,10 @@ _FINER = 5
 _LEAST_PEERS = 6
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
+#: An onset this long before a reading includes it [s].
+_JUST_BEFORE = 1e-6
+#: With a wandering bias a step in the first or last part of the log is no step: share of the log.
+_EDGE = 0.1
 #: p-value of the whiteness test below which innovations count as coloured.
 _COLOURED = 1e-3
 
@@ -53,13 +57,13 @@ _MOST_ELEMENTS = 3e7
 
 
 def best_onsets(
-    streams: Sequence[str], start: float, end: float, rows_of: Pass, readings: int, refine_below: float
+    streams: Mapping[str, FloatArray], start: float, end: float, rows_of: Pass, readings: int, refine_below: float
 ) -> list[LocalFinding]:
     """The best step and the best transient of every stream.
 
     Parameters
     ----------
-    streams : names
+    streams : by name, the stamps of its readings [s]
     start, end : of the data [s]
     rows_of : the sensitivity pass
     readings : components of all innovations, to keep memory bounded
@@ -76,11 +80,11 @@ def best_onsets(
             width = step.size * len(grid)
             joint = _Joint(replace(rows, wanted=rows.wanted[:, at : at + width]), step.size, grid)
             at += width
-            found += _of_stream(stream, step, joint, start, end, rows_of, refine_below)
+            found += _of_stream(stream, step, joint, start, end, rows_of, streams[stream], refine_below)
     return found
 
 
-def _groups(streams: Sequence[str], readings: int) -> list[list[str]]:
+def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:
     """Streams that share a pass."""
     groups: list[list[str]] = [[]]
     columns = 0
@@ -101,6 +105,7 @@ def _of_stream(
     start: float,
     end: float,
     rows_of: Pass,
+    stamps: FloatArray,
     refine_below: float,
 ) -> list[LocalFinding]:
     """The best step and the best transient of one stream."""
@@ -118,7 +123,8 @@ def _of_stream(
         statistic, size = float(gain[k]), int(dof[k])
         offset = beta[k]
         if log_p < refine_below:
-            interval, statistic, offset, finer = _refined(rows_of, step, interval, grid[1] - grid[0], start, end)
+            spacing = float(grid[1] - grid[0])
+            interval, statistic, offset, finer = _refined(rows_of, step, interval, spacing, stamps, start, end)
             log_p = min(log_p, log_p - 0.5 * max(finer - float(gain[k]), 0.0)) if not coloured else log_p
         found.append(LocalFinding(Term(f"{stream}.{family}", interval), statistic, size, min(log_p, 0.0), offset))
     return found
@@ -151,12 +157,16 @@ class _Joint:
 
     def steps(self) -> IntArray:
         """(m - 1, 2) onsets after the first; the second number -1 stands for "to the end"."""
-        inner = np.arange(1, len(self.onsets))
+        inner = np.arange(max(round(_EDGE * len(self.onsets)), 1), len(self.onsets))
         return np.stack([inner, np.full(len(inner), -1)], axis=1)
 
     def transients(self) -> IntArray:
         """(pairs, 2) onset and end."""
         i, j = np.triu_indices(len(self.onsets), 1)
+        m = len(self.onsets)
+        # what goes on to the end is a step, and so is a long one from the start on: the bias before it is free
+        ended = (j < round((1.0 - _EDGE) * m)) & ((i > 0) | (j <= round(_EDGE * m)))
+        i, j = i[ended], j[ended]
         return np.stack([i, j], axis=1)
 
     def gain(self, pairs: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -222,16 +232,22 @@ def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
 
 
 def _refined(
-    rows_of: Pass, step: Effect, interval: tuple[float, float], spacing: float, start: float, end: float
+    rows_of: Pass,
+    step: Effect,
+    interval: tuple[float, float],
+    spacing: float,
+    stamps: FloatArray,
+    start: float,
+    end: float,
 ) -> tuple[tuple[float, float], float, FloatArray, float]:
-    """The interval on a grid `_FINER` times as fine, twice over; its gain and offset."""
+    """The interval on finer and finer grids, at last on the stamps of the readings themselves; its gain and offset."""
     a, b = interval
     to_the_end = b >= end
     best = (interval, 0.0, np.zeros(step.size), 0.0)
-    for _ in range(2):
-        shifts = np.linspace(-spacing, spacing, 2 * _FINER + 1)
-        first = np.unique(np.clip(a + shifts, start, end))
-        last = np.array([]) if to_the_end else np.unique(np.clip(b + shifts, start, end))
+    for last_round in (False, False, True):
+        near = _stamps_near if last_round else _grid_near
+        first = near(a, spacing, stamps, start, end)
+        last = np.array([]) if to_the_end else near(b, spacing, stamps, start, end)
         onsets = np.unique(np.concatenate([first, last]))
         joint = _Joint(rows_of([step.over(float(t), np.inf) for t in onsets]), step.size, onsets)
         i = np.searchsorted(onsets, first)
@@ -246,3 +262,15 @@ def _refined(
         best = ((a, b), float(gain[k]), beta[k], float(gain[k]))
         spacing /= _FINER
     return best
+
+
+def _grid_near(t: float, spacing: float, stamps: FloatArray, start: float, end: float) -> FloatArray:
+    return np.unique(np.clip(t + np.linspace(-spacing, spacing, 2 * _FINER + 1), start, end))
+
+
+def _stamps_near(t: float, spacing: float, stamps: FloatArray, start: float, end: float) -> FloatArray:
+    """Just before each reading around t: an onset anywhere since the reading before it is the same."""
+    k = int(np.searchsorted(stamps, t))
+    around = stamps[max(k - _FINER, 0) : k + _FINER + 1]
+    around = around[np.abs(around - t) <= 2.0 * spacing + np.median(np.diff(stamps))] - _JUST_BEFORE
+    return np.unique(np.clip(np.append(around, t), start, end))
