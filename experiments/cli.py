@@ -156,6 +156,19 @@ def gnss(
 
 
 @app.command()
+def observability(
+    input: Annotated[str, typer.Argument(help="recording, log, DATASET/FILE or scenario", metavar="INPUT|SCENARIO")],
+    map: Map = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
+    from experiments.bias_observability.command import run
+
+    typer.echo(run(input, map, json, html))
+
+
+@app.command()
 def montecarlo(
     scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
     runs: Annotated[int, typer.Option(help="number of flights", min=1)] = 100,
