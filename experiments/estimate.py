@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,20 @@ def run(
     the keys of `sinan estimate --json`, with further ones: `interval` of each NIS, `accepted`, `notes`,
     `log_likelihood`
     """
+    return estimated(recording, engine, specs=specs, truth=truth, states=states, model=model, **options)[1]
+
+
+def estimated(
+    recording: Recording,
+    engine: Engine = "auto",
+    *,
+    specs: Mapping[str, SensorSpec] | None = None,
+    truth: Stream | None = None,
+    states: Path | None = None,
+    model: FlightModel | None = None,
+    **options: Any,
+) -> tuple[Journal, dict[str, Any]]:
+    """The journal of the run and its report; parameters as for `run`."""
     model = flight_model(recording, specs=specs, **options) if model is None else model
     journal = run_filter(recording, model, engine=engine)
     if states is not None:
@@ -57,7 +72,41 @@ def run(
     report["engine"] = choose_engine(engine, prepare(recording, model)) if engine == "auto" else engine
     if truth is not None:
         report["truth"] = score(journal, truth)
-    return report
+    return journal, report
+
+
+@dataclass(frozen=True)
+class BiasCourse:
+    """One bias over time: estimate, 1-sigma, and the truth where it is known.
+
+    Attributes
+    ----------
+    name : of the sensor
+    t : (m,) s
+    value, sigma : (m, components)
+    truth : (m, components), or empty
+    """
+
+    name: str
+    t: FloatArray
+    value: FloatArray
+    sigma: FloatArray
+    truth: FloatArray
+
+
+def bias_courses(journal: Journal, truth: Stream | None, most: int = 600) -> list[BiasCourse]:
+    """Every bias of a run over time, at most `most` instants."""
+    layout = journal.model.layout
+    step = max(1, len(journal.imu_t) // most)
+    t, x, var = journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step]
+    true, known = true_states(journal, truth, t) if truth is not None else (np.zeros((len(t), layout.n + 1)), set())
+    courses = []
+    for name in layout.names:
+        if name.startswith("b_"):
+            there = true[:, layout.nominal(name)] if name in known else np.empty((0, 0))
+            sigma = np.sqrt(var[:, layout.slice(name)])
+            courses.append(BiasCourse(name[2:], t, x[:, layout.nominal(name)], sigma, there))
+    return courses
 
 
 def report_of(journal: Journal) -> dict[str, Any]:

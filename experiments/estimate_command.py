@@ -9,10 +9,10 @@ from typing import Any, get_args
 from calibration.noise_levels import fit_noise_levels
 from estimator.filter import Engine
 from experiments.datasets import reference_of, resolve
-from experiments.estimate import run as estimate
+from experiments.estimate import bias_courses, estimated
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
-from experiments.report.words import number
+from experiments.report.words import number, reference_name, reference_value
 from experiments.residual_loop.open_source import require_kind
 from sensors.errors import InputError
 
@@ -28,14 +28,14 @@ def run(
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
     noise = fit_noise_levels(recording)
     truth = reference_of(input, map_file)
-    document = estimate(recording, engine, specs=noise.specs, truth=truth, states=states)  # type: ignore[arg-type]
+    journal, document = estimated(recording, engine, specs=noise.specs, truth=truth, states=states)  # type: ignore[arg-type]
     document["noise"] = list(noise.notes)
     if json is not None:
         write_json(json, document)
     if html is not None:
         from experiments.report.estimate_page import estimate_page
 
-        estimate_page(html, recording.name, document)
+        estimate_page(html, recording.name, document, bias_courses(journal, truth))
     return summary(recording.name, document)
 
 
@@ -49,8 +49,8 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
         rejected = document["rejected"].get(sensor, 0)
         lines.append(f"  {sensor} NIS a degree of freedom {number(nis)}, {rejected} readings refused")
     for quantity, value in (document.get("truth") or {}).items():
-        if isinstance(value, float):
-            lines.append(f"  {quantity.replace('_', ' ')} against the reference {number(value)}")
+        if quantity.endswith("_rms"):
+            lines.append(f"  {reference_name(quantity)}: {reference_value(quantity, value)}")
     lines += [f"  note: {note}" for note in [*document["noise"], *document.get("notes", [])]]
     return "\n".join(lines)
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from experiments.estimate import BiasCourse
 from experiments.report.words import stage_names
 from experiments.residual_loop.source import StreamResidual
 from sensors.arrays import FloatArray
@@ -120,6 +121,34 @@ def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label
     one.set_xlabel(x_label, fontsize=9)
     one.set_ylabel(y_label, fontsize=9)
     one.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
+    """Each component of each bias with its 3-sigma band, and the truth where it is known."""
+    columns = max((course.value.shape[1] for course in courses), default=1)
+    figure, axes = new_figure(max(len(courses), 1), columns, 1.6, sharex=True)
+    for row, course in enumerate(courses):
+        for k in range(columns):
+            one = axes[row, k]
+            if k >= course.value.shape[1]:
+                one.set_visible(False)
+                continue
+            value, band = course.value[:, k], 3.0 * course.sigma[:, k]
+            one.fill_between(course.t, value - band, value + band, color=AFTER, alpha=0.18, lw=0)
+            one.plot(course.t, value, color=AFTER, lw=1.1)
+            if course.truth.size:
+                one.plot(course.t, course.truth[:, k], color="black", lw=0.9)
+            settled = band[len(band) // 10 :]
+            middle, height = (
+                float(np.median(value)),
+                1.6 * float(np.max(settled)) + float(np.ptp(value[len(band) // 10 :])),
+            )
+            one.set_ylim(middle - height, middle + height)
+            one.set_title(f"{course.name} {'xyz'[k] if course.value.shape[1] > 1 else ''}", loc="left", fontsize=9)
+            one.tick_params(labelsize=7)
+    for one in axes[-1]:
+        one.set_xlabel("time / s", fontsize=8)
     return figure
 
 

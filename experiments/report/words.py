@@ -75,9 +75,26 @@ def reference_change(name: str, before: float, after: float) -> str:
     return f"{number(factor * before)} → {number(factor * after)} {unit}".strip()
 
 
+def reference_value(name: str, value: float) -> str:
+    """An error against a reference, in the unit that people use."""
+    unit, factor = _REFERENCE_UNITS.get(name, ("", 1.0))
+    return f"{number(factor * value)} {unit}".strip()
+
+
 def reference_name(name: str) -> str:
     """What an error against a reference is."""
     return f"{name.removesuffix('_rms')} error (RMS) against the reference"
+
+
+#: sensor -> unit of its bias; ranges and heights are in metres
+BIAS_UNITS = {"accel": "m/s²", "gyro": "rad/s", "mag": "field"}
+
+
+def component_name(sensor: str, k: int, size: int) -> str:
+    """What the k-th component of a bias is called."""
+    if size == 1:
+        return ""
+    return ("north", "east", "down")[k] if sensor == "gps" else "xyz"[k]
 
 
 def verdict_sentence(document: Mapping[str, Any]) -> str:
