@@ -139,13 +139,12 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             one.plot(course.t, value, color=AFTER, lw=1.1)
             if course.truth.size:
                 one.plot(course.t, course.truth[:, k], color="black", lw=0.9)
-            settled = band[len(band) // 10 :]
-            middle, height = (
-                float(np.median(value)),
-                1.6 * float(np.max(settled)) + float(np.ptp(value[len(band) // 10 :])),
-            )
-            one.set_ylim(middle - height, middle + height)
-            one.set_title(f"{course.name} {'xyz'[k] if course.value.shape[1] > 1 else ''}", loc="left", fontsize=9)
+            settled = slice(len(band) // 10, None)  # the first tenth, where the band is wide, would hide the rest
+            shown = [value[settled] - 1.6 * band[settled], value[settled] + 1.6 * band[settled]]
+            shown += [course.truth[:, k]] if course.truth.size else []
+            one.set_ylim(min(map(np.min, shown)), max(map(np.max, shown)))
+            axis = component_name(course.name, k, course.value.shape[1])
+            one.set_title(f"{course.name} {axis} / {BIAS_UNITS.get(course.name, 'm')}", loc="left", fontsize=9)
             one.tick_params(labelsize=7)
     for one in axes[-1]:
         one.set_xlabel("time / s", fontsize=8)
