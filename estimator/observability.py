@@ -11,8 +11,9 @@ state at its middle node, Lambda_j = sum Phi(t, t_j)' H' R^-1 H Phi(t, t_j), and
     forward, with the prior:    P <- (P^-1 + Lambda_j)^-1,   P <- Phi_j P Phi_j' + Q_j
     backward, without a prior:  Lambda <- Lambda_j + Phi_j' (Lambda^-1 + Q_j)^-1 Phi_j
 
-the latter as (I + Lambda Q_j)^-1 Lambda, which needs no inverse of Lambda. What is left out is the process noise within
-half a cell of a reading. Since Lambda_j is a sum over sensors, all subsets of sensors run side by side.
+the latter as (I + Lambda Q_j)^-1 Lambda, which needs no inverse of Lambda. The process noise between a reading and its
+node counts as noise of the reading; that readings of one cell share it is left out, so cells are as short as it takes
+to keep it small. Since Lambda_j is a sum over sensors, all subsets of sensors run side by side.
 
 All matrices are in units of `scale`, the prior sigmas: an eigenvalue s of the backward Lambda says that the readings
 know that direction of the first state s times as well as the prior does; they leave 1 / sqrt(1 + s) of its sigma.
@@ -41,7 +42,13 @@ from sensors.rotation import cos_tilt
 #: Length of a cell [s]: in half of it a consumer gyroscope adds 6e-5 rad, a hundredth of a magnetometer's noise.
 CELL = 0.2
 #: Cells at most; a longer flight has longer cells.
-MOST_CELLS = 2400
+MOST_CELLS = 4800
+#: Cells are halved until the process noise in half of one is at most this share of the variance of a reading.
+SHARED = 0.1
+#: Process noise below this share of a reading's variance is not added to it.
+SMALL = 1e-3
+#: Instants at which a flight is asked how much of its process noise its sensors see.
+PROBES = 9
 #: Readings whose information is summed at a time, to bound the memory.
 BATCH = 4096
 #: Instants and weights inside a cell, from 0 to 1, at which noise enters (Gauss and Legendre, exact to degree 5).
@@ -137,38 +144,36 @@ def information(
     noise : (N - 1,) variance rates of accelerometer and gyroscope by interval of `motion` (`estimator.imu.ImuTable`);
         default: the model's, sigma^2 / rate
     extra : sensors that the model does not have, such as a base receiver that one thinks of adding
-    cell : s; default `CELL`, longer where that were more than `MOST_CELLS`
+    cell : s; default `CELL`, shorter where the process noise asks for it, longer where that were over `MOST_CELLS`
 
-    Neglects the process noise within half a cell, the turn of the Earth, and what declared effects change in H.
+    Neglects that readings of one cell share process noise, the Earth's turn, and what declared effects change in H.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
-    width = max(CELL, (stop - start) / MOST_CELLS) if cell is None else cell
-    t = np.linspace(start, stop, max(2, round((stop - start) / width) + 1))
     walk = walk_rates(model)
+    grown = _grown_noise(model, motion, noise)
+    if cell is None:
+        cell = _cell_length(model, motion, {name: sensors[name] for name in readings}, walk, grown)
+    t = np.linspace(start, stop, max(2, round((stop - start) / cell) + 1))
+    rates = _noise_rates(model, motion, t, walk, grown)
     variance = np.diag(P0) + walk * (stop - start)
     states = np.flatnonzero((np.diag(P0) > 0.0) | (walk > 0.0))
     scale = np.sqrt(np.where(np.diag(P0) > 0.0, np.diag(P0), variance))[states]
     integrals = ErrorIntegrals.along(motion)
     nodes = integrals.at(t)
     square, outer = np.ix_(states, states), np.outer(scale, scale)
-    n = model.layout.n
-
-    def kept(blocks: FloatArray, unit: FloatArray) -> FloatArray:
-        return np.asarray(_padded(blocks, n)[:, square[0], square[1]] * unit)
-
+    Phi = _padded(transitions(nodes.rows(slice(None, -1)), nodes.rows(slice(1, None))), model.layout.n)
     blocks, counts = {}, {}
     for name, instants in readings.items():
         inside = instants[(instants >= start) & (instants <= stop)]
-        part = motion.at(inside)
-        inside = inside[_sees(name, part)]
-        whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, inside)
+        inside = inside[_sees(name, motion.at(inside))]
+        whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, rates, inside)
         blocks[name] = whole[:, square[0], square[1]] * outer
         counts[name] = len(inside)
     return Information(
         layout=model.layout, states=states, t=t, scale=scale, P0=P0[square] / outer,
-        Phi=kept(transitions(nodes.rows(slice(None, -1)), nodes.rows(slice(1, None))), scale[None, :] / scale[:, None]),
-        Q=_process_noise(model, motion, integrals, t, walk, noise)[:, square[0], square[1]] / outer,
+        Phi=Phi[:, square[0], square[1]] * (scale[None, :] / scale[:, None]),
+        Q=_process_noise(integrals, t, rates)[:, square[0], square[1]] / outer,
         readings=blocks, counts=counts, walk=walk[states],
     )  # fmt: skip
 
@@ -187,27 +192,53 @@ def _padded(Phi: FloatArray, n: int) -> FloatArray:
     return full
 
 
+def _jacobian(sensor: SensorModel, layout: StateLayout, motion: Motion) -> FloatArray:
+    """(k, m, n) H of a sensor along a motion."""
+    H = np.zeros((len(motion), sensor.size, layout.n))
+    for name, block in sensor.jacobian(motion).items():
+        if layout.has(name):
+            H[:, :, layout.slice(name)] = block
+    return H
+
+
+def _noise_since(H: FloatArray, rates: FloatArray, h: FloatArray) -> FloatArray:
+    """(k, m, m) H Q(h) H' of the process noise over a short time h (k,), with the spectral densities `rates` (k, n).
+
+    Q = q_v [h^3 / 3, h^2 / 2; h^2 / 2, h] on position and velocity, q h on every other state; what the attitude's noise
+    does to the velocity within h is left out.
+    """
+    p, v = slice(0, 3), slice(3, 6)
+    q, h1 = rates[:, None, v], h[:, None, None]
+    moved = (H * (rates * h[:, None])[:, None, :]) @ np.swapaxes(H, 1, 2)
+    crossed = (H[:, :, p] * (0.5 * q * h1**2)) @ np.swapaxes(H[:, :, v], 1, 2)
+    placed = (H[:, :, p] * (q * h1**3 / 3.0)) @ np.swapaxes(H[:, :, p], 1, 2)
+    return np.asarray(moved + placed + crossed + np.swapaxes(crossed, 1, 2))
+
+
 def _of_readings(
     sensor: SensorModel,
     layout: StateLayout,
     motion: Motion,
     integrals: ErrorIntegrals,
     nodes: ErrorIntegrals,
+    rates: FloatArray,
     t: FloatArray,
 ) -> FloatArray:
     """(J, n, n) sum over a sensor's readings of (H Phi)' R^-1 (H Phi), each at the node that is nearest."""
     total = np.zeros((len(nodes.t), layout.n, layout.n))
-    weight = np.sqrt(np.diag(sensor.R))[None, :, None]
+    R = np.diag(sensor.R)
     width = nodes.t[1] - nodes.t[0]
     for first in range(0, len(t), BATCH):
         instants = t[first : first + BATCH]
         node = np.rint((instants - nodes.t[0]) / width).astype(np.int64)
-        H = np.zeros((len(instants), sensor.size, layout.n))
-        for name, block in sensor.jacobian(motion.at(instants)).items():
-            if layout.has(name):
-                H[:, :, layout.slice(name)] = block
-        H /= weight
+        H = _jacobian(sensor, layout, motion.at(instants))
+        cell = np.minimum((instants - nodes.t[0]) // width, len(rates) - 1).astype(np.int64)
+        late = _noise_since(H, rates[cell], np.abs(instants - nodes.t[node]))
         H[:, :, :MOVING] = H[:, :, :MOVING] @ transitions(nodes.rows(node), integrals.at(instants))
+        if np.any(np.diagonal(late, axis1=1, axis2=2) > SMALL * R):
+            H = np.linalg.solve(np.linalg.cholesky(late + np.diag(R)), H)
+        else:
+            H /= np.sqrt(R)[:, None]
         cells, starts, place = np.unique(node, return_index=True, return_inverse=True)
         within = np.arange(len(node)) - starts[place]
         full = np.zeros((len(cells), int(within.max()) + 1, sensor.size, layout.n))  # zero where a cell has fewer
@@ -217,28 +248,62 @@ def _of_readings(
     return total
 
 
-def _process_noise(
+def _grown_noise(
+    model: FlightModel, motion: Motion, noise: tuple[FloatArray, FloatArray] | None
+) -> tuple[FloatArray, FloatArray]:
+    """(N,) integrals of the variance rates of accelerometer and gyroscope from the first instant on."""
+    h = np.diff(motion.t)
+    declared = (np.full(len(h), model.accel.sigma**2 / model.rate), np.full(len(h), model.gyro.sigma**2 / model.rate))
+    accel, gyro = (np.concatenate([[0.0], np.cumsum(q * h)]) for q in (declared if noise is None else noise))
+    return accel if model.translation else np.zeros_like(accel), gyro
+
+
+def _noise_rates(
+    model: FlightModel, motion: Motion, t: FloatArray, walk: FloatArray, grown: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """(J - 1, n) spectral densities of the process noise in every cell."""
+    rates = np.tile(walk, (len(t) - 1, 1))
+    for block, integral in zip(("velocity", "attitude"), grown, strict=True):
+        mean = np.diff(np.interp(t, motion.t, integral)) / np.diff(t)
+        rates[:, model.layout.slice(block)] = mean[:, None]
+    return rates
+
+
+def _cell_length(
     model: FlightModel,
     motion: Motion,
-    integrals: ErrorIntegrals,
-    t: FloatArray,
+    sensors: Mapping[str, SensorModel],
     walk: FloatArray,
-    noise: tuple[FloatArray, FloatArray] | None,
-) -> FloatArray:
-    """(J - 1, n, n) Q = int Phi(t_j+1, s) diag(q) Phi(t_j+1, s)' ds over each cell."""
-    n, h = model.layout.n, np.diff(t)
-    rates = np.tile(walk, (len(h), 1))
-    for block, sigma, measured in (
-        (slice(3, 6), model.accel.sigma, None if noise is None else noise[0]),
-        (slice(6, 9), model.gyro.sigma, None if noise is None else noise[1]),
-    ):
-        if measured is None:
-            rates[:, block] = sigma**2 / model.rate
-        else:
-            grown = np.concatenate([[0.0], np.cumsum(measured * np.diff(motion.t))])
-            rates[:, block] = (np.diff(np.interp(t, motion.t, grown)) / h)[:, None]
-    if not model.translation:
-        rates[:, :6] = 0.0
+    grown: tuple[FloatArray, FloatArray],
+) -> float:
+    """The longest cell, halved from `CELL`, that keeps the process noise in it small beside every reading's own."""
+    span = float(motion.t[-1] - motion.t[0])
+    least = span / MOST_CELLS
+    edges = np.linspace(motion.t[0], motion.t[-1], PROBES + 1)
+    rates = np.median(_noise_rates(model, motion, edges, walk, grown), axis=0)
+    probes = motion.at(0.5 * (edges[:-1] + edges[1:]))
+    seen = [
+        (_jacobian(sensor, model.layout, probes.rows(_sees(name, probes))), sensor) for name, sensor in sensors.items()
+    ]
+    cell = max(CELL, least)
+    while cell > 2.0 * least:
+        shares = [
+            float(np.max(np.diagonal(_late(H, rates, 0.5 * cell), axis1=1, axis2=2) / np.diag(sensor.R), initial=0.0))
+            for H, sensor in seen
+        ]
+        if max(shares, default=0.0) <= SHARED:
+            break
+        cell *= 0.5
+    return cell
+
+
+def _late(H: FloatArray, rates: FloatArray, h: float) -> FloatArray:
+    return _noise_since(H, np.tile(rates, (len(H), 1)), np.full(len(H), h))
+
+
+def _process_noise(integrals: ErrorIntegrals, t: FloatArray, rates: FloatArray) -> FloatArray:
+    """(J - 1, n, n) Q = int Phi(t_j+1, s) diag(rates) Phi(t_j+1, s)' ds over each cell."""
+    n, h = rates.shape[1], np.diff(t)
     stop, Q = integrals.at(t[1:]), np.zeros((len(h), n, n))
     for place, weight in _NOISE_AT:
         Phi = _padded(transitions(integrals.at(t[:-1] + place * h), stop), n)

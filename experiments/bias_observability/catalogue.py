@@ -14,8 +14,10 @@ from experiments.scenarios import load_scenario, scenario_names
 from sensors.arrays import FloatArray
 from sensors.scenario import Scenario
 
-#: Rate at which the motions are sampled [Hz], and length of a cell [s]: readings and noise keep their own densities.
-RATE, CELL = 50.0, 0.4
+#: Rate at which the motions are sampled [Hz]; readings and noise keep their own densities.
+RATE = 50.0
+#: Cells are as long as those of the case, within these bounds [s]: a comparison need not resolve everything.
+SHORTEST_CELL, LONGEST_CELL = 0.05, 0.4
 #: Flights shorter than this are left out, so that the others can be compared over a useful time [s].
 SHORTEST = 30.0
 
@@ -63,13 +65,20 @@ def flights() -> list[Scenario]:
     return [one for one in flown if set(one.sensors) == usual]
 
 
-def fly_catalogue(case: Case) -> Catalogue:
-    """Fly every scenario with the sensors, noise and prior of a case, all for as long as the shortest of them lasts."""
+def fly_catalogue(case: Case, cell: float) -> Catalogue:
+    """Fly every scenario with the sensors, noise and prior of a case, all for as long as the shortest of them lasts.
+
+    Parameters
+    ----------
+    case : the case
+    cell : length of its cells [s]
+    """
+    cell = float(np.clip(2.0 * cell, SHORTEST_CELL, LONGEST_CELL))
     chosen = distinct(flights())
     horizon = min(scenario.duration for scenario in chosen)
     left, halved, Lambda = [], [], []
     for scenario in chosen:
-        found = along(case, scenario, horizon)
+        found = along(case, scenario, horizon, cell)
         course = posterior(found, [case.aboard])
         sigma = course.sigma[0]
         left.append(sigma[-1] / found.carried_prior(found.t[-1:])[0])
@@ -89,7 +98,7 @@ def distinct(scenarios: list[Scenario]) -> list[Scenario]:
     return list(kept.values())
 
 
-def along(case: Case, scenario: Scenario, horizon: float) -> Information:
+def along(case: Case, scenario: Scenario, horizon: float, cell: float) -> Information:
     """The sensors of a case along the start of a scenario's motion, in the case's own gravity and field."""
     model = case.model
     placed = scenario.replace(gravity=float(model.g_n[2]), magnetic_field=tuple(model.m_n), ground_down=0.0)
@@ -98,4 +107,4 @@ def along(case: Case, scenario: Scenario, horizon: float) -> Information:
     for name in case.aboard:
         instants = np.arange(0.5 / case.rates[name], horizon, 1.0 / case.rates[name])
         readings[name] = instants[case.heard[name](motion.at(instants))] if name in case.heard else instants
-    return information(model, motion, readings, case.P0, cell=CELL)
+    return information(model, motion, readings, case.P0, cell=cell)

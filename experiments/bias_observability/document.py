@@ -166,8 +166,12 @@ def advice(study: Study) -> list[str]:
             name, left = flown[0]
             assert study.catalogue is not None
             here = 100.0 * weakness.direction.left
-            share = f"leaves {100.0 * left:.0f} % of the prior sigma along it, this flight {here:.0f} %"
+            share = f"leaves {100.0 * left:.1f} % of the prior sigma along it, this flight {here:.0f} %"
             lines.append(f"{title}: fly {name}; {study.catalogue.horizon:.0f} s of that {share}")
+        elif "gps" not in study.case.aboard and all(
+            block_of(label) in ("position", "velocity") for label in weakness.direction.main
+        ):
+            lines.append(f"{title}: needs a GPS, there is none aboard")
         else:
             lines.append(f"{title}: none of these sensors and no flight of the catalogue separates them")
     return lines

@@ -142,7 +142,7 @@ def study(case: Case, with_catalogue: bool = True) -> Study:
         physical_values=spectrum(physical(found, Lambda[0]))[0],
         states=tuple(_state(case, found, course, subsets, left, i, table) for i in range(len(found.scale))),
         weaknesses=_weaknesses(case, found, subsets, Lambda), left=left,
-        catalogue=fly_catalogue(case) if with_catalogue and case.model.translation else None,
+        catalogue=fly_catalogue(case, float(found.t[1] - found.t[0])) if with_catalogue and case.model.translation else None,
     )  # fmt: skip
 
 

@@ -13,8 +13,9 @@ from estimator.error_integrals import ErrorIntegrals, transitions
 from estimator.flight_model import FlightModel, flight_model
 from estimator.observability import Information, first_state_information, information, posterior
 from estimator.strapdown import strapdown_step
+from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
-from sensors.gps import BaseReceiver
+from sensors.gps import BaseReceiver, Gps
 from sensors.manoeuvres import Manoeuvre
 from sensors.motion import Motion
 from sensors.recording import SensorSpec
@@ -25,6 +26,7 @@ HALVED = 3.0  # information, in units of the prior's, that halves a sigma
 ROUNDING = 1e-6  # the same, of a direction that no reading shows
 STEP = 2e-4  # of Phi: the trapezoid of the closed form against that of the strapdown step
 CELL_NOISE = 0.02  # relative: what is neglected inside a cell
+NOISY = 0.05  # the same where the process noise is as loud as the readings
 ATTITUDE_STD = 0.02
 
 REST, TURN, DASH, LIVELY = "rest", "turn", "dash", "lively"
@@ -154,6 +156,19 @@ def test_declared_noise_is_that_of_the_imu_table() -> None:
         model, motion, times, prior(model), noise=(model.accel.sigma**2 * even, model.gyro.sigma**2 * even)
     )
     np.testing.assert_allclose(found_on(LIVELY).Q, found.Q, rtol=1e-6, atol=1e-15)
+
+
+def test_a_noisy_imu_beside_a_precise_sensor_gets_short_cells() -> None:
+    """Two readings of a cell must not pass for two views of one and the same velocity."""
+    model, motion, times = flown(LIVELY)
+    loud = model.replace(
+        accel=Accelerometer(10.0, 0.1, 3e-4), sensors={**model.sensors, "gps": Gps(0.002, 0.1, 1.0, 0.05)}
+    )
+    chosen = information(loud, motion, times, prior(model))
+    fine = information(loud, motion, times, prior(model), cell=0.01)
+    assert chosen.t[1] - chosen.t[0] < 0.1
+    ends = [posterior(one, [ALL]).sigma[0, -1] for one in (chosen, fine)]
+    np.testing.assert_allclose(ends[0], ends[1], rtol=NOISY)
 
 
 def test_a_further_sensor_never_hurts() -> None:
