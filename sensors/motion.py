@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.rotation import quaternion_interpolate, rotate, rotate_back
 
 
@@ -107,7 +107,7 @@ class Motion:
         changed["covariates"] = {name: _linear(t, self.t, value) for name, value in self.covariates.items()}
         return replace(self, **changed)  # type: ignore[arg-type]
 
-    def rows(self, keep: FloatArray | slice) -> Motion:
+    def rows(self, keep: BoolArray | IntArray | slice) -> Motion:
         """The motion at some of its instants: a slice, a mask or indices."""
         n = len(self.t)
         changed: dict[str, object] = {}

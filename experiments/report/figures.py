@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from experiments.estimate import BiasCourse
-from experiments.report.words import stage_names
+from experiments.report.words import BIAS_UNITS, component_name, stage_names
 from experiments.residual_loop.source import StreamResidual
 from sensors.arrays import FloatArray
 

@@ -112,3 +112,16 @@ def test_nan_is_named_with_file_and_row(poses: Path, tmp_path: Path) -> None:
     assert result.returncode == 1
     assert "mag" in result.stderr
     assert "5" in result.stderr
+
+
+def test_estimate_reports_errors_and_draws_the_biases(tmp_path: Path) -> None:
+    flight, page = tmp_path / "flight", tmp_path / "flight.html"
+    assert sinan("simulate", "hover", str(flight), "--seed", "3").returncode == 0
+    files = ("--json", str(tmp_path / "e.json"), "--html", str(page), "--states", str(tmp_path / "states.csv"))
+    result = sinan("estimate", str(flight), *files)
+    assert result.returncode == 0, result.stderr
+    document = json.loads((tmp_path / "e.json").read_text())
+    assert document["truth"]["attitude_rms"] < 0.05
+    assert 0.9 < document["nis"]["mag"] < 1.1
+    assert (tmp_path / "states.csv").read_text().startswith("t,position_north")
+    assert "data:image/png" in page.read_text()
