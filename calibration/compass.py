@@ -130,12 +130,13 @@ def _fit(m: FloatArray, f: FloatArray, used: BoolArray) -> _Fit:
         residual = y - A @ x
         sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
         w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    b = x[:3]
+    b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
     dip = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0)))
     # an error of one reading enters the norm's line twice its size
     weighted = A * (w / np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)]))[:, None]
-    return _Fit(b * unit, norm * unit, dip, np.linalg.pinv(weighted.T @ weighted, hermitian=True))
+    cofactor = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
+    return _Fit(np.asarray(b * unit), norm * unit, dip, cofactor)
 
 
 def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:

@@ -14,7 +14,8 @@ from estimator.flight_model import flight_model
 from sensors.recording import Recording, SensorSpec
 from sensors.rotation import quaternion_multiply
 
-#: Headings that are tried [rad] and the span of the second round about the best: a filter started within 10 deg finds home.
+#: Headings that are tried [rad] and the step of the second round: a filter started within 10 deg
+#: finds home.
 COARSE, FINE = np.deg2rad(20.0), np.deg2rad(4.0)
 #: What the search leaves, about each axis [rad].
 LEFT = np.deg2rad(5.0)
@@ -23,7 +24,7 @@ OUTLIER_LEVEL = 1e-3
 
 
 def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recording:
-    """The recording with the first attitude that its GPS and IMU agree on best; unchanged where a magnetometer shows it.
+    """The recording with the first attitude that its GPS and IMU agree on best; unchanged where a compass shows it.
 
     The filter runs once for each of 18 headings about the vertical of the first second, and again about the best one.
     Its linearisation does not find the way from a heading that is half a circle off.
@@ -56,5 +57,5 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
     best = min(np.arange(0.0, 2.0 * np.pi, COARSE), key=surprise)
     best = min(best + np.arange(-0.5 * COARSE, 0.5 * COARSE + 1e-9, FINE), key=surprise)
     found = turned(float(best))
-    note = f"heading: {np.rad2deg(best) % 360.0:.0f} deg about the first vertical, the likeliest of the log; no magnetometer"
+    note = f"heading: {np.rad2deg(best) % 360.0:.0f} deg about the first vertical is the likeliest"
     return found.replace(notes=(*recording.notes, note))

@@ -1,7 +1,7 @@
-"""Noise levels of a log that declares none: first guesses from the readings, then the levels that make its flight likeliest.
+"""Noise levels of a log that declares none: first guesses from the readings, then the levels that make it likeliest.
 
-The likelihood of the filter's innovations is the one criterion: it is largest where the innovations are white and as large
-as the filter says. Vibration, aliasing and colour then count as noise where they act, as they must.
+The likelihood of the filter's innovations is the one criterion: it is largest where they are white and as large as the
+filter says. Vibration, aliasing and colour then count as noise where they act, as they must.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calibration.compass import compass_of
-from calibration.noise_start import datum, imu_density, reading_noise, scatter
+from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter
 from estimator.events import collect
 from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
-from sensors.recording import GYRO, MAG, POSITION, VELOCITY, Recording, SensorSpec
+from sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
 
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
 #: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
@@ -33,7 +33,7 @@ WALK_START = 0.05
 #: A walk ends where the bias would wander by its own 1-sigma in this time [s]: what moves faster is no bias.
 NOISE_DOWN = {"accel": 0.5, "gyro": 0.5}
 AIDING_DOWN = 0.05
-WALK_DOWN = 1e-3
+WALK_DOWN = 0.1
 LEAST_WANDER = 60.0
 #: Zeros of two height sensors that differ by more than this are taken as a bias of the one that is not the GPS [m].
 SAME_ZERO = 1.0
@@ -48,11 +48,11 @@ MOST_ITERATIONS = 40
 #: Passes that bring the NIS of each stream to one, and how near.
 POLISH_PASSES, POLISHED = 20, 0.02
 
-#: Walk of a consumer gyroscope's bias that nothing but a magnetometer or `level` watches [rad/s/sqrt(s)]: what its scale
-#: and its g-sensitivity make of turns moves the bias far more than the walk of a data sheet does (1e-5).
+#: Walk of a consumer gyroscope's bias that nothing but a magnetometer or `level` watches [rad/s/sqrt(s)]: what its
+#: scale and its g-sensitivity make of turns moves the bias far more than the walk of a data sheet does (1e-5).
 UNWATCHED_WALK = 1e-4
-#: Scale error of a trimmed consumer gyroscope, and how long a body turns one way [s]: what the two make of the turns of a
-#: log counts there as white noise of the rate. Data sheets allow 3 %.
+#: Scale error of a trimmed consumer gyroscope (data sheets allow 3 %), and how long a body turns one way [s]: what the
+#: two make of the turns of a log counts there as white noise of the rate.
 SCALE_ERROR, TURN = 0.005, 0.5
 
 Key = tuple[str, str]
@@ -131,7 +131,8 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     found: dict[Key, float] = {}
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)
-    for name, columns in (("mag", MAG), ("baro", ("height",)), ("sonar", ("range",)), ("laser", ("range",)), ("gps", POSITION), ("base", POSITION)):
+    for name in ("mag", "baro", "sonar", "laser", "gps", "base"):
+        columns = columns_of(name, "noise_std")
         if name in streams and streams[name].has(columns):
             found[name, "noise_std"] = reading_noise(streams[name].array(columns))
     if "gps" in streams and streams["gps"].has(VELOCITY):
@@ -159,7 +160,7 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     missing = [key for key in found if getattr(specs[key[0]], key[1]) is None]
     assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
     for name, key in [*missing, *assumed]:
-        specs[name] = replace(specs[name], **{key: {**believed, **found}[name, key]})
+        specs[name] = _with(specs[name], key, {**believed, **found}[name, key])
     if "gps" not in streams:
         return _without_position(recording, specs, missing, assumed)
     return specs, missing, tuple(assumed)
@@ -176,7 +177,8 @@ def _without_position(
     finds the height sensors' alone. A bias of the accelerometer cannot be told from the mean acceleration in the body,
     which a circling hand makes: it counts as known, and `level` bears it.
     """
-    given: dict[Key, float] = {("accel", "bias_std"): 0.0, ("accel", "bias_walk"): 0.0, ("gyro", "bias_walk"): UNWATCHED_WALK}
+    given: dict[Key, float] = {("accel", key): 0.0 for key in ("bias_std", "bias_walk")}
+    given["gyro", "bias_walk"] = UNWATCHED_WALK
     rate_rms = float(np.sqrt(np.mean(np.square(recording.streams["imu"].array(GYRO)))))
     white = specs["gyro"].noise_density or 0.0
     given["gyro", "noise_density"] = float(np.hypot(white, SCALE_ERROR * rate_rms * np.sqrt(TURN)))
@@ -187,9 +189,13 @@ def _without_position(
         given["mag", "bias_walk"] = 0.0
     for (name, key), value in given.items():
         if (name, key) in missing or (name, key) in assumed:
-            specs[name] = replace(specs[name], **{key: value})
+            specs[name] = _with(specs[name], key, value)
     by_rule = [key for key in missing if key in given and key[1] not in ("noise_std", "noise_density")]
     return specs, [key for key in missing if key not in by_rule], (*assumed, *by_rule)
+
+
+def _with(spec: SensorSpec, key: str, value: float) -> SensorSpec:
+    return replace(spec, **{key: value})  # type: ignore[arg-type]
 
 
 @dataclass
@@ -209,15 +215,19 @@ class _Problem:
     def _range(self, name: str, key: str) -> tuple[float, float]:
         spec = self.start[name]
         if key == "bias_walk":
-            assert spec.bias_walk is not None and spec.bias_std is not None
+            assert spec.bias_walk is not None
+            assert spec.bias_std is not None
             size = min(spec.bias_std, BIAS_STD.get(name, np.inf))
             return WALK_DOWN, max(size / np.sqrt(LEAST_WANDER) / spec.bias_walk, 2.0 * WALK_DOWN)
-        return NOISE_DOWN.get(name, AIDING_DOWN), max(scatter(self.recording, name, key) / getattr(self.start[name], key), 2.0)
+        start = getattr(self.start[name], key)
+        low = max(NOISE_DOWN.get(name, AIDING_DOWN), rounding(self.recording, name, key) / start)
+        return low, max(scatter(self.recording, name, key) / start, 2.0 * low)
 
     def specs_of(self, theta: FloatArray) -> dict[str, SensorSpec]:
+        """Specs at theta."""
         specs = dict(self.start)
         for (name, key), shift in zip(self.keys, theta, strict=True):
-            specs[name] = replace(specs[name], **{key: getattr(specs[name], key) * float(np.exp(shift))})
+            specs[name] = _with(specs[name], key, getattr(specs[name], key) * float(np.exp(shift)))
         return specs
 
     def journal(self, theta: FloatArray, *, gate_level: float | None = None,
@@ -238,6 +248,7 @@ class _Problem:
         return float(np.sum((journal.loglik + 0.5 * (journal.nis - bounded))[used]))
 
     def maximise(self, theta: FloatArray) -> FloatArray:
+        """Quasi-Newton from the first guess; slopes by forward differences, since a pass is cheap."""
         from scipy.optimize import minimize
 
         step = 0.02
@@ -277,16 +288,17 @@ class _Problem:
                     step[i] = self._excess(journal, name, key)
             if np.max(np.abs(step)) < POLISHED:
                 break
-            speed = np.where(step * before < 0.0, 0.5 * speed, np.minimum(1.2 * speed, 2.0))  # the levels pull at each other
+            speed = np.where(step * before < 0.0, 0.5 * speed, np.minimum(1.2 * speed, 2.0))  # they pull at each other
             theta, before = np.clip(theta + 0.5 * speed * step, *self.bounds.T), step
         return theta
 
     @staticmethod
     def _excess(journal: Journal, name: str, key: str) -> float:
-        """Logarithm of nu^2 over its variance, mean over what a stream's part contributed; bounded."""
+        """Logarithm of the mean of nu^2 over its variance; what the gate refuses counts with the gate's limit."""
         stream, part = journal.stream(name), _PART[key] if name == "gps" else slice(None)
-        used = stream.accepted
-        if np.mean(used) < 0.5:  # the gate refuses the stream, so the level is far too small
-            return 2.0
-        variance = np.einsum("kii->ki", stream.S[used])[:, part]
-        return float(np.clip(np.log(np.mean(stream.nu[used][:, part] ** 2 / variance)), -1.0, 1.0))
+        seen = np.isfinite(stream.nis)
+        if not np.any(seen):
+            return 0.0
+        squares = stream.nu[seen][:, part] ** 2 / np.einsum("kii->ki", stream.S[seen])[:, part]
+        limit = journal.model.threshold(name) / stream.dof
+        return float(np.clip(np.log(np.mean(np.minimum(np.mean(squares, axis=1), limit))), -1.0, 1.0))

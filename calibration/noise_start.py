@@ -1,4 +1,4 @@
-"""First guesses of noise levels from the readings alone: still stretches, differences, resolution. No filter runs here."""
+"""First guesses of noise levels from the readings alone: still stretches, differences, resolution."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
 LEAST_STILL = 1.0
-#: Readings that repeat their neighbour tell the resolution, not the noise; the noise of rounding is a step over sqrt(12).
+#: Readings that repeat their neighbour tell the resolution, not the noise; rounding makes noise of a step over
+#: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
 ROUNDING = 1.0 / np.sqrt(12.0)
+SAME, OFTEN = 1e-3, 0.05
 #: Median of the magnitude of a standard normal.
 MEDIAN_NORMAL = 0.6745
 
@@ -45,7 +47,7 @@ def longest_still(recording: Recording) -> tuple[int, int]:
 
 
 def reading_noise(values: FloatArray) -> float:
-    """Standard deviation of the white noise of one reading, of the columns together; deaf to smooth motion and to jumps.
+    """Standard deviation of the white noise of one reading, of the columns together; deaf to smooth motion and jumps.
 
     Third differences of white noise have 20 times its variance and of a parabola none; their median magnitude does not
     see outliers. Not below the noise of rounding.
@@ -64,15 +66,18 @@ def reading_noise(values: FloatArray) -> float:
 
 
 def resolution(values: FloatArray) -> float:
-    """Smallest step between readings of a column, the largest over the columns; tiny where nothing ever changes.
+    """Smallest step between readings, of the column whose is largest; tiny where readings hardly ever repeat.
 
-    The tenth percentile of the steps that are not zero: rounding in the last digit of a float makes smaller ones.
+    The tenth percentile of the steps; what is below `SAME` of the column's spread is none (rounding in the last digit
+    of a float, or the turn of the grid from degrees to metres).
     """
-    steps = [np.abs(np.diff(column)) for column in values.T]
-    smallest = [float(np.percentile(step[step > 0.0], 10)) if np.any(step > 0.0) else 0.0 for step in steps]
-    repeated = [bool(np.mean(step == 0.0) > 0.05) for step in steps]  # noise finer than the step repeats readings
-    coarse = [step for step, often in zip(smallest, repeated, strict=True) if often]
-    return max(coarse, default=float(np.finfo(float).tiny))
+    coarse = [float(np.finfo(float).tiny)]
+    for column in values.T:
+        step = np.abs(np.diff(column))
+        moved = step > SAME * max(float(np.std(column)), coarse[0])
+        if np.mean(~moved) > OFTEN and np.any(moved):  # noise finer than the step repeats readings
+            coarse.append(float(np.percentile(step[moved], 10)))
+    return max(coarse)
 
 
 def scatter(recording: Recording, name: str, key: str) -> float:
@@ -80,10 +85,8 @@ def scatter(recording: Recording, name: str, key: str) -> float:
     if name in ("accel", "gyro"):
         imu = recording.streams["imu"]
         rate = 1.0 / float(np.median(np.diff(imu.t)))
-        return float(np.sqrt(np.mean(np.var(imu.array(ACCEL if name == "accel" else GYRO), axis=0)) / rate))
-    stream = recording.streams[name]
-    columns = {"mag": MAG, "gps": POSITION, "base": POSITION, "baro": ("height",)}.get(name, ("range",))
-    return float(np.sqrt(np.mean(np.var(stream.array(VELOCITY if key == "velocity_noise_std" else columns), axis=0))))
+        return float(np.sqrt(np.mean(np.var(imu.array(columns_of(name, key)), axis=0)) / rate))
+    return float(np.sqrt(np.mean(np.var(recording.streams[name].array(columns_of(name, key)), axis=0))))
 
 
 def datum(recording: Recording, name: str) -> float:
@@ -99,3 +102,20 @@ def datum(recording: Recording, name: str) -> float:
         return abs(float(stream["height"][0]) + down) if "height" in stream else 0.0
     ranges = stream["range" if "range" in stream else "range_0"]
     return abs(float(ranges[0]) - (recording.environment.ground_down - down))
+
+
+def rounding(recording: Recording, name: str, key: str) -> float:
+    """Noise of rounding of a sensor's readings, which no level is below; a density for the IMU."""
+    if name in ("accel", "gyro"):
+        imu = recording.streams["imu"]
+        rate = 1.0 / float(np.median(np.diff(imu.t)))
+        return resolution(imu.array(columns_of(name, key))) * ROUNDING / np.sqrt(rate)
+    return resolution(recording.streams[name].array(columns_of(name, key))) * ROUNDING
+
+
+def columns_of(name: str, key: str) -> tuple[str, ...]:
+    """Columns of a sensor whose noise a key of its specs is."""
+    if key == "velocity_noise_std":
+        return VELOCITY
+    triads = {"accel": ACCEL, "gyro": GYRO, "mag": MAG, "gps": POSITION, "base": POSITION, "baro": ("height",)}
+    return triads.get(name, ("range",))

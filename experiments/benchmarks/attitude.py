@@ -1,7 +1,7 @@
-"""Attitude from IMU and magnetometer against optical, robot and autopilot attitude: this filter, VQF, Madgwick, Mahony, EKF.
+"""Attitude from IMU and magnetometer: this filter, VQF, Madgwick, Mahony and an EKF on measured logs with a reference.
 
-Every estimator has one setting for all logs, its authors'. All get the same readings; in the second half of the table all
-get them with the hard iron taken off and the disturbed stretches left out that this project finds in the log itself.
+Every estimator has one setting for all logs, its authors'. All get the same readings; in the second table all get them
+with the hard iron taken off and the disturbed stretches left out that this project finds in the log itself.
 Needs `vqf` and `ahrs`: pip install "sinan-nav[benchmark]".
 """
 
@@ -48,8 +48,8 @@ class Comparison:
     Attributes
     ----------
     errors : by estimator
-    worse : by estimator other than this filter, the mean over blocks of this filter's squared error minus the other's over
-        the other's mean, with the interval of 95 %: this filter is significantly worse where the interval lies above zero
+    worse : by other estimator, the mean squared error of this filter minus the other's, over the other's, with its
+        interval of 95 %: this filter is significantly worse where the interval lies above zero
     """
 
     errors: Mapping[str, AttitudeError]
@@ -175,15 +175,18 @@ def main(seed: int = 0) -> dict[str, dict[str, dict[str, float]]]:
     result: dict[str, dict[str, dict[str, float]]] = {}
     for correct in (False, True):
         title = "hard iron taken off for all" if correct else "readings as they are"
-        print(f"\n| {title}: total (tilt) [deg] | " + " | ".join(ESTIMATORS) + " | significantly better than this filter |")
+        heads = [f"{title}: total (tilt) [deg]", *ESTIMATORS, "significantly better than this filter"]
+        print("\n| " + " | ".join(heads) + " |")
         print("| --- " * (len(ESTIMATORS) + 2) + "|")
         for name in LOGS:
             comparison = compare(name, rng, correct)
             cells = [f"{rms_degrees(e.total):.2f} ({rms_degrees(e.tilt):.2f})" for e in comparison.errors.values()]
-            better = [f"{label} {low:+.2f}..{high:+.2f}" for label, (_, low, high) in comparison.worse.items() if low > 0.0]
+            worse = [(label, low, high) for label, (_, low, high) in comparison.worse.items() if low > 0.0]
+            better = [f"{label} {low:+.2f}..{high:+.2f}" for label, low, high in worse]
             print(f"| {name} | " + " | ".join(cells) + f" | {', '.join(better) or '-'} |", flush=True)
             result[f"{title}: {name}"] = {
-                label: {"total": rms_degrees(e.total), "tilt": rms_degrees(e.tilt)} for label, e in comparison.errors.items()
+                label: {"total": rms_degrees(error.total), "tilt": rms_degrees(error.tilt)}
+                for label, error in comparison.errors.items()
             }
     return result
 

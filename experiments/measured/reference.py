@@ -1,4 +1,4 @@
-"""Attitude error against a reference on another body: mounting and delay from the rates, so that no estimator helps itself."""
+"""Attitude error against a reference on another body: mounting and delay from the rates, whatever the estimator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sensors.rotation import (
 )
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-#: A reference that turns faster than this is wrong: three turns a second are beyond a hand, a robot and a camera [rad/s].
+#: A reference that turns faster than this is wrong: three turns a second are beyond hands and robots [rad/s].
 FASTEST = 20.0
 #: Rows left out on either side of such a jump [s]: interpolation carried it that far.
 AROUND = 0.08
@@ -64,7 +64,7 @@ class AttitudeError:
 def mounted(recording: Recording, reference: Stream) -> Mounted:
     """Find mounting and delay of a reference with attitude from the recording's gyroscope alone.
 
-    Least squares over rotations C and delays: sum |w_gyro(t + delay) - C w_reference(t)|^2, rates averaged over `WIDTH`.
+    Least squares over rotations C and delays: sum |w_gyro(t + delay) - C w_reference(t)|^2, averaged over `WIDTH`.
     Source of the rotation: G. Wahba's problem, solved by SVD (F. L. Markley, J. Astronaut. Sci. 36, 1988).
     A reference without heading is returned as it is.
     """
@@ -73,7 +73,6 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
     reference = without_jumps(reference)
     imu, q = recording.streams["imu"], reference.array(QUATERNION)
     t = np.arange(max(imu.t[0], reference.t[0]) + 0.5, min(imu.t[-1], reference.t[-1]) - 0.5, GRID)
-    middle = 0.5 * (t[1:] + t[:-1])
     at = quaternion_interpolate(t, reference.t, q)
     turn = quaternion_log(quaternion_multiply(quaternion_conjugate(at[:-1]), at[1:])) / GRID
     w_reference = _averaged(turn)
@@ -87,7 +86,6 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
         miss = float(np.sum((w_gyro - w_reference @ C.T) ** 2))
         if miss < best:
             best, found = miss, (C, float(delay))
-    assert len(middle) == len(w_reference)
     C, delay = found
     return Mounted(Stream(reference.t + delay, reference.columns), quaternion_from_matrix(C.T), delay)
 
@@ -108,7 +106,7 @@ def without_jumps(reference: Stream) -> Stream:
 def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> AttitudeError:
     """Error of an estimated attitude against a mounted reference.
 
-    The norths of a robot, of cameras and of the Earth differ: the mean heading between the two is taken off, whatever the
+    The norths of a robot, of cameras and of the Earth differ: the mean heading between the two is taken off for every
     estimator. A reference of roll and pitch scores the tilt alone.
 
     Parameters

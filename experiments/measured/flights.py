@@ -1,0 +1,183 @@
+"""Measured flights through the filter: consistency, attitude against a reference, position against withheld fixes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from calibration.noise_levels import OUTLIER_LEVEL
+from estimator.filter import prepare, run, run_filter
+from estimator.flight_model import flight_model
+from estimator.journal import Journal
+from experiments.datasets import reference_of, resolve
+from experiments.measured.preparation import Prepared, prepared
+from experiments.measured.reference import attitude_error, mounted
+from sensors.arrays import BoolArray, FloatArray
+from sensors.recording import POSITION, Recording, Stream
+
+LOGS = {
+    "walk, RTK": "boulder_walk_imu_2025/gnss_1730.ubx",
+    "quad, 14 m/s": "inertialnav_quads/quad106.zip",
+    "quad, slow": "inertialnav_quads/quad123.zip",
+    "quad, laser": "inertialnav_quads/quadOptFlowLogData.zip",
+    "F450": "inertialnav_quads/f450_glitch_log.zip",
+    "PX4, IMU at 10 Hz": "px4_esc_lidar_flight/esc_status_log.ulg",
+    "strapped to a Phantom": "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv",
+    "variometer": "vario_imu_baro/ms5611_datalog",
+    "hand, undisturbed": "broad_orientation/02_undisturbed_slow_rotation_B.mat",
+    "hand, magnet": "broad_orientation/32_disturbed_attached_magnet_1cm.mat",
+    "robot, MPU-9150": "robot_arm_marg/eV50p/Sequencia1/MPU9150.mat",
+    "robot, LSM9DS0": "robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat",
+    "robot fast, LSM9DS0": "robot_arm_marg/V_800/Sequencia3/LSM9DS0.mat",
+    "course, quadrotor": "rfly_course/attitude_logdata.mat",
+    "course, turned by hand": "rfly_course/e4_A.bin",
+}
+#: Fixes are withheld for so long, once in every so long, from the first on [s].
+WITHHELD, EVERY, FIRST = 10.0, 30.0, 20.0
+#: Ages of the last fix at which the prediction is scored [s], each with what lies within half a second.
+AGES = (1.0, 2.0, 5.0, 10.0)
+#: Delays of GPS that are tried [s].
+DELAYS = np.arange(-0.1, 0.401, 0.05)
+#: Growth of 2 log L from which a delay is believed: coloured readings scatter it far more than chi-square with one dof.
+CONVINCING = 50.0
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Position predicted without fixes against the fixes that were withheld.
+
+    Attributes
+    ----------
+    age : s since the last fix
+    rms : m, all three axes
+    count : fixes
+    """
+
+    age: float
+    rms: float
+    count: int
+
+
+def withheld(t: FloatArray) -> BoolArray:
+    """(n,) which fixes are withheld."""
+    since = t - t[0] - FIRST
+    return np.asarray((since >= 0.0) & (since % EVERY < WITHHELD))
+
+
+def predictions(ready: Prepared) -> tuple[Prediction, ...]:
+    """Withhold fixes and predict them. Levels come from the whole log, states only from the fixes that are left."""
+    recording, gps = ready.recording, ready.recording.streams["gps"]
+    hidden = withheld(gps.t)
+    imu = recording.streams["imu"]
+    hidden &= (gps.t > imu.t[0]) & (gps.t < imu.t[-1])
+    thinned = recording.replace(streams={**recording.streams, "gps": gps.rows(~hidden)})
+    journal = run_filter(thinned, ready.model, engine="numba")
+    asked, left = gps.rows(hidden), gps.t[~hidden]
+    age = asked.t - left[np.searchsorted(left, asked.t) - 1]
+    layout = ready.model.layout
+    predicted = np.stack([np.interp(asked.t, journal.imu_t, column) for column in journal.imu_x[:, :3].T], axis=-1)
+    if layout.has("b_gps"):
+        bias = journal.imu_x[:, layout.nominal("b_gps")]
+        predicted += np.stack([np.interp(asked.t, journal.imu_t, column) for column in bias.T], axis=-1)
+    error = np.linalg.norm(asked.array(POSITION) - predicted, axis=1)
+    found = []
+    for wanted in AGES:
+        near = np.abs(age - wanted) < 0.5 * min(1.0, wanted)
+        if np.any(near):
+            found.append(Prediction(wanted, rms(error[near]), int(np.sum(near))))
+    return tuple(found)
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def earlier(recording: Recording, stream: str, delay: float) -> Recording:
+    """The recording with the stamps of a stream taken back by a delay [s]."""
+    late = recording.streams[stream]
+    return recording.replace(streams={**recording.streams, stream: Stream(late.t - delay, late.columns)})
+
+
+def likeliest_delay(ready: Prepared, stream: str = "gps") -> tuple[float, float]:
+    """Delay of a stream's stamps with the largest likelihood [s], and by how much 2 log L grows over none.
+
+    A parabola through the best of `DELAYS` and its neighbours.
+    """
+    gain = []
+    for delay in DELAYS:
+        model = flight_model(
+            ready.recording, specs=ready.noise.specs, gate_level=None, robust_level=OUTLIER_LEVEL,
+            magnetic_field=ready.model.m_n, latency={stream: float(delay)},
+        )  # fmt: skip
+        journal = run(prepare(ready.recording, model), "numba", stride=0)
+        limit = np.array([model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
+        over = np.maximum(journal.nis / limit, 1.0)
+        bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
+        gain.append(float(np.sum((2.0 * journal.loglik + journal.nis - bounded)[journal.accepted])))
+    k = int(np.clip(np.argmax(gain), 1, len(gain) - 2))
+    before, best, after = gain[k - 1 : k + 2]
+    shift = 0.5 * (before - after) / (before - 2.0 * best + after)
+    return float(DELAYS[k] + shift * (DELAYS[1] - DELAYS[0])), max(gain) - gain[int(np.argmin(np.abs(DELAYS)))]
+
+
+def whiteness(journal: Journal) -> Mapping[str, float]:
+    """Largest autocorrelation at one reading's distance over the components of each stream; 2/sqrt(n) is noise."""
+    found = {}
+    for name in journal.sensors:
+        stream = journal.stream(name)
+        white = stream.white[stream.accepted]
+        if len(white) > 8:
+            found[name] = float(max(np.mean(w[1:] * w[:-1]) / np.mean(w**2) for w in (white - white.mean(axis=0)).T))
+    return found
+
+
+def measure(name: str) -> dict[str, Any]:
+    """One log: levels, NIS, refused readings, whiteness, attitude and position errors, delay of GPS.
+
+    Where the likelihood asks for a delay of GPS, the log is prepared and predicted again with it taken off the stamps.
+    """
+    recording, reference = resolve(LOGS[name]), reference_of(LOGS[name])
+    ready = prepared(recording)
+    journal = ready.run()
+    entry: dict[str, Any] = {
+        "log": name, "levels": list(ready.noise.notes), "nis": dict(journal.nis_per_dof()),
+        "counts": journal.counts(), "whiteness": dict(whiteness(journal)),
+    }  # fmt: skip
+    if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
+        entry["attitude"] = attitude_of(journal, ready, reference)
+    if "gps" not in ready.recording.streams:
+        return entry
+    entry["withheld"] = [asdict(prediction) for prediction in predictions(ready)]
+    delay, gain = likeliest_delay(ready)
+    entry["gps_delay"], entry["gps_delay_gain"] = delay, gain
+    if gain > CONVINCING:
+        again = prepared(earlier(recording, "gps", delay))
+        entry["withheld_without_delay"] = [asdict(prediction) for prediction in predictions(again)]
+        if reference is not None and "attitude" in entry:
+            entry["attitude_without_delay"] = attitude_of(again.run(), again, reference)
+    return entry
+
+
+def attitude_of(journal: Journal, ready: Prepared, reference: Stream) -> dict[str, float]:
+    """RMS of total error, tilt and heading [deg]."""
+    error = attitude_error(journal.imu_t, journal.imu_x[:, 6:10], mounted(ready.recording, reference))
+    parts = {"total": error.total, "tilt": error.tilt, "heading": error.heading}
+    return {part: float(np.rad2deg(rms(angle))) for part, angle in parts.items()}
+
+
+def main(names: Sequence[str] = tuple(LOGS)) -> list[dict[str, Any]]:
+    """Print the report of every log, and return it."""
+    entries = []
+    for name in names:
+        entries.append(measure(name))
+        for key, value in entries[-1].items():
+            print(f"  {key}: {value}" if key != "log" else value, flush=True)
+    return entries
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,158 @@
+"""Noise levels of a log that declares none: simulated flights with the declaration taken out; the compass; the heading."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.compass import compass_of, corrected
+from calibration.heading import with_heading
+from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels, noise_levels
+from calibration.noise_start import reading_noise, resolution
+from estimator.filter import run_filter
+from estimator.flight_model import flight_model
+from experiments.scenarios import load_scenario
+from sensors.recording import MAG, Recording, SensorSpec, Stream
+from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
+from sensors.simulate import simulate
+
+#: Factors within which levels come back from a flight of a minute: noise of readings; IMU noise, which aiding sees late;
+#: walks, which are taken at the upper end of what the log allows.
+READING, IMU, WALK = 1.15, 2.0, 4.0
+#: NIS of a stream at the levels that were found.
+NIS = 0.1
+
+
+def bare(recording: Recording) -> Recording:
+    """The recording without what it declares of its noise."""
+    return recording.replace(
+        sensors={n: SensorSpec(angles=s.angles, base_position=s.base_position) for n, s in recording.sensors.items()}
+    )
+
+
+@pytest.fixture(scope="module")
+def flight() -> tuple[Recording, Stream]:
+    return simulate(load_scenario("figure_eight"), np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def fit(flight: tuple[Recording, Stream]) -> NoiseFit:
+    return fit_noise_levels(bare(flight[0]))
+
+
+@pytest.mark.parametrize("sensor", ["mag", "baro", "sonar", "laser", "gps"])
+def test_noise_of_readings_comes_back(flight: tuple[Recording, Stream], fit: NoiseFit, sensor: str) -> None:
+    ratio = fit.specs[sensor].noise_std / flight[0].spec(sensor).noise_std  # type: ignore[operator]
+    assert 1.0 / READING < ratio < READING
+
+
+@pytest.mark.parametrize("sensor", ["accel", "gyro"])
+def test_noise_of_the_imu_comes_back(flight: tuple[Recording, Stream], fit: NoiseFit, sensor: str) -> None:
+    ratio = fit.specs[sensor].noise_density / flight[0].spec(sensor).noise_density  # type: ignore[operator]
+    assert 1.0 / READING < ratio < IMU
+
+
+@pytest.mark.parametrize("sensor", ["accel", "gyro", "mag", "baro", "gps"])
+def test_walks_are_not_too_small(flight: tuple[Recording, Stream], fit: NoiseFit, sensor: str) -> None:
+    ratio = fit.specs[sensor].bias_walk / flight[0].spec(sensor).bias_walk  # type: ignore[operator]
+    assert 0.7 < ratio < WALK
+
+
+def test_nis_is_one(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
+    journal = run_filter(bare(flight[0]), flight_model(bare(flight[0]), specs=fit.specs), engine="numba")
+    assert all(abs(value - 1.0) < NIS for value in journal.nis_per_dof().values())
+
+
+def test_what_is_declared_stays(flight: tuple[Recording, Stream]) -> None:
+    recording = flight[0]
+    assert dict(noise_levels(recording)) == {name: recording.spec(name) for name in noise_levels(recording)}
+
+
+def test_every_estimate_is_named(fit: NoiseFit) -> None:
+    assert len(fit.notes) == len(fit.estimated) + len(fit.assumed)
+    assert any("gps: noise_std" in note and "estimated from the log" in note for note in fit.notes)
+
+
+def test_declared_key_stays_and_the_rest_is_found(flight: tuple[Recording, Stream]) -> None:
+    recording = bare(flight[0])
+    half = recording.replace(sensors={**recording.sensors, "mag": SensorSpec(noise_std=0.007)})
+    specs, missing, _ = first_guess(half)
+    assert specs["mag"].noise_std == 0.007
+    assert ("mag", "bias_walk") in missing
+
+
+def test_third_differences_see_noise_not_motion() -> None:
+    rng, t = np.random.default_rng(2), np.arange(4000) * 0.1
+    values = 20.0 * np.sin(0.2 * t)[:, None] + 0.3 * rng.standard_normal((4000, 1))
+    values[::500] += 50.0
+    assert reading_noise(values) == pytest.approx(0.3, rel=0.08)
+
+
+def test_rounding_is_the_least_noise() -> None:
+    values = np.round(np.cumsum(np.random.default_rng(3).standard_normal(2000)) * 0.01, 1)[:, None]
+    assert resolution(values) == pytest.approx(0.1)
+    assert reading_noise(values) >= 0.99 * 0.1 / np.sqrt(12.0)
+
+
+@pytest.fixture(scope="module")
+def handheld() -> tuple[Recording, Stream]:
+    return simulate(load_scenario("no_aiding"), np.random.default_rng(4))
+
+
+def shifted(recording: Recording, offset: np.ndarray) -> Recording:
+    """The recording with more hard iron, without what it declares of the field."""
+    mag = recording.streams["mag"]
+    columns = {name: mag[name] + b for name, b in zip(MAG, offset, strict=True)}
+    return bare(recording).replace(
+        streams={**recording.streams, "mag": Stream(mag.t, columns)},
+        environment=replace(recording.environment, magnetic_field=None),
+    )
+
+
+def test_hard_iron_within_its_sigma(handheld: tuple[Recording, Stream]) -> None:
+    recording, truth = handheld
+    offset = np.array([0.3, -0.2, 0.5])
+    bias = np.mean([truth[f"bias_mag_{axis}"] for axis in "xyz"], axis=1)
+    compass = compass_of(shifted(recording, offset))
+    assert np.all(np.abs(compass.offset - offset - bias) < 4.0 * np.maximum(compass.std, 2e-3))
+
+
+def test_field_of_the_compass_is_the_declared_one(handheld: tuple[Recording, Stream]) -> None:
+    compass = compass_of(shifted(handheld[0], np.array([0.3, -0.2, 0.5])))
+    declared = handheld[0].environment.magnetic_field
+    assert declared is not None
+    assert compass.norm == pytest.approx(float(np.linalg.norm(declared)), rel=0.02)
+    assert np.sin(compass.dip) == pytest.approx(declared[2] / np.linalg.norm(declared), abs=0.03)
+
+
+def test_disturbed_stretch_is_left_out(handheld: tuple[Recording, Stream]) -> None:
+    recording = handheld[0]
+    mag = recording.streams["mag"]
+    wrong = (mag.t > 40.0) & (mag.t < 50.0)
+    columns = {name: mag[name] + 0.5 * wrong for name in MAG}
+    recording = recording.replace(streams={**recording.streams, "mag": Stream(mag.t, columns)})
+    compass = compass_of(recording)
+    assert np.mean(compass.disturbed[wrong]) > 0.95
+    assert np.mean(compass.disturbed[~wrong]) < 0.05
+    assert any("left out" in note for note in corrected(recording, compass).notes)
+
+
+def test_attitude_alone_has_no_nan_and_bounded_nis(handheld: tuple[Recording, Stream]) -> None:
+    recording = bare(handheld[0])
+    specs = noise_levels(recording)
+    journal = run_filter(recording, flight_model(recording, specs=specs), engine="numba")
+    assert np.all(np.isfinite(journal.imu_x))
+    assert all(value < 1.5 for value in journal.nis_per_dof().values())
+
+
+def test_heading_is_found_without_a_magnetometer(flight: tuple[Recording, Stream]) -> None:
+    recording, truth = flight
+    streams = {name: stream for name, stream in recording.streams.items() if name != "mag"}
+    initial = replace(recording.initial, quaternion=None, attitude_std=None)
+    found = with_heading(recording.replace(streams=streams, initial=initial), recording.sensors)
+    q = truth.array(("qw", "qx", "qy", "qz"))[0]
+    assert found.initial.quaternion is not None
+    error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), found.initial.quaternion))
+    assert np.linalg.norm(error) < np.deg2rad(15.0)

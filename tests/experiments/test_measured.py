@@ -1,0 +1,119 @@
+"""Measured logs: errors against mounted references; the filter on real flights; the attitude benchmark's arithmetic."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.benchmarks.attitude import LOGS, OURS, compare, in_ned, paired
+from experiments.measured import flights
+from experiments.measured.preparation import prepared
+from experiments.measured.reference import AttitudeError, Mounted, attitude_error, mounted, without_jumps
+from experiments.scenarios import load_scenario
+from sensors.recording import Recording, Stream
+from sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
+from sensors.simulate import simulate
+
+DEGREE = np.deg2rad(1.0)
+QUATERNION = ("qw", "qx", "qy", "qz")
+
+
+@pytest.fixture(scope="module")
+def handheld() -> tuple[Recording, Stream]:
+    return simulate(load_scenario("no_aiding"), np.random.default_rng(6))
+
+
+def turned(truth: Stream, mounting: np.ndarray, delay: float) -> Stream:
+    """The truth as a reference on another body and an earlier clock."""
+    q = quaternion_multiply(truth.array(QUATERNION), np.broadcast_to(quaternion_conjugate(mounting), (len(truth), 4)))
+    return Stream(truth.t - delay, dict(zip(QUATERNION, q.T, strict=True)))
+
+
+def test_mounting_and_delay_come_from_the_rates(handheld: tuple[Recording, Stream]) -> None:
+    recording, truth = handheld
+    mounting = quaternion_exp(np.array([0.1, -0.2, 0.3]))
+    found = mounted(recording, turned(truth, mounting, 0.08))
+    assert found.delay == pytest.approx(0.08, abs=0.011)
+    error = quaternion_log(quaternion_multiply(quaternion_conjugate(mounting), found.mounting))
+    assert np.linalg.norm(error) < 0.5 * DEGREE
+
+
+def test_error_of_the_truth_is_none_but_a_north(handheld: tuple[Recording, Stream]) -> None:
+    truth = handheld[1]
+    turn = np.array([np.cos(0.2), 0.0, 0.0, np.sin(0.2)])
+    q = quaternion_multiply(np.broadcast_to(turn, (len(truth), 4)), truth.array(QUATERNION))
+    error = attitude_error(truth.t, q, Mounted(truth, np.array([1.0, 0.0, 0.0, 0.0]), 0.0))
+    assert error.north == pytest.approx(0.4)
+    assert np.max(error.total) < 1e-6
+
+
+def test_a_jump_of_the_reference_is_left_out(handheld: tuple[Recording, Stream]) -> None:
+    truth = handheld[1]
+    columns = {name: truth[name].copy() for name in QUATERNION}
+    k = len(truth) // 2
+    columns["qw"][k], columns["qx"][k], columns["qy"][k], columns["qz"][k] = 0.0, 1.0, 0.0, 0.0
+    kept = without_jumps(Stream(truth.t, columns))
+    assert truth.t[k] not in kept.t
+    assert len(kept) > len(truth) - 60
+
+
+def test_paired_bootstrap_knows_better_from_equal() -> None:
+    rng = np.random.default_rng(1)
+    t, zero = np.arange(0.0, 200.0, 0.1), np.zeros(2000)
+
+    def error(size: float) -> AttitudeError:
+        return AttitudeError(t, size * np.abs(rng.standard_normal(2000)), zero, zero, 0.0)
+
+    assert paired(error(2.0), error(1.0), rng)[1] > 0.0
+    low, high = paired(error(1.0), error(1.0), rng)[1:]
+    assert low < 0.0 < high
+
+
+def test_frames_of_the_others() -> None:
+    level = in_ned(np.array([[1.0, 0.0, 0.0, 0.0]]), np.diag([1.0, -1.0, -1.0]))
+    assert abs(level[0, 0]) == pytest.approx(1.0)
+
+
+def test_withheld_fixes_are_predicted(handheld: tuple[Recording, Stream]) -> None:
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(8))
+    found = flights.predictions(prepared(recording))
+    assert [p.age for p in found] == list(flights.AGES)
+    assert found[0].rms < 2.0
+    assert found[-1].rms < 10.0
+
+
+@pytest.fixture
+def data(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    if "SINAN_DATA" not in os.environ:
+        monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    return measured_data
+
+
+@pytest.mark.measured
+def test_a_walk_without_magnetometer_is_predicted(data: Path) -> None:
+    """RTK positions withheld for 10 s: a metre after five seconds of walking with a consumer IMU."""
+    entry = flights.measure("walk, RTK")
+    assert abs(entry["nis"]["gps"] - 1.0) < 0.2
+    assert entry["withheld"][0]["rms"] < 0.3
+    assert entry["withheld"][2]["rms"] < 1.0
+
+
+@pytest.mark.measured
+def test_gps_of_an_autopilot_is_late(data: Path) -> None:
+    """The author of the log set 210 ms for position and 230 ms for velocity."""
+    entry = flights.measure("quad, slow")
+    assert entry["gps_delay"] == pytest.approx(0.22, abs=0.07)
+    assert all(np.isfinite(value) for value in entry["nis"].values())
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("name", list(LOGS))
+def test_no_other_estimator_is_significantly_better(data: Path, name: str) -> None:
+    pytest.importorskip("vqf")
+    pytest.importorskip("ahrs")
+    comparison = compare(name, np.random.default_rng(0))
+    assert OURS in comparison.errors
+    assert all(low <= 0.0 for _, low, _ in comparison.worse.values())
