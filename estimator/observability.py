@@ -282,23 +282,20 @@ def _cell_length(
     edges = np.linspace(motion.t[0], motion.t[-1], PROBES + 1)
     rates = np.median(_noise_rates(model, motion, edges, walk, grown), axis=0)
     probes = motion.at(0.5 * (edges[:-1] + edges[1:]))
-    seen = [
-        (_jacobian(sensor, model.layout, probes.rows(_sees(name, probes))), sensor) for name, sensor in sensors.items()
-    ]
+    seen = []
+    for name, sensor in sensors.items():
+        here = probes.rows(_sees(name, probes))
+        seen.append((_jacobian(sensor, model.layout, here), np.diag(sensor.R)))
     cell = max(CELL, least)
     while cell > 2.0 * least:
-        shares = [
-            float(np.max(np.diagonal(_late(H, rates, 0.5 * cell), axis1=1, axis2=2) / np.diag(sensor.R), initial=0.0))
-            for H, sensor in seen
-        ]
+        shares = []
+        for H, R in seen:
+            late = _noise_since(H, np.tile(rates, (len(H), 1)), np.full(len(H), 0.5 * cell))
+            shares.append(float(np.max(np.diagonal(late, axis1=1, axis2=2) / R, initial=0.0)))
         if max(shares, default=0.0) <= SHARED:
             break
         cell *= 0.5
     return cell
-
-
-def _late(H: FloatArray, rates: FloatArray, h: float) -> FloatArray:
-    return _noise_since(H, np.tile(rates, (len(H), 1)), np.full(len(H), h))
 
 
 def _process_noise(integrals: ErrorIntegrals, t: FloatArray, rates: FloatArray) -> FloatArray:

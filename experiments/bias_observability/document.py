@@ -173,7 +173,8 @@ def advice(study: Study) -> list[str]:
         ):
             lines.append(f"{title}: needs a GPS, there is none aboard")
         else:
-            lines.append(f"{title}: none of these sensors and no flight of the catalogue separates them")
+            verb = "separates them" if len(weakness.direction.main) > 1 else "shows it"
+            lines.append(f"{title}: none of these sensors and no flight of the catalogue {verb}")
     return lines
 
 

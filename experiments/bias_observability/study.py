@@ -136,13 +136,14 @@ def study(case: Case, with_catalogue: bool = True) -> Study:
     carried = found.carried_prior(found.t[-1:])[0]
     left = course.sigma[:, -1] / carried
     values, _ = spectrum(Lambda[0])
+    compared = with_catalogue and case.model.translation
     table = columns(case.segments)
     return Study(
         case=case, found=found, subsets=subsets, course=course, singular_values=values,
         physical_values=spectrum(physical(found, Lambda[0]))[0],
         states=tuple(_state(case, found, course, subsets, left, i, table) for i in range(len(found.scale))),
         weaknesses=_weaknesses(case, found, subsets, Lambda), left=left,
-        catalogue=fly_catalogue(case, float(found.t[1] - found.t[0])) if with_catalogue and case.model.translation else None,
+        catalogue=fly_catalogue(case, float(found.t[1] - found.t[0])) if compared else None,
     )  # fmt: skip
 
 

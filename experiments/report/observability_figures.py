@@ -66,7 +66,7 @@ def weak_parts(study: Study) -> Figure:
     figure, axes = new_figure(1, 1, 0.36 * len(weak) + 1.6)
     one = axes[0, 0]
     image = one.imshow(values, cmap="RdBu", vmin=-1.0, vmax=1.0, aspect="auto")
-    _write(one, values, lambda v: "" if abs(v) < 0.02 else f"{v:+.2g}", np.abs(values) > 0.7)
+    _write(one, values, lambda v: "" if abs(v) < 0.02 else _part(v), np.abs(values) > 0.7)
     _axes_of(one, [d.title for d in weak], [name_of(study.found.labels[i]) for i in used])
     figure.colorbar(image, ax=one, pad=0.01).set_label("part, in prior sigmas", fontsize=9)
     return figure
@@ -83,6 +83,7 @@ def sigma_curves(study: Study) -> Figure:
     ratios = {"height_ratios": [0.22, *[1.0] * len(blocks)]}
     band, *axes = figure.subplots(1 + len(blocks), 1, sharex=True, gridspec_kw=ratios)
     _manoeuvre_band(band, study)
+    most = 1.15 * max(float(np.max(sigma[:, i] / sigma[0, i])) for places in blocks.values() for i in places)
     least = 0.7 * min(float(np.min(sigma[:, i] / sigma[0, i])) for places in blocks.values() for i in places)
     for one, (block, places) in zip(axes, blocks.items(), strict=True):
         for k, i in enumerate(places):
@@ -90,7 +91,7 @@ def sigma_curves(study: Study) -> Figure:
             one.plot(t, sigma[:, i] / sigma[0, i], color=_AXIS_COLOURS[k], lw=1.6, label=name)
         one.axhline(0.5, color="black", lw=0.8, ls="--")
         one.set_yscale("log")
-        one.set_ylim(max(_DEEPEST, least), 1.6)
+        one.set_ylim(max(_DEEPEST, least), max(most, 1.6))
         one.set_yticks([1.0, 0.1, 0.01], ["100 %", "10 %", "1 %"])
         one.minorticks_off()
         one.spines[["top", "right"]].set_visible(False)
@@ -103,7 +104,7 @@ def sigma_curves(study: Study) -> Figure:
         if len(places) > 1:
             one.legend(frameon=False, fontsize=9, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.95), borderpad=0)
         _shade(one, study)
-    axes[0].text(t[-1], 0.53, "halved", fontsize=8.5, ha="right", va="bottom")
+        one.text(1.005, 0.5, "½", fontsize=10, va="center", transform=one.get_yaxis_transform())
     axes[-1].set_xlabel("time / s", fontsize=9)
     axes[-1].set_xlim(0.0, t[-1])
     return figure
@@ -233,6 +234,11 @@ def _write(one: Axes, values: FloatArray, text: Any, dark: Any) -> None:
         ink = "white" if dark[y, x] else "#1c2733"
         cell = one.text(x, y, text(value), ha="center", va="center", fontsize=8, color=ink)
         cell.set_in_layout(False)  # it lies inside the axes: measuring it would take as long as drawing it
+
+
+def _part(value: float) -> str:
+    """`+1`, `-.74`: short enough for a narrow cell."""
+    return f"{value:+.0f}" if abs(value) > 0.995 else f"{value:+.2f}".replace("0.", ".")
 
 
 def _rule_between(one: Axes, blocks: Sequence[str]) -> None:
