@@ -194,6 +194,8 @@ class FlightSource:
         own = [effect for effect, _ in state.betas]
         others = [] if own_terms_only else [entry for entry in self._candidates if entry.name not in names]
         columns = [*own, *others]
+        if not columns:
+            return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
         journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion)
         W, white = self._rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._in_part(journal.t[sensitivity.event], fit.part)]

@@ -47,10 +47,24 @@ def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
     assert not select(FlightSource(recording, flight_model(recording))).findings
 
 
+def test_no_effect_is_a_statement() -> None:
+    """A clean flight: the report says so, and from which size on each effect would have been seen."""
+    recording, _ = flown("square", 24)
+    source = FlightSource(recording, flight_model(recording))
+    document = json.loads(json.dumps(report(source, trace(source)), allow_nan=False))
+    assert document["verdict"] == "no_effect"
+    assert document["effects"] == []
+    assert document["error"]["before"]["rms"] == document["error"]["after"]["rms"]
+    assert document["consistency"]["nis_after"] == pytest.approx(1.0, abs=0.03)
+    assert sum(bool(c["detectable_from"]) and c["detectable_from"][0] is not None for c in document["candidates"]) > 10
+
+
 def test_report_has_the_errors_before_and_after() -> None:
     recording, truth = flown("yaw_turns", 23, "mag.current=0.004,-0.002,0.001")
     source = FlightSource(recording, flight_model(recording))
-    document = json.loads(json.dumps(report(source, trace(source, score=score_against(truth, source))), allow_nan=False))
+    document = json.loads(
+        json.dumps(report(source, trace(source, score=score_against(truth, source))), allow_nan=False)
+    )
     assert document["verdict"] == "effects"
     assert [e["name"] for e in document["effects"]] == ["mag.current"]
     assert document["error"]["stream"] == "mag"
