@@ -1,4 +1,4 @@
-"""Noise levels of a log that declares none: simulated flights with the declaration taken out; the compass; the heading."""
+"""Noise levels of a log that declares none: simulated flights without their declaration; compass; heading."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from sensors.recording import MAG, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from sensors.simulate import simulate
 
-#: Factors within which levels come back from a flight of a minute: noise of readings; IMU noise, which aiding sees late;
-#: walks, which are taken at the upper end of what the log allows.
+#: Factors within which levels come back from a flight of a minute: noise of readings; IMU noise, which aiding sees
+#: late; walks, which are taken at the upper end of what the log allows.
 READING, IMU, WALK = 1.15, 2.0, 4.0
 #: NIS of a stream at the levels that were found.
 NIS = 0.1

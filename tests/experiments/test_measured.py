@@ -60,16 +60,22 @@ def test_a_jump_of_the_reference_is_left_out(handheld: tuple[Recording, Stream])
     assert len(kept) > len(truth) - 60
 
 
-def test_paired_bootstrap_knows_better_from_equal() -> None:
+def white_error(size: float, rng: np.random.Generator) -> AttitudeError:
+    """An error of that size, white in time."""
+    zero = np.zeros(2000)
+    return AttitudeError(np.arange(2000) * 0.1, size * np.abs(rng.standard_normal(2000)), zero, zero, 0.0)
+
+
+def test_paired_bootstrap_sees_a_worse_one() -> None:
     rng = np.random.default_rng(1)
-    t, zero = np.arange(0.0, 200.0, 0.1), np.zeros(2000)
+    assert paired(white_error(1.5, rng), white_error(1.0, rng), rng)[1] > 0.0
 
-    def error(size: float) -> AttitudeError:
-        return AttitudeError(t, size * np.abs(rng.standard_normal(2000)), zero, zero, 0.0)
 
-    assert paired(error(2.0), error(1.0), rng)[1] > 0.0
-    low, high = paired(error(1.0), error(1.0), rng)[1:]
-    assert low < 0.0 < high
+def test_paired_bootstrap_calls_few_equals_different() -> None:
+    """Interval of 95 %, forty blocks: about 7 % of equals; more than 8 of 40 has a probability of 1e-3."""
+    rng = np.random.default_rng(2)
+    intervals = [paired(white_error(1.0, rng), white_error(1.0, rng), rng)[1:] for _ in range(40)]
+    assert sum(not low < 0.0 < high for low, high in intervals) <= 8
 
 
 def test_frames_of_the_others() -> None:
