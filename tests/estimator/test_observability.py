@@ -26,6 +26,7 @@ HALVED = 3.0  # information, in units of the prior's, that halves a sigma
 ROUNDING = 1e-6  # the same, of a direction that no reading shows
 STEP = 2e-4  # of Phi: the trapezoid of the closed form against that of the strapdown step
 CELL_NOISE = 0.02  # relative: what is neglected inside a cell
+PROMISED = 0.8  # least share of the true sigma that too long cells may claim
 NOISY = 0.05  # the same where the process noise is as loud as the readings
 ATTITUDE_STD = 0.02
 
@@ -169,6 +170,17 @@ def test_a_noisy_imu_beside_a_precise_sensor_gets_short_cells() -> None:
     assert chosen.t[1] - chosen.t[0] < 0.1
     ends = [posterior(one, [ALL]).sigma[0, -1] for one in (chosen, fine)]
     np.testing.assert_allclose(ends[0], ends[1], rtol=NOISY)
+
+
+def test_coarse_cells_do_not_make_a_noisy_imu_look_good() -> None:
+    """Noise between a reading and its node counts as the reading's: too long a cell must not promise too much."""
+    model, motion, times = flown(LIVELY)
+    loud = model.replace(
+        accel=Accelerometer(10.0, 0.1, 3e-4), sensors={**model.sensors, "gps": Gps(0.002, None, 1.0, 0.05)}
+    )
+    coarse, fine = (information(loud, motion, times, prior(model), cell=cell) for cell in (0.4, 0.01))
+    ratio = posterior(coarse, [ALL]).sigma[0, -1] / posterior(fine, [ALL]).sigma[0, -1]
+    assert ratio.min() > PROMISED
 
 
 def test_a_further_sensor_never_hurts() -> None:
