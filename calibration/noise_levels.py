@@ -18,6 +18,7 @@ from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 from sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
 
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
@@ -128,6 +129,8 @@ def fit_noise_levels(recording: Recording) -> NoiseFit:
 def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key], tuple[Key, ...]]:
     """Complete specs from the readings alone, the keys that the likelihood is to find, and those that were assumed."""
     streams = recording.streams
+    if "imu" not in streams:
+        raise InputError(recording.where, "no stream imu", "accelerometer and gyroscope, which a flight needs")
     found: dict[Key, float] = {}
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)

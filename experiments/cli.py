@@ -138,11 +138,14 @@ def gnss(
     systems: Annotated[str, typer.Option(help="G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS")] = "G,E,J,C",
     mask: Annotated[float, typer.Option(help="lowest elevation, deg")] = 10.0,
     position: Annotated[
-        tuple[float, float, float] | None, typer.Option(help="known position X Y Z of a receiver at rest, ECEF, m")
+        tuple[float, float, float] | None,
+        typer.Option(help="known position of a receiver at rest, ECEF, m", metavar="X Y Z"),
     ] = None,
     reference: Annotated[Path | None, typer.Option(help="known positions of a moving receiver")] = None,
     base: Annotated[Path | None, typer.Option(help="RINEX observation file of a base receiver")] = None,
-    base_position: Annotated[tuple[float, float, float] | None, typer.Option(help="of the base, ECEF, m")] = None,
+    base_position: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="of the base, ECEF, m", metavar="X Y Z")
+    ] = None,
     solution: Annotated[Path | None, typer.Option(help="write the fixes as CSV")] = None,
     json: Json = None,
     html: Html = None,

@@ -31,7 +31,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     """Simulate, calibrate, trace, draw; then the same on the course's measured magnetometer where it is at hand."""
     recording, truth = simulate(load_scenario(SCENARIO), np.random.default_rng(SEED), HIDDEN)
     write_recording(recording, out / "recording", truth)
-    say(f"1. A recording, simulated: {recording.name}. Hidden in it: {', '.join(HIDDEN)}; its own files do not say so.")
+    hidden = "; ".join(f"{name} = {', '.join(f'{b:g}' for b in beta)}" for name, beta in HIDDEN.items())
+    say(f"1. A recording, simulated: {recording.name}. Its own files do not say what is hidden in it:\n   {hidden}")
     demonstrate(recording, out, "simulated", say)
     measured = measured_recording()
     if measured is None:
@@ -39,7 +40,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     else:
         say("\n2. The course's own magnetometer, measured.")
         demonstrate(measured, out, "measured", say)
-    say(f"\nPages and figures: {out.resolve()}")
+    say(f"\nPages and figures: {out.resolve()}; begin with {(out / 'simulated.html').resolve()}")
 
 
 def demonstrate(recording: Recording, out: Path, name: str, say: Callable[[str], None]) -> Mapping[str, Any]:

@@ -122,14 +122,8 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
         page.text(f"{name} acts on no held-out reading: only the evidence speaks for it, not the held-out error.")
     for name in document["rolled_back"]:
         page.text(f"{name} passed the test but did not lower the held-out error; it was rolled back.")
-    kinds = {
-        "variance": "the noise is not as declared",
-        "colour": "neighbouring residuals are correlated",
-        "local": "an offset in an interval stands out",
-    }
     for item in document["remaining"]:
-        page.text(
-            f"In the {item['stream']}, {kinds[item['kind']]} ({item['kind']}, size {words.number(item['excess'])})."
-        )
+        sentence = words.remaining_sentence(item)
+        page.text(f"{sentence[0].upper()}{sentence[1:]}.")
     if not document["remaining"]:
         page.text("The remaining residual is white and as large as the declared noise.")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 _VERDICTS = {
-    "no_effect": "The plain model explains the data: no effect is missing.",
+    "no_effect": "The plain model explains the data as far as they can tell.",
     "effects": "The data show what the plain model lacks.",
     "ambiguous": "Something is missing, but the data cannot tell which of several effects it is.",
     "unexplained": "Structure remains in the residual that no effect of the catalogue explains.",
@@ -22,7 +22,12 @@ _SENSORS = {
 
 def number(value: float) -> str:
     """Three significant digits without exponents where that is readable."""
-    return f"{value:.3g}"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def p_value_words(log10_p: float) -> str:
+    """A p-value; beyond a hundred digits the number says nothing more."""
+    return f"p = 10^{log10_p:.0f}" if log10_p > -100.0 else "p < 10^-100"
 
 
 def quantity(value: float | None, unit: str) -> str:
@@ -98,8 +103,14 @@ def component_name(sensor: str, k: int, size: int) -> str:
 
 
 def verdict_sentence(document: Mapping[str, Any]) -> str:
-    """The verdict with the effects it names."""
+    """The verdict with the effects it names, and how many could not have been seen."""
     text = _VERDICTS[document["verdict"]]
+    asked = [c for c in document["candidates"] if "interval" not in c]
+    unseen = [c for c in asked if all(size is None for size in c["detectable_from"])]
+    if document["verdict"] == "no_effect" and unseen:
+        text += f" {len(unseen)} of {len(asked)} effects could not have been seen in them at any size."
+    if document["verdict"] == "no_effect" and not asked:
+        text += " There are too few readings to look for any effect."
     if document["verdict"] == "ambiguous":
         first = document["effects"][0]
         text += f" {first['name']} or {', '.join(first['confused_with'])}."
@@ -111,7 +122,9 @@ def verdict_sentence(document: Mapping[str, Any]) -> str:
 def headline(document: Mapping[str, Any]) -> str:
     """The page's title: what the instrument does wrong and what adding it brings, or that nothing is missing."""
     if not document["effects"]:
-        return "Nothing is missing" if document["verdict"] == "no_effect" else "Something is missing that has no name"
+        if document["verdict"] != "no_effect":
+            return "Something is missing that has no name"
+        return "No effect is seen in these data"
     error = document["error"]
     change = f"{quantity(error['before']['rms'], error['before']['unit'])} → {number(error['after']['rms'])}"
     return f"{document['effects'][0]['summary'].rstrip('.')}: residual {change} on held-out data"
@@ -121,8 +134,7 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     """The trace in a few lines for the terminal."""
     lines = [f"{document['recording']}: {document['verdict']}", f"  {verdict_sentence(document)}"]
     for effect in document["effects"]:
-        p = effect["log10_p_value"]
-        lines.append(f"  {effect['name']}: {effect_sentence(effect)}; p = 10^{p:.0f}")
+        lines.append(f"  {effect['name']}: {effect_sentence(effect)}; {p_value_words(effect['log10_p_value'])}")
     if document["effects"]:
         lines.append(f"  {error_sentence(document['error'])}")
         same = "chooses the same names" if document["error"]["same_names_on_fitting_part"] else "chooses other names"
@@ -133,11 +145,19 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     if not document["effects"]:
         sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c]
         lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
-    for item in document["remaining"]:
-        lines.append(
-            f"  remains: {item['kind']} in {item['stream']} ({number(item['excess'])}, follows {item['follows']})"
-        )
+    lines += [f"  remains: {remaining_sentence(item)}" for item in document["remaining"]]
     return "\n".join(lines)
+
+
+def remaining_sentence(item: Mapping[str, Any]) -> str:
+    """What is left in a residual, in words."""
+    sensor, size = _SENSORS.get(item["stream"], item["stream"]), item["excess"]
+    if item["kind"] == "variance":
+        relation = "larger" if size > 0 else "smaller"
+        return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than declared"
+    if item["kind"] == "colour":
+        return f"neighbouring {sensor} residuals are correlated ({number(size)})"
+    return f"an offset of {number(size)} sigma in a stretch of the {sensor} residual"
 
 
 def detectable_sentence(candidate: Mapping[str, Any]) -> str:

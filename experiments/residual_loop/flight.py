@@ -32,6 +32,8 @@ from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
+#: What is asked against the declared field cannot be asked where the field was found from the log itself.
+_OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 #: The last third of the time is held out.
 _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS = 8
@@ -95,9 +97,10 @@ class FlightSource:
 
     def _possible(self) -> tuple[Effect, ...]:
         declared = set(self.recording.effects)
+        guessed = self.recording.environment.magnetic_field is None
         found = []
         for entry in effects_for("flight", candidate_streams(self.model)):
-            if entry.name in declared:
+            if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
                 continue
             if entry.stream in self.model.sensors:
                 along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._plain_motion)

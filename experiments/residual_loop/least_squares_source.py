@@ -29,6 +29,8 @@ _OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
 _LEAST_OUTLIERS = 2
+#: Degrees of freedom that an effect must leave: a fit through every reading proves nothing.
+_LEAST_FREEDOM = 3
 #: Rows of the shortest disturbance: fewer are wrong readings.
 _SHORTEST = 3
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -116,6 +118,8 @@ class LeastSquaresSource:
         order = np.argsort(np.argsort(problem.t[self._measured], kind="stable"), kind="stable")
         blocks = max(min(_SPLIT_BLOCKS, self._n), 1)
         held = (order * blocks // max(self._n, 1)) % _SPLIT_EVERY == _SPLIT_EVERY - 1
+        freedom = self._n - rows.nuisance.shape[1] + int(np.sum(~self._measured))
+        self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= _LEAST_FREEDOM)
         self._held_out = np.zeros(len(self._measured), dtype=bool)
         self._held_out[self._measured] = held
 
@@ -126,8 +130,8 @@ class LeastSquaresSource:
 
     @property
     def candidates(self) -> tuple[Effect, ...]:
-        """Effects with a regressor known from the start."""
-        return self._problem.candidates
+        """Effects with a regressor known from the start that leave enough readings to contradict them."""
+        return self._candidates
 
     @property
     def families(self) -> int:
