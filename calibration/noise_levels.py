@@ -255,10 +255,12 @@ class _Problem:
         from scipy.optimize import minimize
 
         step = 0.02
+
         def slope(x: FloatArray) -> tuple[float, FloatArray]:
             here = self.log_likelihood(x)
             gradient = [(self.log_likelihood(x + step * axis) - here) / step for axis in np.eye(len(x))]
             return -here, -np.array(gradient)
+
         found = minimize(slope, theta, jac=True, method="L-BFGS-B", bounds=self.bounds,
                          options={"maxiter": MOST_ITERATIONS, "ftol": GAIN})  # fmt: skip
         return np.asarray(found.x)

@@ -188,7 +188,7 @@ def perfect(world: World, name: str, t: FloatArray, model: SensorModel) -> tuple
     for p in present:
         if np.isfinite([p.t0, p.t1]).any():
             value += (p.effect.apply(plain, p.beta, motion, model) - plain) * _acting(p, grid)[:, None]
-    return motion.rows(rows), value[rows]  # type: ignore[arg-type]
+    return motion.rows(rows), value[rows]
 
 
 def _acting(present: Present, t: FloatArray) -> BoolArray:
