@@ -104,9 +104,7 @@ ESTIMATORS: Mapping[str, Estimator] = {
 }  # fmt: skip
 
 
-def readings(
-    recording: Recording, axes: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+def readings(recording: Recording, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
     """t, rate, specific force and field (None: no magnetometer) at the IMU's instants, in other axes."""
     imu = recording.streams["imu"]
     gyro, accel = (np.ascontiguousarray(imu.array(names) @ axes.T) for names in (GYRO, ACCEL))
