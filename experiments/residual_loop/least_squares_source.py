@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from estimator.score import Evidence
-from experiments.residual_loop.localise import OffsetScan, find_interval
+from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -28,6 +28,8 @@ _ROWS_A_BLOCK = 8
 _OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
+#: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
+_ENDS_WITHIN = 3
 _LEAST_OUTLIERS = 2
 #: Degrees of freedom that an effect must leave: a fit through every reading proves nothing.
 _LEAST_FREEDOM = 3
@@ -273,21 +275,29 @@ class LeastSquaresSource:
         moving = [term for term in fit.terms if term.in_mean]
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
-        wrong = self._wrong_rows(rows, _SUSPECT)  # an interval must not live on one wrong reading
-        scan_rows = np.flatnonzero(active & self._measured & ~wrong)
-        scan_rows = scan_rows[np.argsort(self._problem.t[scan_rows], kind="stable")]
-        everything = np.concatenate([scan_rows, np.flatnonzero(active & ~self._measured)])
-        fitted = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[everything]
-        offset = rows.offset[everything].copy()
-        offset[len(scan_rows) :] = 0.0
-        scan = OffsetScan(rows.residual[everything] / np.sqrt(noise), offset / np.sqrt(noise), fitted / np.sqrt(noise))
-        t = self._problem.t[scan_rows]
+        wrong = self._wrong_rows(rows, _SUSPECT)
+        fitted = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])
+
+        def scan_of(kept: IntArray) -> OffsetScan:
+            everything = np.concatenate([kept, np.flatnonzero(active & ~self._measured)])
+            offset = rows.offset[everything].copy()
+            offset[len(kept) :] = 0.0
+            root = np.sqrt(noise)
+            return OffsetScan(rows.residual[everything] / root, offset / root, fitted[everything] / root)
+
+        every = np.flatnonzero(active & self._measured)
+        every = every[np.argsort(self._problem.t[every], kind="stable")]
+        calm = np.flatnonzero(~wrong[every])  # an interval must not live on one wrong reading
+        scan, whole = scan_of(every[calm]), scan_of(every)
+        t = self._problem.t[every]
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
-            found = find_interval(scan, to_the_end, noise_dof, _SHORTEST, len(scan_rows))
-            if found is not None:
-                end = float(t[found.last]) if found.last < len(t) else float(t[-1]) + _after(t)
-                term = Term(f"{self._problem.stream}.{family}", (float(t[found.first]), end))
+            found = find_interval(scan, to_the_end, noise_dof, _SHORTEST, len(calm))
+            if found is not None:  # but its ends are where all readings put them
+                ends = (int(calm[found.first]), int(calm[found.last - 1]) + 1 if found.last < len(calm) else len(t))
+                first, last = refine(whole, *ends, to_the_end, _SHORTEST, _ENDS_WITHIN, len(t))
+                end = float(t[last]) if last < len(t) else float(t[-1]) + _after(t)
+                term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
                 findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta))
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]

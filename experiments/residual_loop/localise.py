@@ -122,7 +122,7 @@ def find_interval(scan: OffsetScan, to_the_end: bool, noise_dof: float, shortest
         k = int(np.argmax(gain))
         if best is not None and _log_p(gain[k], dof[k], noise_dof) + np.log(searched) > best.log_p:
             continue  # not even without the colour
-        a, b = _refine(scan, int(first[k]), int(last[k]), to_the_end, shortest, step, rows)
+        a, b = refine(scan, int(first[k]), int(last[k]), to_the_end, shortest, step, rows)
         one_gain, one_dof, beta = scan.gain(np.array([a]), np.array([b]))
         log_p = _log_p(one_gain[0], one_dof[0], noise_dof)
         left = scan.without(a, b)
@@ -187,15 +187,18 @@ def _log_p_among_peers(
     return float(stats.f.logsf(gain / dof / max(factor, 1.0), dof, dof * independent)) if dof else 0.0
 
 
-def _refine(scan: OffsetScan, a: int, b: int, to_the_end: bool, shortest: int, step: int, rows: int) -> tuple[int, int]:
-    """Move both ends row by row to where the gain is largest."""
+def refine(scan: OffsetScan, a: int, b: int, to_the_end: bool, shortest: int, step: int, rows: int) -> tuple[int, int]:
+    """Move both ends row by row to where the gain is largest, but not so far that the interval gets another name."""
+    start_up = _START_UP * rows
     for _ in range(2):
         starts = np.arange(max(a - step, 0), min(a + step, b - shortest) + 1)
+        starts = starts[(starts >= start_up) if to_the_end else (starts > 0) | (b < start_up)]
         if len(starts):
             gain, _, _ = scan.gain(starts, np.full(len(starts), b))
             a = int(starts[np.argmax(gain)])
         if not to_the_end:
-            ends = np.arange(max(b - step, a + shortest), min(b + step, rows) + 1)
+            ends = np.arange(max(b - step, a + shortest), min(b + step, rows - 1) + 1)
+            ends = ends[(a > 0) | (ends < start_up)]
             if len(ends):
                 gain, _, _ = scan.gain(np.full(len(ends), a), ends)
                 b = int(ends[np.argmax(gain)])

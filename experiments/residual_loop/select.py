@@ -58,6 +58,7 @@ class Finding:
     ----------
     term, beta, std : the effect and its estimate in the final model
     log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
+    log_p_raw : the same without the scatter: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
     confused_with : names of effects that explain the data as well
@@ -67,6 +68,7 @@ class Finding:
     beta: FloatArray
     std: FloatArray
     log_p: float
+    log_p_raw: float
     gain: float
     information: float
     confused_with: tuple[str, ...]
@@ -179,14 +181,17 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 def _best(
     source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: set[str]
 ) -> tuple[Fit, Finding] | None:
-    """Refit the shortlist and take the strongest that is plausible and passes; None where nothing does."""
+    """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
+
+    The scatter of the block scores decides what passes, the likelihood what is taken: two strong effects inflate each
+    other's scatter, and an interval, which has none, must not go before them for that.
+    """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
-    tentative = not passing
-    if tentative:
+    if not passing:
         passing = [o for o in options if o.log_p_raw < threshold and o.term.key not in refused]
     if not passing:
         return None
-    passing.sort(key=lambda o: o.log_p_raw if tentative else o.log_p)
+    passing.sort(key=lambda o: o.log_p_raw)
     best = passing[0].statistic
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:SHORTLIST]
     tried = [_trial(source, fit, option) for option in shortlist]
@@ -194,7 +199,7 @@ def _best(
     if not trials:
         refused.update(option.term.key for option in shortlist)
         return _best(source, fit, options, threshold, refused)
-    trials.sort(key=lambda trial: trial[1].log_p)
+    trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
     rivals = tuple(
         other.term.name
@@ -210,7 +215,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
-        return refit, Finding(term, refit.beta[term], refit.std[term], option.log_p, gain, option.statistic, ())
+        return refit, Finding(
+            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, gain, option.statistic, ()
+        )
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
@@ -218,10 +225,11 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
     scatter = statistic_of(evidence, term.key, others).scatter
-    log_p = (
-        _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter if option.search == 0.0 else 1.0) + option.search
-    )
-    finding = Finding(term, beta, std, min(log_p, 0.0), gain, _lambda(evidence, term, others, beta), ())
+    log_p_raw = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0) + option.search, 0.0)
+    log_p = log_p_raw
+    if option.search == 0.0:
+        log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter), 0.0)
+    finding = Finding(term, beta, std, log_p, log_p_raw, gain, _lambda(evidence, term, others, beta), ())
     return refit, finding
 
 

@@ -147,6 +147,31 @@ def test_two_effects_are_both_found() -> None:
     assert set(selection.names) == {"mag.cross_axis", "mag.current"}
 
 
+def test_two_strong_effects_do_not_pass_for_disturbances() -> None:
+    """Each inflates the scatter of the other; intervals, which have no scatter, must not go first. 8 recordings."""
+    rng = np.random.default_rng(18)
+    for _ in range(8):
+        problem = poses(rng, 60, 0.005, Term("accel.cross_axis"), (0.02, -0.01, 0.015), sensor="accel")
+        warmth = problem.covariates["temperature"] - 25.0
+        problem.reading += np.outer(warmth, [0.015, -0.015, 0.01])
+        selection = select(LeastSquaresSource(problem))
+        assert set(selection.names) == {"accel.cross_axis", "accel.temperature"}
+        assert not selection.findings[0].confused_with
+
+
+def test_ends_of_a_disturbance_are_no_outliers() -> None:
+    """Beside a second effect, the ends are found within a reading and no reading near them is called wrong."""
+    rng = np.random.default_rng(19)
+    for _ in range(6):
+        problem = poses(rng, 240, 0.003, Term("mag.cross_axis"), (0.03, -0.02, 0.01))
+        problem.reading[96:144] += [0.03, 0.02, -0.03]
+        selection = select(LeastSquaresSource(problem))
+        assert selection.names == ("mag.cross_axis", "mag.transient")
+        interval = selection.findings[1].term.interval
+        assert interval is not None
+        np.testing.assert_allclose(interval, (96.0, 144.0), atol=2.0)
+
+
 @pytest.mark.measured
 @pytest.mark.usefixtures("measured_data")
 def test_course_magnetometer_has_two_effects_of_different_kinds() -> None:
