@@ -103,7 +103,7 @@ def read_turns(
         calibration = calibrate_norm("accel", poses.mean[:, :3], gravity, axes, where=where)  # type: ignore[arg-type]
     f_b = accel if calibration is None else calibration.apply(accel)
     direction = poses.mean[:, :3] if calibration is None else calibration.apply(poses.mean[:, :3])
-    leftover = 0.0 if calibration is None else calibration.fit.sigma
+    leftover = 0.0 if calibration is None or np.isnan(calibration.fit.sigma) else calibration.fit.sigma
     direction = gravity * direction / np.linalg.norm(direction, axis=1, keepdims=True)
     at_rest = np.sqrt(np.mean(poses.noise[:, :3] ** 2)) if accel_density is None else accel_density * np.sqrt(rate)
     if density is None:

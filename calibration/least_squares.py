@@ -28,7 +28,8 @@ class LeastSquaresFit:
     null_space : (parameters, directions) those directions, in units of the plausible sizes
     residual : (n,) at the solution
     sse_before, sse : sum of squared residuals at the start and at the solution
-    sigma : standard deviation of one residual that the covariance is based on
+    sigma : standard deviation of one residual that the covariance is based on; NaN, and so is the covariance, where it
+        was not given and as few residuals as parameters leave nothing to estimate it from
     """
 
     x: FloatArray
@@ -90,7 +91,7 @@ def solve(
     J = np.asarray(np.linalg.qr(J, mode="r"))  # the same singular values and normal equations in a few rows
     values, sentences, null_space, rank = undetermined_directions(J, names, plausible)
     if sigma is None:
-        sigma = float(np.sqrt(sse / max(len(r) - rank, 1)))
+        sigma = float(np.sqrt(sse / (len(r) - rank))) if len(r) > rank else np.nan
     before = float(np.sum(residual(start) ** 2)) if sse_before is None else sse_before
     covariance = covariance_of(J, plausible, sigma)
     return LeastSquaresFit(result.x, covariance, values, sentences, null_space, r, before, sse, sigma)

@@ -23,6 +23,7 @@ AXES: tuple[Axes, ...] = ("none", "triangular", "full")
 #: Entries of T above the diagonal: non-orthogonality of the axes.
 UPPER = ((0, 1), (0, 2), (1, 2))
 _AXIS = "xyz"
+_SMALLEST = 1e-60  # of a reading: fourth powers of it and of its inverse are numbers
 _PLAUSIBLE_SCALE = 0.05  # 1, of K about its start: initial tolerance of consumer parts is +-3 % (MPU-6050 data sheet)
 _PLAUSIBLE_TURN = 0.05  # rad, of the entries of T: cross-axis sensitivity +-2 % and mounting (MPU-6050 data sheet)
 
@@ -166,7 +167,7 @@ def calibrate_norm(
     norm : length of the true reading, in the unit wanted for the calibrated one
     axes : "none": T = I, the course's choice; "triangular": non-orthogonality; "full": all six entries, of which norms
         determine only three combinations: then T is NaN there, and `undetermined` says so
-    sigma : white noise of one reading; None: estimated from the residuals
+    sigma : white noise of one reading per axis, in its unit; None: estimated from the residuals
     normalised_by : what the readings have been divided by, for the record
     where : how messages call the input
     analytic : use the analytic Jacobian; two-point differences are there for comparison
@@ -196,7 +197,7 @@ def calibrate_norm(
             np.concatenate([0.1 * K0, b0 - 10.0 * size, -turns]),
             np.concatenate([10.0 * K0, b0 + 10.0 * size, turns]),
         ),
-        sigma=sigma,
+        sigma=None if sigma is None else sigma * float(np.mean(K0)),
         sse_before=float(np.sum((np.linalg.norm(readings, axis=1) - norm) ** 2)),
     )
     T_seen = axes_matrix(fit.x[:9])
@@ -223,7 +224,10 @@ def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) ->
 
 
 def _require_spread(readings: FloatArray, where: str) -> None:
-    """Raise if all readings point the same way: nothing can be calibrated then."""
+    """Raise if all readings point the same way: nothing can be calibrated then; or if their squares are no numbers."""
+    largest = float(np.max(np.abs(readings)))
+    if not _SMALLEST < largest < 1.0 / _SMALLEST:
+        raise InputError(where, f"readings of at most {largest:.3g}", "readings of a sensor that works")
     centred = readings - readings.mean(axis=0)
     size = np.max(np.linalg.norm(readings, axis=1))
     spread = np.sqrt(np.linalg.eigvalsh(centred.T @ centred / len(readings))[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,24 @@ from calibration.triad import Axes, Calibration, calibrate_norm
 from experiments.datasets import resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
-from experiments.residual_loop.open_source import TriadReadings, choose_sensor, require_kind, triad_readings
+from experiments.residual_loop.open_source import (
+    TriadReadings,
+    choose_sensor,
+    declared_for,
+    gravity_of,
+    require_kind,
+    triad_readings,
+)
+from experiments.residual_loop.poses import motion_seen
+from experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
 from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
+from sensors.covariates import covariates_for
+from sensors.errors import InputError
+from sensors.motion import Motion
 from sensors.recording import ACCEL, GYRO, Recording
+
+#: Declared effects are taken off until a pass changes nothing beyond this share of a reading: each gains two digits.
+_SETTLED, _MOST_PASSES = 1e-9, 25
 
 
 def run(
@@ -35,9 +50,10 @@ def run(
     if sensor == "gyro":
         result: Calibration | GyroCalibration = calibrate_turns(recording, axes or "full", gravity)
     else:
-        readings = triad_readings(recording, sensor, gravity)
+        readings = without_declared(recording, triad_readings(recording, sensor, gravity))
         result = calibrate_triad(recording, readings, axes or "none")
     document = as_json(sensor, result)
+    document["declared_effects"] = list(declared_for(recording, sensor))
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -56,6 +72,7 @@ def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) ->
         readings.reading,
         readings.norm,
         form,
+        None if readings.sigma is None else float(np.sqrt(np.mean(readings.sigma**2))),
         normalised_by=readings.normalised_by,
         where=recording.where,
     )
@@ -64,17 +81,59 @@ def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) ->
 def calibrate_turns(recording: Recording, axes: str, gravity: float | None) -> GyroCalibration:
     """Calibrate a gyroscope by turns between static poses."""
     imu = recording.streams["imu"]
-    g = gravity or recording.environment.gravity or STANDARD_GRAVITY
-    log = read_turns(
-        imu.t,
-        imu.array(ACCEL),
-        imu.array(GYRO),
-        g,
-        recording.spec("gyro").noise_density,
-        recording.spec("accel").noise_density,
-        recording.where,
-    )
-    return calibrate_gyro(log, axes, recording.where)
+    g = gravity_of(recording, gravity)
+    declared = declared_terms(declared_for(recording, "gyro"))
+    covariates = covariates_for(recording, "gyro", imu.t)
+    reading = imu.array(GYRO)
+    for _ in range(_MOST_PASSES):
+        log = read_turns(
+            imu.t,
+            imu.array(ACCEL),
+            reading,
+            g,
+            recording.spec("gyro").noise_density,
+            recording.spec("accel").noise_density,
+            recording.where,
+        )
+        result = calibrate_gyro(log, axes, recording.where)
+        motion = Motion(t=imu.t, w_ib_b=result.apply(reading), f_b=log.f_b, covariates=covariates)
+        require_known(declared, motion, recording.where)
+        change = imu.array(GYRO) - effects_added(declared, motion.w_ib_b, motion) - reading
+        if np.max(np.abs(change)) < _SETTLED * np.max(np.abs(reading)):
+            return result
+        reading = reading + change
+    raise _too_large(recording, declared)
+
+
+def without_declared(recording: Recording, readings: TriadReadings) -> TriadReadings:
+    """The readings with the declared effects taken off, as the plain calibration at hand sees the true ones.
+
+    reading - effects(u) = M u + b,  u = K (reading - effects(u) + offset), by repetition
+
+    Raises
+    ------
+    InputError : an effect needs what the recording does not have, or is too large to be taken off
+    """
+    declared = declared_terms(declared_for(recording, readings.sensor, readings.normalised_by))
+    if not declared:
+        return readings
+    plain = readings
+    for _ in range(_MOST_PASSES):
+        fit = calibrate_triad(recording, plain, "none")
+        u = (plain.reading + fit.offset) * fit.K
+        motion = motion_seen(readings.sensor, readings.t, u, readings.covariates)
+        require_known(declared, motion, recording.where)
+        change = readings.reading - effects_added(declared, u, motion) - plain.reading
+        plain = replace(plain, reading=plain.reading + change)
+        if np.max(np.abs(change)) < _SETTLED * readings.norm:
+            return plain
+    raise _too_large(recording, declared)
+
+
+def _too_large(recording: Recording, declared: Model) -> InputError:
+    names = ", ".join(term.name for term in declared)
+    found = f"{names} declared, too large to be taken off"
+    return InputError(recording.where, found, "effects smaller than the reading")
 
 
 def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, object]:

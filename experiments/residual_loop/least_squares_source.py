@@ -69,6 +69,10 @@ class LinearProblem(Protocol):
         """Of the recording."""
 
     @property
+    def where(self) -> str:
+        """How messages call the recording."""
+
+    @property
     def stream(self) -> str:
         """The sensor whose readings these are."""
 
@@ -124,6 +128,13 @@ class LeastSquaresSource:
         self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= _LEAST_FREEDOM)
         self._held_out = np.zeros(len(self._measured), dtype=bool)
         self._held_out[self._measured] = held
+        fitted, parameters = len(rows.residual) - int(np.sum(held)), rows.nuisance.shape[1]
+        if fitted <= parameters:
+            raise InputError(
+                problem.where,
+                f"{self._n} residuals, {int(np.sum(held))} of them held out",
+                f"more poses: over {parameters} residuals to fit the plain model, and one in five to test it",
+            )
 
     @property
     def name(self) -> str:
@@ -217,7 +228,9 @@ class LeastSquaresSource:
                 break
         J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
         if not np.all(np.isfinite(J)):
-            raise InputError(self.name, "a fit that does not converge", "readings that the sensor's model can explain")
+            raise InputError(
+                self._problem.where, "a fit that does not converge", "readings that the sensor's model can explain"
+            )
         return x, beta, J.T @ J
 
     # ---- evidence

@@ -14,11 +14,15 @@ from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
 from sensors.constants import STANDARD_GRAVITY
 from sensors.covariates import covariates_for
+from sensors.effects import effect
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
 #: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
 _FULL_RATE_STEP = 0.1
+#: Readings whose size is off by this factor are in another unit: T, mT, G, uT and nT are ten apart or more, which
+#: leaves 40 % for the scale of the sensor.
+_OTHER_UNIT = 7.0
 
 
 @dataclass(frozen=True)
@@ -94,14 +98,17 @@ def triad_readings(recording: Recording, sensor: str, gravity: float | None = No
     """
     if sensor == "accel":
         t, reading, sigma = _accel_readings(recording)
-        norm = gravity or recording.environment.gravity or STANDARD_GRAVITY
+        norm = gravity_of(recording, gravity)
         unit, divisor = "m/s^2", 1.0
     else:
         t, reading, sigma = _mag_readings(recording)
         field = recording.environment.magnetic_field
-        norm = 1.0 if field is None else float(np.linalg.norm(field))
-        divisor = float(np.mean(np.linalg.norm(reading, axis=1))) if field is None else 1.0
-        unit = "1"
+        norm, divisor, unit = 1.0, 1.0, "1"
+        if field is None:
+            divisor = float(np.mean(np.linalg.norm(reading, axis=1))) or 1.0
+        else:
+            norm = float(np.linalg.norm(field))
+            _require_unit_of_field(recording.where, reading, norm)
     spec = recording.spec(sensor)
     walk = None if spec.bias_walk is None else spec.bias_walk / divisor
     return TriadReadings(
@@ -117,17 +124,49 @@ def triad_readings(recording: Recording, sensor: str, gravity: float | None = No
     )
 
 
+def gravity_of(recording: Recording, gravity: float | None) -> float:
+    """Gravity [m/s^2]: what the user says, else what the recording declares, else the standard one.
+
+    Raises
+    ------
+    InputError : not a positive number
+    """
+    if gravity is None:
+        return recording.environment.gravity or STANDARD_GRAVITY
+    if not (np.isfinite(gravity) and gravity > 0.0):
+        raise InputError("--gravity", f"{gravity}", "a number above 0 [m/s^2]")
+    return gravity
+
+
+def _require_unit_of_field(where: str, reading: FloatArray, norm: float) -> None:
+    """Raise if the readings cannot be in the unit of the declared field.
+
+    They spread over a sphere of its norm, wherever an offset has put it; few directions make the spread smaller.
+    """
+    spread = float(np.median(np.linalg.norm(reading - np.median(reading, axis=0), axis=1)))
+    longest = float(np.max(np.linalg.norm(reading, axis=1)))
+    if spread > _OTHER_UNIT * norm or max(spread, longest) * _OTHER_UNIT < norm:
+        raise InputError(
+            where,
+            f"magnetometer readings that spread over {spread:.3g}, a declared magnetic_field of {norm:.3g}: looks like "
+            "another unit",
+            "[environment] magnetic_field in the unit of the readings (or none)",
+        )
+
+
 def _accel_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     spec = recording.spec("accel")
     poses = recording.streams.get("poses")
     stream = recording.streams["imu"] if poses is None or not poses.has(ACCEL) else poses
-    if stream is poses and np.median(np.diff(poses.t)) >= _FULL_RATE_STEP:
+    if stream is poses and (len(poses) < 2 or np.median(np.diff(poses.t)) >= _FULL_RATE_STEP):
         return poses.t, poses.array(ACCEL), _row_sigma(spec.noise_std, len(poses))
     gyro = stream.array(GYRO) if stream.has(GYRO) else None
     still = find_poses(stream.t, stream.array(ACCEL), gyro, where=recording.where, at_least=6)
     sigma = None
     if spec.noise_density is not None:
         sigma = spec.noise_density / np.sqrt(stream.t[still.stop - 1] - stream.t[still.start])
+    elif stream is poses and spec.noise_std is not None:
+        sigma = spec.noise_std / np.sqrt(still.count)
     return still.t, still.mean[:, :3], sigma
 
 
@@ -143,12 +182,35 @@ def _row_sigma(noise_std: float | None, n: int) -> FloatArray | None:
 def pose_source(recording: Recording, sensor: str | None = None, gravity: float | None = None) -> LeastSquaresSource:
     """The source of a poses recording."""
     sensor = choose_sensor(recording, sensor)
-    declared = {name: beta for name, beta in recording.effects.items() if name.startswith(f"{sensor}.")}
     if sensor == "gyro":
-        return LeastSquaresSource(_turns(recording, gravity, declared))
-    r = triad_readings(recording, sensor, gravity)
-    return LeastSquaresSource(
-        NormPoses(recording.name, sensor, r.t, r.reading, r.norm, r.unit, r.sigma, r.walk, r.covariates, declared)
+        return LeastSquaresSource(_turns(recording, gravity, declared_for(recording, sensor)))
+    return LeastSquaresSource(norm_poses(recording, triad_readings(recording, sensor, gravity)))
+
+
+def declared_for(recording: Recording, sensor: str, normalised_by: float = 1.0) -> dict[str, tuple[float, ...]]:
+    """The declared effects of a sensor, in the unit of its readings divided by `normalised_by`."""
+    named = {name: beta for name, beta in recording.effects.items() if name.startswith(f"{sensor}.")}
+    return {
+        name: tuple(b / normalised_by for b in beta) if effect(name).in_field_units else beta
+        for name, beta in named.items()
+    }
+
+
+def norm_poses(recording: Recording, r: TriadReadings) -> NormPoses:
+    """The readings of an accelerometer or magnetometer as a problem, with the effects that the recording declares."""
+    declared = declared_for(recording, r.sensor, r.normalised_by)
+    return NormPoses(
+        recording.name,
+        r.sensor,
+        r.t,
+        r.reading,
+        r.norm,
+        r.unit,
+        r.sigma,
+        r.walk,
+        r.covariates,
+        declared,
+        recording.where,
     )
 
 
@@ -160,11 +222,11 @@ def _turns(recording: Recording, gravity: float | None, declared: dict[str, tupl
         imu.t,
         imu.array(ACCEL),
         imu.array(GYRO),
-        gravity or recording.environment.gravity or STANDARD_GRAVITY,
+        gravity_of(recording, gravity),
         gyro.noise_density,
         accel.noise_density,
         recording.where,
     )
     covariates = covariates_for(recording, "gyro", imu.t)
     earth = recording.environment.earth_rotation
-    return GyroTurns(recording.name, log, known, gyro.bias_walk, covariates, declared, earth)
+    return GyroTurns(recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where)

@@ -22,6 +22,7 @@ from experiments.residual_loop.term import (
     derivatives_wanted,
     effects_in_mean,
     pose_candidates,
+    require_known,
 )
 from sensors.arrays import FloatArray
 from sensors.effects import Effect
@@ -45,6 +46,7 @@ class NormPoses:
     walk : declared random walk of the bias; None or 0: constant
     covariates : (n,) or (n, k) each, at the instants of the readings
     declared : declared effects with their parameters
+    where : how messages call the recording
     """
 
     def __init__(
@@ -59,18 +61,21 @@ class NormPoses:
         walk: float | None = None,
         covariates: Mapping[str, FloatArray] | None = None,
         declared: Mapping[str, Sequence[float]] | None = None,
+        where: str = "",
     ) -> None:
         self.name, self.stream, self.unit = name, sensor, unit
+        self.where = where or name
         self.reading, self.norm = reading, norm
         self._t, self._sigma = t, sigma
         self._covariates = dict(covariates or {})
         self._declared = declared_terms(declared or {})
         self._walk = bias_walk(t, walk if sigma is not None else None)
-        plain = calibrate_norm(sensor, reading, norm, where=name)
+        plain = calibrate_norm(sensor, reading, norm, where=self.where)
         self._start = np.concatenate([1.0 / plain.K - 1.0, -plain.offset, np.zeros(self._walk.size)])
         self.per_truth = float(np.mean(np.abs(1.0 / plain.K)))  # reading per true unit
         self._prior_t = self._walk.prior(np.zeros(self._walk.size))[2]
         motion = self._motion(np.zeros_like(reading) + norm / np.sqrt(3.0))
+        require_known(self._declared, motion, self.where)
         self._candidates = pose_candidates(sensor, motion, self._declared)
 
     @property
@@ -160,6 +165,11 @@ class NormPoses:
         return added(u), slope
 
     def _motion(self, u: FloatArray) -> Motion:
-        if self.stream == "accel":
-            return Motion(t=self._t, f_b=u, covariates=self._covariates)
-        return Motion(t=self._t, m_b=u, covariates=self._covariates)
+        return motion_seen(self.stream, self._t, u, self._covariates)
+
+
+def motion_seen(sensor: str, t: FloatArray, u: FloatArray, covariates: Mapping[str, FloatArray]) -> Motion:
+    """What the effects on a sensor may know of poses: its true reading u (n, 3) and the covariates."""
+    if sensor == "accel":
+        return Motion(t=t, f_b=u, covariates=covariates)
+    return Motion(t=t, m_b=u, covariates=covariates)

@@ -9,6 +9,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.effects import Effect, effect, effects_for
+from sensors.errors import InputError
 from sensors.motion import Motion
 
 
@@ -52,11 +53,33 @@ def effects_in_mean(*models: Model) -> list[tuple[Effect, FloatArray]]:
     return [(declaration(term), beta) for model in models for term, beta in model.items() if term.in_mean]
 
 
+def effects_added(model: Model, plain: FloatArray, motion: Motion) -> FloatArray:
+    """(n, size) what the effects of a model add to the plain reading."""
+    added = np.zeros_like(plain)
+    for entry, beta in effects_in_mean(model):
+        added += entry.apply(plain, beta, motion) - plain
+    return added
+
+
 def derivatives_wanted(model: Model, candidates: Iterable[str]) -> list[tuple[str, Effect, FloatArray]]:
     """Key, declaration and point of linearisation: the model's terms at their beta, then the candidates at zero."""
     entries = [(term.key, declaration(term), beta) for term, beta in model.items() if term.in_mean]
     named = {key for key, _, _ in entries}
     return entries + [(n, effect(n), np.zeros(effect(n).size)) for n in candidates if n not in named]
+
+
+def require_known(declared: Model, motion: Motion, where: str) -> None:
+    """Raise if a declared effect needs what the recording does not have: it could not be modelled.
+
+    Raises
+    ------
+    InputError : names the effect and what it needs
+    """
+    for term in declared:
+        missing = declaration(term).missing(motion)
+        if missing:
+            found = f"{term.name} declared, but no {', '.join(missing)}"
+            raise InputError(where, found, "what a declared effect needs")
 
 
 def pose_candidates(sensor: str, motion: Motion, declared: Model) -> tuple[Effect, ...]:

@@ -21,6 +21,7 @@ from experiments.residual_loop.term import (
     derivatives_wanted,
     effects_in_mean,
     pose_candidates,
+    require_known,
 )
 from sensors.arrays import FloatArray
 from sensors.effects import Effect
@@ -43,6 +44,7 @@ class GyroTurns:
     covariates : (n,) each, at the rows of the log
     declared : declared effects with their parameters
     earth_rotation : the log says that the rate of the Earth is in it
+    where : how messages call the recording
     """
 
     stream = "gyro"
@@ -57,7 +59,9 @@ class GyroTurns:
         covariates: Mapping[str, FloatArray] | None = None,
         declared: Mapping[str, Sequence[float]] | None = None,
         earth_rotation: bool = False,
+        where: str = "",
     ) -> None:
+        self.where = where or name
         self.name, self.log, self.noise_known = name, log, noise_known
         self._declared = declared_terms(declared or {})
         self._walk = bias_walk(log.poses.t, walk if noise_known else None)
@@ -70,6 +74,7 @@ class GyroTurns:
         self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
         self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
         motion = self._motion(self._reading)
+        require_known(self._declared, motion, self.where)
         self._candidates = pose_candidates("gyro", motion, self._declared)
 
     def _take_rows(self, covariates: Mapping[str, FloatArray]) -> None:
@@ -91,7 +96,7 @@ class GyroTurns:
 
     def _scale_noise(self) -> None:
         """Undeclared noise: each kind of residual is weighted by what the richest linear model leaves of it."""
-        weights = calibrate_gyro(self.log, "full", self.name).weights
+        weights = calibrate_gyro(self.log, "full", self.where).weights
         self._sigma_turn = self._sigma_turn * weights[0]
         self._sigma_rest = self._sigma_rest * weights[1]
 

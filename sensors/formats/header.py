@@ -121,9 +121,17 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
 
 
 def _effects(table: Table) -> dict[str, tuple[float, ...]]:
+    from sensors.effects import effect
+
     effects: dict[str, tuple[float, ...]] = {}
     for name in table.names():
         beta = table.vector(name) if isinstance(table.get(name), list) else table.number(name)
         effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
+        try:
+            size = effect(name).size
+        except KeyError as error:
+            raise table.error(name, "unknown effect", str(error.args[0])) from None
+        if len(effects[name]) != size:
+            raise table.error(name, f"{len(effects[name])} numbers", f"{size}")
     table.done()
     return effects

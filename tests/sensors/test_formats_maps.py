@@ -264,7 +264,7 @@ quaternion = { columns = [8, 9, 10, 11], enu = true, axes = ["x", "-y", "-z"] }
         ('kind = "poses"\n', "no stream"),
         ('kind = "poses"\n[streams.compass]\n', "unknown key"),
         (MAG_POSES + "mga = 3\n", "(perhaps `mag`)"),
-        (MAG_POSES + "[effects]\n'mag.step' = 1\n", "declares none"),
+        (MAG_POSES + "[effects]\n'mag.step' = [1, 1, 1]\n", "declares none"),
         (MAG_POSES.replace("[5, 6, 7]", "[5, 6]"), "3 names or numbers"),
         (MAG_POSES.replace("[5, 6, 7]", "[5, 6, 8]"), "column `8`"),
         (MAG_POSES.replace("[5, 6, 7]", "[5, 6, true]"), "3 names or numbers"),
