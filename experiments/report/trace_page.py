@@ -42,7 +42,7 @@ def trace_figures(source: Source, result: Trace, document: Mapping[str, Any]) ->
         first = result.selection.findings[0]
         signature = source.signature(result.selection.plain, first.term, first.beta)
     if signature is not None:
-        predicted, residual, unit = signature
+        predicted, residual, unit = signature.predicted, signature.residual, signature.unit
         made["suspect"] = (
             figures.residual_against_suspect(predicted, residual, found[0], unit),
             f"The plain model's residual against what {found[0]} predicts for it: points on the line are explained.",

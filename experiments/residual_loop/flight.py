@@ -22,7 +22,7 @@ from estimator.score import Evidence
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.onsets import Rows, best_onsets
-from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
+from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect, effects_for
@@ -76,6 +76,11 @@ class FlightSource:
     def name(self) -> str:
         """Of the recording."""
         return self.recording.name
+
+    @property
+    def held_out_from(self) -> float:
+        """Time after which readings are held out [s]."""
+        return self._split
 
     @property
     def candidates(self) -> tuple[Effect, ...]:
@@ -283,18 +288,23 @@ class FlightSource:
                 rows.append(StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}))
         return rows
 
-    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
-        """What an effect predicts for the whitened innovations of its stream, and those innovations."""
+    def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
+        """What an effect predicts for the whitened innovations of its stream, and those innovations; an effect on the
+        IMU is shown in the stream where it is seen most.
+        """
         if not term.in_mean:
             return None
-        state = _state(plain)
+        state = _state(before)
         entry = declaration(term)
         own, known = [e for e, _ in state.betas], [b for _, b in state.betas]
         journal, sensitivity = self._pass([*own, entry], own, known, state.motion)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
-        mine = sensor == entry.stream if entry.stream in journal.sensors else np.ones(len(predicted), dtype=bool)
-        return predicted[mine], sensitivity.white[mine], "sigma"
+        seen = {name: float(np.sum(predicted[sensor == name] ** 2)) for name in self.model.sensors}
+        stream = entry.stream if entry.stream in seen else max(seen, key=lambda name: seen[name])
+        mine = sensor == stream
+        t = journal.t[sensitivity.event][mine]
+        return Signature(stream, t, predicted[mine], sensitivity.white[mine], "sigma")
 
 
 def wrong_rows(journal: Journal, sensor: str) -> IntArray:

@@ -15,7 +15,7 @@ from scipy import stats
 
 from estimator.score import Evidence
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
-from experiments.residual_loop.source import Fit, LocalFinding, Part, StreamResidual
+from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
@@ -354,19 +354,22 @@ class LeastSquaresSource:
             )
         ]
 
-    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
-        """What an effect predicts for the plain residuals, as far as the nuisance parameters do not take it up."""
+    def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
+        """What an effect predicts for the residuals of a model without it, as far as the fit does not take it up."""
         if not term.in_mean:
             return None
-        state = _state(plain)
-        model = {**plain.beta, term: np.zeros(len(beta))}
+        state = _state(before)
+        model = {**before.beta, term: np.zeros(len(beta))}
         rows = self._problem.rows(state.nuisance, model, ())
         active = state.used & ~state.wrong
-        S, N = rows.effects[term.key][active] @ beta, rows.nuisance[active]
+        own = [rows.effects[other.key] for other in before.terms if other.in_mean]
+        S, N = rows.effects[term.key][active] @ beta, np.hstack([rows.nuisance, *own])[active]
         predicted = S - N @ np.linalg.lstsq(N, S, rcond=1e-10)[0]
         size = rows.raw[active] / np.where(rows.residual[active] == 0.0, np.inf, rows.residual[active])
         measured = self._measured[active]
-        return (predicted * size)[measured], rows.raw[active][measured], self._problem.unit
+        t = self._problem.t[active][measured]
+        raw = rows.raw[active][measured]
+        return Signature(self._problem.stream, t, (predicted * size)[measured], raw, self._problem.unit)
 
 
 def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: float = _OUTLIER) -> BoolArray:

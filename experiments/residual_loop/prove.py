@@ -68,6 +68,7 @@ class Proof:
     in_sample_before, in_sample_after : on all data, fitted on all data
     nis_before, nis_after : per degree of freedom over all streams and all data
     untested : effects that act on no held-out reading, so that only the evidence speaks for them
+    fits : the plain and the final model as fitted on the fitting part
     """
 
     stream: str
@@ -78,6 +79,7 @@ class Proof:
     nis_before: float
     nis_after: float
     untested: tuple[Term, ...]
+    fits: tuple[Fit, Fit]
 
 
 def stream_in_question(source: Source, selection: Selection) -> str:
@@ -146,7 +148,8 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
     first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in (before, after, all_before, all_after))
-    return Proof(stream, first, second, third, fourth, third.nis_per_dof, fourth.nis_per_dof, untested)
+    nis = third.nis_per_dof, fourth.nis_per_dof
+    return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:

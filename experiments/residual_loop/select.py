@@ -75,6 +75,14 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Step:
+    """One step of the selection: the model before it, and the effect that was then added."""
+
+    before: Fit
+    term: Term
+
+
+@dataclass(frozen=True)
 class Selection:
     """The path from the plain model to the final one.
 
@@ -86,6 +94,8 @@ class Selection:
     plain_local : the best interval of each time-localised family about the plain model, where they were searched
     final_statistics : of every candidate that was not accepted, about the final model
     left : options that pass the test about the final model but were not accepted, strongest first
+    steps : every effect that was added, with the model before it, in order; one may have been dropped since
+    last_options : everything that was not in the model at the last step, about the model of that step
     """
 
     plain: Fit
@@ -95,6 +105,8 @@ class Selection:
     plain_local: tuple[LocalFinding, ...]
     final_statistics: tuple[Statistic, ...]
     left: tuple[Option, ...]
+    steps: tuple[Step, ...] = ()
+    last_options: tuple[Option, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -123,6 +135,7 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     evidence = source.evidence(fit)
     plain_statistics = tuple(statistic_of(evidence, entry.name) for entry in source.candidates)
     findings: list[Finding] = []
+    steps: list[Step] = []
     refused: set[str] = set()
     options: list[Option] = []
     plain_local: tuple[LocalFinding, ...] = ()
@@ -134,6 +147,7 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
         accepted = _best(source, fit, options, threshold, refused)
         if accepted is None:
             break
+        steps.append(Step(fit, accepted[1].term))
         fit, finding = accepted
         findings.append(finding)
         fit, findings = _prune(source, fit, findings, threshold)
@@ -145,7 +159,8 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
         statistic_of(evidence, entry.name, given) for entry in source.candidates if entry.name not in names
     )
     left = tuple(sorted((o for o in options if o.log_p < threshold), key=lambda o: o.log_p))
-    return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left)
+    path = tuple(steps), tuple(options)
+    return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left, *path)
 
 
 def _options(

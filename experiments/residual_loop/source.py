@@ -106,6 +106,24 @@ class StreamResidual:
         )
 
 
+@dataclass(frozen=True)
+class Signature:
+    """What an effect predicts for the residuals of a stream, and those residuals: a figure.
+
+    Attributes
+    ----------
+    stream : of the effect, or where it shows most if its own has no residual
+    t : (n,) s
+    predicted, residual : (n,) in `unit`
+    """
+
+    stream: str
+    t: FloatArray
+    predicted: FloatArray
+    residual: FloatArray
+    unit: str
+
+
 class Source(Protocol):
     """A recording with a plain model, as the loop sees it."""
 
@@ -136,5 +154,5 @@ class Source(Protocol):
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""
 
-    def signature(self, plain: Fit, term: Term, beta: FloatArray) -> tuple[FloatArray, FloatArray, str] | None:
-        """What an effect predicts for the plain residuals of its stream, those residuals, and their unit: a figure."""
+    def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
+        """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""

@@ -33,6 +33,7 @@ class Trace:
     rolled_back : effects that passed the test but did not improve the held-out error
     remaining : what the final model leaves
     truth : errors against a reference, plain and final; None without one
+    truth_held_out : the same on the held-out part alone, of the models as fitted on the rest
     separates : for an ambiguous verdict, the manoeuvre that would decide
     """
 
@@ -46,15 +47,19 @@ class Trace:
     remaining: tuple[Remaining, ...]
     truth: tuple[Mapping[str, float], Mapping[str, float]] | None
     separates: str
+    truth_held_out: tuple[Mapping[str, float], Mapping[str, float]] | None = None
 
 
-def trace(source: Source, alpha: float = 0.01, score: Score | None = None) -> Trace:
+def trace(
+    source: Source, alpha: float = 0.01, score: Score | None = None, score_held_out: Score | None = None
+) -> Trace:
     """Run the loop on a source.
 
     Parameters
     ----------
     alpha : family-wise error over all candidates
     score : errors of a fit against a reference; called after the decision
+    score_held_out : the same, counted on the held-out part alone
     """
     selection = select(source, alpha)
     dropped: tuple[Term, ...] = ()
@@ -77,6 +82,7 @@ def trace(source: Source, alpha: float = 0.01, score: Score | None = None) -> Tr
         tuple(left),
         truth,
         _separating_manoeuvre(source, selection),
+        None if score_held_out is None else (score_held_out(proof.fits[0]), score_held_out(proof.fits[1])),
     )
 
 
@@ -122,18 +128,21 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         },
         "untested": [term.name for term in proof.untested],
     }
-    error["truth"] = None if result.truth is None else {"before": dict(result.truth[0]), "after": dict(result.truth[1])}
+    error["truth"] = _before_after(result.truth)
+    error["truth_held_out"] = _before_after(result.truth_held_out)
+    error["held_out_part"] = held_out_part(source, result)
+    counted = time_is_count(source, result)
     colour = any(item.kind == "colour" for item in result.remaining)
     return {
         "format": 1,
         "recording": result.recording,
         "alpha": result.alpha,
         "verdict": result.verdict,
-        "effects": [_effect(source, finding) for finding in result.selection.findings],
+        "effects": [_effect(source, finding, counted) for finding in result.selection.findings],
         "error": error,
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
         "candidates": [
-            *(_candidate(s) for s in _candidates(result.selection)),
+            *(_candidate(source, s) for s in _candidates(result.selection)),
             *(_local_candidate(found) for found in result.selection.plain_local),
         ],
         "remaining": [
@@ -157,7 +166,24 @@ def _candidates(selection: Selection) -> list[Statistic]:
     return [replace(s, detectable_from=final.get(s.name, s).detectable_from) for s in selection.plain_statistics]
 
 
-def _effect(source: Source, finding: Finding) -> dict[str, object]:
+def _before_after(pair: tuple[Mapping[str, float], Mapping[str, float]] | None) -> dict[str, object] | None:
+    return None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
+
+
+def held_out_part(source: Source, result: Trace) -> str:
+    """Which part of the data took no part in the fit, in words."""
+    held = source.residuals(result.selection.plain)[0].held_out
+    stretches = int(np.sum(np.diff(held.astype(int)) == 1)) + int(held[0])
+    share = "third" if np.mean(held) > 0.25 else "fifth"
+    return f"last {share}" if stretches == 1 and held[-1] else f"held-out {share}"
+
+
+def time_is_count(source: Source, result: Trace) -> bool:
+    """Whether the "time" of the readings is their number: a log without time stamps."""
+    return all(np.array_equal(r.t, np.arange(len(r.t))) for r in source.residuals(result.selection.plain))
+
+
+def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object]:
     entry = source.effect(finding.term)
     interval = finding.term.interval
     return {
@@ -165,11 +191,13 @@ def _effect(source: Source, finding: Finding) -> dict[str, object]:
         "beta": [float(b) for b in finding.beta],
         "std": [_number(s) for s in finding.std],
         "unit": list(entry.units),
+        "parameters": [p.name for p in entry.parameters],
         "p_value": float(np.exp(finding.log_p)),
         "log10_p_value": finding.log_p / float(np.log(10.0)),
         "lambda": max(finding.information, 0.0),
         "confused_with": list(finding.confused_with),
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
+        "interval_unit": "reading" if counted else "s",
         "satellite": finding.term.satellite,
         "summary": entry.summary,
     }
@@ -184,9 +212,12 @@ def _errors(errors: Errors) -> dict[str, object]:
     }
 
 
-def _candidate(s: Statistic) -> dict[str, object]:
+def _candidate(source: Source, s: Statistic) -> dict[str, object]:
+    entry = source.effect(Term(s.name))
     return {
         "name": s.name,
+        "parameters": [p.name for p in entry.parameters],
+        "unit": list(entry.units),
         "statistic": s.statistic,
         "dof": s.dof,
         "p_value": s.p_value,

@@ -45,7 +45,7 @@ def for_stream(stream: str, size: int | None = None) -> Effect:
     return Effect(
         name=f"{stream}.outliers",
         stream=stream,
-        summary=f"Some readings of the {stream} are wrong.",
+        summary=f"Some readings of the {sizes.title} are wrong.",
         physics=(
             "A share b of the readings is wrong, each on its own and of either sign, more often than Gaussian noise "
             "allows: reflections, spikes on the bus, false echoes. The mean stays; gates and robust weights deal with "

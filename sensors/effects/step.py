@@ -33,7 +33,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
     return Effect(
         name=f"{stream}.step",
         stream=stream,
-        summary=f"The {stream} is off by a constant from some instant on.",
+        summary=f"The {sizes.title} is off by a constant from some instant on.",
         physics=(
             "reading += b from an unknown instant on: a knock, a shock of temperature, a part that moved, a receiver "
             "that changed its satellites. The instant is searched. Exact; neglects the transition."

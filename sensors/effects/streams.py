@@ -10,12 +10,15 @@ from sensors.motion import Motion
 
 @dataclass(frozen=True)
 class StreamSize:
-    """One stream as a disturbance sees it: components, their unit, a plausible disturbance, kinds of recording."""
+    """One stream as a disturbance sees it: components, their unit, a plausible disturbance, kinds of recording, and
+    what the sensor is called in a sentence.
+    """
 
     components: tuple[str, ...]
     unit: str
     plausible: float
     kinds: frozenset[str] = frozenset({"flight"})
+    title: str = ""
 
 
 _BOTH = frozenset({"flight", "poses"})
@@ -25,14 +28,14 @@ _NED = ("north", "east", "down")
 #: Plausible: a knock or thermal shock of a MEMS sensor (zero tolerances of the MPU-6000: 50 mg, 20 deg/s), iron brought
 #: near (a tenth of the field), a door or a gust (baro), an obstacle under the beam, a GPS multipath jump
 STREAMS = {
-    "accel": StreamSize(_AXES, "m/s^2", 0.5, _BOTH),
-    "gyro": StreamSize(_AXES, "rad/s", 0.05, _BOTH),
-    "mag": StreamSize(_AXES, "1", 0.1, _BOTH),
-    "baro": StreamSize(("height",), "m", 3.0),
-    "sonar": StreamSize(("range",), "m", 1.0),
-    "laser": StreamSize(("range",), "m", 1.0),
-    "gps": StreamSize(_NED, "m", 10.0),
-    "base": StreamSize(_NED, "m", 10.0),
+    "accel": StreamSize(_AXES, "m/s^2", 0.5, _BOTH, title="accelerometer"),
+    "gyro": StreamSize(_AXES, "rad/s", 0.05, _BOTH, title="gyroscope"),
+    "mag": StreamSize(_AXES, "1", 0.1, _BOTH, title="magnetometer"),
+    "baro": StreamSize(("height",), "m", 3.0, title="barometer"),
+    "sonar": StreamSize(("range",), "m", 1.0, title="sonar"),
+    "laser": StreamSize(("range",), "m", 1.0, title="laser"),
+    "gps": StreamSize(_NED, "m", 10.0, title="GPS"),
+    "base": StreamSize(_NED, "m", 10.0, title="base receiver"),
 }
 
 

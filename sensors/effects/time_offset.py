@@ -10,6 +10,7 @@ from sensors.arrays import FloatArray
 from sensors.effects.algebra import field_b
 from sensors.effects.beams import beams_b
 from sensors.effects.declaration import Effect, Parameter
+from sensors.effects.streams import STREAMS as ALL_STREAMS
 from sensors.effects.streams import textbook_model
 from sensors.model import SensorModel
 from sensors.motion import Motion
@@ -69,7 +70,7 @@ def for_stream(stream: str) -> Effect:
     return Effect(
         name=f"{stream}.time_offset",
         stream=stream,
-        summary=f"The {stream}'s time stamps are late.",
+        summary=f"The {ALL_STREAMS[stream].title}'s time stamps are late.",
         physics=(
             "The reading belongs to t - b, b > 0 if it is stamped after it was taken: transfer and buffers, or another "
             "clock. The reading at t - b is used, not its first order. The clock is that of the IMU."

@@ -26,7 +26,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
     return Effect(
         name=f"{stream}.transient",
         stream=stream,
-        summary=f"The {stream} is disturbed for a while.",
+        summary=f"The {sizes.title} is disturbed for a while.",
         physics=(
             "reading += b within an unknown interval: iron passed by, a gust, a stretch of multipath, an obstacle "
             "under the beam, a start-up transient. The interval is searched. Exact for a disturbance with sharp edges."

@@ -208,6 +208,20 @@ def test_measured_sets(log: str, sensor: str, gravity: float | None, names: set[
     assert after < before if names else after == before
 
 
+def test_every_step_keeps_the_model_before_it() -> None:
+    """What the page shows of an effect is its evidence and signature at the step at which it was chosen."""
+    source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
+    selection = select(source)
+    assert [step.term for step in selection.steps] == [finding.term for finding in selection.findings]
+    assert selection.steps[0].before is selection.plain
+    assert "mag.current" not in {option.term.name for option in selection.last_options}
+    signature = source.signature(selection.steps[0].before, Term("mag.current"), selection.findings[0].beta)
+    assert signature is not None
+    assert signature.stream == "mag"
+    slope = float(signature.predicted @ signature.residual / (signature.predicted @ signature.predicted))
+    assert slope == pytest.approx(1.0, abs=0.1)
+
+
 def test_report_fits_the_schema() -> None:
     source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     document = plain_data(report(source, trace(source)))
