@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calibration.compass import compass_of
-from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter
+from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter, within_imu
 from estimator.events import collect
 from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, flight_model
@@ -43,6 +43,8 @@ SAME_ZERO = 1.0
 WALK_SLACK = 1.0
 #: Readings whose NIS has a smaller tail probability count as outliers: less weight in the filter and in the likelihood.
 OUTLIER_LEVEL = 1e-3
+#: A NIS off one by this factor, at levels that were found from the log, is said in the notes.
+FAR = 1.25
 #: The fit ends when an iteration gains less than this in log L over log L.
 GAIN = 1e-7
 MOST_ITERATIONS = 40
@@ -73,6 +75,7 @@ class NoiseFit:
     nis : mean NIS over dof by sensor at these levels
     log_likelihood : of the innovations at these levels
     runs : of the filter
+    by_rule : of `estimated`, what a rule gives and not the likelihood
     """
 
     specs: Mapping[str, SensorSpec]
@@ -81,13 +84,39 @@ class NoiseFit:
     nis: Mapping[str, float] = field(default_factory=dict)
     log_likelihood: float = float("nan")
     runs: int = 0
+    by_rule: tuple[Key, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One line a level, for reports."""
-        words = [(key, "estimated from the log") for key in self.estimated]
-        words += [(key, "assumed for an instrument of its class") for key in self.assumed]
-        return tuple(f"{s}: {k} {getattr(self.specs[s], k):.3g}, {how}" for (s, k), how in words)
+        """One line a sensor of which something was not declared, and one a sensor that its levels do not fit."""
+        lines = []
+        for sensor in dict.fromkeys(name for name, _ in (*self.estimated, *self.assumed)):
+            parts = [
+                ", ".join(f"{key} {getattr(self.specs[sensor], key):.3g}" for name, key in keys if name == sensor) + how
+                for keys, how in (
+                    (self.estimated, " estimated from the log"),
+                    (self.assumed, " assumed for an instrument of its class"),
+                )
+                if any(name == sensor for name, _ in keys)
+            ]
+            lines.append(f"{sensor}: {'; '.join(parts)}")
+        return (*lines, *self.doubts)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The sensors whose NIS stays far from one at their estimated levels, and what that means."""
+        found = []
+        for sensor, nis in self.nis.items():
+            if (sensor, "noise_std") not in self.estimated or 1.0 / FAR < nis < FAR:
+                continue
+            if (sensor, "noise_std") in self.by_rule:
+                why = "by intent: its errors are colour, and must not average out faster than they do"
+            elif nis > 1.0:
+                why = "its errors are not white noise: no level makes them so large and so slow"
+            else:
+                why = "its noise is at the least that is believed (rounding), or what it reads is smoothed already"
+            found.append(f"{sensor}: NIS {nis:.2g} a degree of freedom, far from 1; {why}")
+        return tuple(found)
 
 
 def noise_levels(recording: Recording) -> Mapping[str, SensorSpec]:
@@ -109,21 +138,29 @@ def noise_levels(recording: Recording) -> Mapping[str, SensorSpec]:
 
 
 def fit_noise_levels(recording: Recording) -> NoiseFit:
-    """Noise levels of a flight by maximum likelihood of its innovations; see `noise_levels`."""
+    """Noise levels of a flight by maximum likelihood of its innovations; see `noise_levels`.
+
+    Readings outside the IMU's time have no part in it.
+    """
     specs, missing, assumed = first_guess(recording)
     if not missing:
         return NoiseFit(specs, (), assumed)
-    sought = [key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS]
+    recording = within_imu(recording)
+    specs, missing, assumed = first_guess(recording)
+    sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
+    ruled = tuple(key for key in missing if key not in sought)
     if not sought:
         journal = run(prepare(recording, flight_model(recording, specs=specs)), "numba", stride=0)
-        return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1)
-    problem = _Problem(recording, specs, tuple(sought))
+        return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1, ruled)
+    problem = _Problem(recording, specs, sought)
     theta = problem.maximise(np.zeros(len(sought)))
     theta = problem.upper_walks(theta)
     theta = problem.polished(theta)
     journal = problem.journal(theta, gate_level=GATE_LEVEL, robust_level=None)
-    specs = problem.specs_of(theta)
-    return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta), problem.runs)
+    return NoiseFit(
+        problem.specs_of(theta), tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta),
+        problem.runs, ruled,
+    )  # fmt: skip
 
 
 def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key], tuple[Key, ...]]:

@@ -7,6 +7,7 @@ import numpy as np
 from calibration.allan import white_density
 from calibration.segments import still_rows
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
@@ -15,8 +16,33 @@ LEAST_STILL = 1.0
 #: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
 ROUNDING = 1.0 / np.sqrt(12.0)
 SAME, OFTEN = 1e-3, 0.05
+#: The streams whose readings update the filter.
+READINGS = ("mag", "baro", "sonar", "laser", "gps", "base")
 #: Median of the magnitude of a standard normal.
 MEDIAN_NORMAL = 0.6745
+
+
+def within_imu(recording: Recording) -> Recording:
+    """The recording without readings before the first and after the last IMU sample: the filter uses none of them.
+
+    A GPS that was switched on long before, or logged long after, would else give its own flight's noise and datum.
+
+    Raises
+    ------
+    InputError : a stream with readings, all of them outside
+    """
+    imu = recording.streams["imu"]
+    kept = {}
+    for name, stream in recording.streams.items():
+        inside = (stream.t >= imu.t[0]) & (stream.t <= imu.t[-1])
+        if name in READINGS and len(stream) and not np.any(inside):
+            found = f"{len(stream)} readings from {stream.t[0]:g} to {stream.t[-1]:g} s"
+            expected = f"some within the IMU's time, {imu.t[0]:g} to {imu.t[-1]:g} s: one clock for all streams"
+            raise InputError(recording.where, found, expected, f"stream {name}")
+        kept[name] = stream if name not in READINGS or np.all(inside) else stream.rows(inside)
+    if all(kept[name] is stream for name, stream in recording.streams.items()):
+        return recording
+    return recording.replace(streams=kept)
 
 
 def imu_density(recording: Recording, names: tuple[str, ...] = ACCEL) -> float:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from calibration.noise_levels import fit_noise_levels
 from estimator.filter import Engine
 from experiments.datasets import reference_of, resolve
 from experiments.estimate import bias_courses, estimated
+from experiments.measured.preparation import prepared
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
 from experiments.report.words import number, reference_name, reference_value
@@ -26,10 +26,10 @@ def run(
     require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
     if engine not in get_args(Engine):
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
-    noise = fit_noise_levels(recording)
+    ready = prepared(recording)
     truth = reference_of(input, map_file)
-    journal, document = estimated(recording, engine, specs=noise.specs, truth=truth, states=states)  # type: ignore[arg-type]
-    document["noise"] = list(noise.notes)
+    journal, document = estimated(ready.recording, engine, model=ready.model, truth=truth, states=states)  # type: ignore[arg-type]
+    document["noise"] = list(ready.notes)
     if json is not None:
         write_json(json, document)
     if html is not None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calibration.compass import compass_of, corrected
+import numpy as np
+
+from calibration.compass import Compass, compass_of, corrected
 from calibration.heading import with_heading
 from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels
+from calibration.noise_start import within_imu
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
@@ -15,11 +18,21 @@ from sensors.recording import Recording
 
 @dataclass(frozen=True)
 class Prepared:
-    """A recording, its noise levels and the model made of both."""
+    """A recording, its noise levels and the model made of both.
+
+    Attributes
+    ----------
+    recording : without the hard iron, with the first heading; what was taken from the log is in its notes. A field
+        that was found is in the model alone: what is asked against a declared field cannot be asked of it
+    noise : levels, declared and found
+    model : of the flight
+    notes : what was taken from the log, one line each; empty where everything is declared
+    """
 
     recording: Recording
     noise: NoiseFit
     model: FlightModel
+    notes: tuple[str, ...] = ()
 
     def run(self) -> Journal:
         """The filter over it."""
@@ -32,10 +45,42 @@ def prepared(recording: Recording) -> Prepared:
     1. No magnetic field declared: hard iron, field and disturbed stretches from the log (`calibration.compass`).
     2. No magnetometer, but GPS: the first heading (`calibration.heading`).
     3. No noise declared: noise levels (`calibration.noise_levels`).
+
+    What is declared stays: a recording that declares all of it comes back as it is.
+
+    Raises
+    ------
+    InputError : what `flight_model` raises; readings that all lie outside the IMU's time
     """
+    declared, notes = recording, list[str]()
+    if "imu" not in recording.streams:
+        flight_model(recording)  # says what is missing
     if "mag" in recording.streams and recording.environment.magnetic_field is None:
-        recording = corrected(recording, compass_of(recording))
+        recording = within_imu(recording)
+        notes += outside_notes(declared, recording)
+        compass = compass_of(recording)
+        recording = corrected(recording, compass)
+        notes += [*recording.notes[len(declared.notes) :], field_note(compass)]
     specs, _, _ = first_guess(recording)
-    recording = with_heading(recording, specs)
-    noise = fit_noise_levels(recording)
-    return Prepared(recording, noise, flight_model(recording, specs=noise.specs))
+    headed = with_heading(recording, specs)
+    notes += headed.notes[len(recording.notes) :]
+    noise = fit_noise_levels(headed)
+    model = flight_model(headed, specs=noise.specs)
+    notes += noise.notes
+    if not notes:
+        return Prepared(declared, noise, model)
+    as_declared = headed.replace(environment=declared.environment, notes=(*declared.notes, *notes))
+    return Prepared(as_declared, noise, model, tuple(notes))
+
+
+def field_note(compass: Compass) -> str:
+    """The field that a log shows, in words."""
+    dip = f"{np.rad2deg(compass.dip):.0f} deg"
+    return f"mag: field of norm {compass.norm:.4g} and dip {dip} found from the log; north is magnetic north"
+
+
+def outside_notes(recording: Recording, within: Recording) -> list[str]:
+    """What lies outside the IMU's time, in words."""
+    out = {name: len(stream) - len(within.streams[name]) for name, stream in recording.streams.items()}
+    total = {name: len(stream) for name, stream in recording.streams.items()}
+    return [f"{name}: {n} of {total[name]} readings outside the IMU's time: left out" for name, n in out.items() if n]

@@ -7,8 +7,11 @@ from sensors.recording import Recording
 
 
 def flight_source(recording: Recording) -> FlightSource:
-    """The source of a flight; noise that the recording does not declare is estimated from the log."""
-    from calibration.noise_levels import noise_levels
-    from estimator.flight_model import flight_model
+    """The source of a flight; what the recording does not declare of noise, field and heading is taken from the log.
 
-    return FlightSource(recording, flight_model(recording, specs=noise_levels(recording)))
+    The preparation is that of `sinan estimate`; what it took is in the notes of the source's recording.
+    """
+    from experiments.measured.preparation import prepared
+
+    ready = prepared(recording)
+    return FlightSource(ready.recording, ready.model)
