@@ -29,13 +29,14 @@ def run(
     reference = reference_of(input, map_file) if recording.kind == "flight" else None
     source, result = trace_recording(recording, sensor, alpha, gravity, reference)
     document = report(source, result)
+    document["notes"] = taken_from_the_log(recording, source)
     if json is not None:
         write_json(json, document)
     if html is not None:
         from experiments.report.trace_page import trace_page
 
         trace_page(html, source, result, document)
-    return trace_summary(document)
+    return "\n".join([trace_summary(document), *(f"  note: {note}" for note in document["notes"])])
 
 
 def trace_recording(
@@ -59,3 +60,9 @@ def trace_recording(
 
     flight = flight_source(recording)
     return flight, trace(flight, alpha, None if reference is None else score_against(reference, flight))
+
+
+def taken_from_the_log(recording: Recording, source: Source) -> list[str]:
+    """What a flight's preparation took from the log where the recording declares nothing, one line each."""
+    used = getattr(source, "recording", recording)
+    return list(used.notes[len(recording.notes) :])
