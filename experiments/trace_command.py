@@ -29,14 +29,15 @@ def run(
     reference = reference_of(input, map_file) if recording.kind == "flight" else None
     source, result = trace_recording(recording, sensor, alpha, gravity, reference)
     document = report(source, result)
-    document["notes"] = taken_from_the_log(recording, source)
+    notes = taken_from_the_log(recording, source)
+    document["notes"] = notes
     if json is not None:
         write_json(json, document)
     if html is not None:
         from experiments.report.trace_page import trace_page
 
         trace_page(html, source, result, document)
-    return "\n".join([trace_summary(document), *(f"  note: {note}" for note in document["notes"])])
+    return "\n".join([trace_summary(document), *(f"  note: {note}" for note in notes)])
 
 
 def trace_recording(
