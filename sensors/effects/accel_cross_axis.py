@@ -26,6 +26,7 @@ EFFECT = Effect(
     name="accel.cross_axis",
     stream="accel",
     summary="The accelerometer's axes are not orthogonal.",
+    enters="f_x += xy f_y + xz f_z,  f_y += yz f_z",
     physics=(
         "The three sensing masses are not etched at right angles, so an axis also reads a share of the force along the "
         "others: f_x += b0 f_y + b1 f_z, f_y += b2 f_z. Three angles describe the axes' skewness; the three that would "

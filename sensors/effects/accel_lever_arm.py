@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="accel.lever_arm",
     stream="accel",
     summary="The accelerometer sits beside the reference point.",
+    enters="f += w x (w x r) + dw/dt x r,  r = b",
     physics=(
         "f += w x (w x r) + dw/dt x r with r = beta, the place of the IMU in the body: turning adds centripetal and "
         "tangential acceleration. Exact for a rigid body. Only turns show it; without a height sensor it trades with "

@@ -26,6 +26,7 @@ EFFECT = Effect(
     name="accel.misalignment",
     stream="accel",
     summary="The accelerometer is turned against the gyroscope.",
+    enters="f -> Exp(-b) f",
     physics=(
         "f = Exp(-b) f with a rotation vector b. In static poses the length of f does not see it, so it is a candidate "
         "in flight alone; there the tilt that the accelerometer shows disagrees with the turns of the gyroscope. A "

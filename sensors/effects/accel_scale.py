@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="accel.scale",
     stream="accel",
     summary="The accelerometer's gain is off.",
+    enters="f_i += b_i f_i",
     physics=(
         "f_i += b_i f_i: the spring and the read-out of each axis have a gain of their own. Exact. In hover the force "
         "hardly changes, so the scale cannot be told from the bias; climbs, descents and hard turns separate them. "

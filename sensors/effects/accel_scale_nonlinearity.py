@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="accel.scale_nonlinearity",
     stream="accel",
     summary="The accelerometer's gain depends on the force.",
+    enters="f_i += b_i f_i^2",
     physics=(
         "f_i += b_i f_i^2, the second term of the sensor's characteristic (K2 of IEEE Std 1293): spring and "
         "electrostatic forces are not symmetric about zero. Exact. Neglects the third order. In flight f_z keeps its "

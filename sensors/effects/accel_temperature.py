@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="accel.temperature",
     stream="accel",
     summary="The accelerometer's zero follows its temperature.",
+    enters="f_i += b_i (T - 25 degC)",
     physics=(
         "f_i += b_i (T - 25 degC): stress in the die and the electronics shift the zero as the board warms up. Exact "
         "in the first order; neglects hysteresis and the change of the gain. A linear warming looks like a steady "

@@ -21,15 +21,17 @@ EFFECT = Effect(
     name="accel.vibration",
     stream="accel",
     summary="The accelerometer turns vibration into an offset.",
+    enters="f_i += b_i P_i,  P_i the variance of the vibration on that axis over 0.5 s",
     physics=(
         "f_i += b_i P_i, P_i the variance of the vibration on that axis over about 0.5 s without the white noise "
         "(`sensors.vibration.vibration_power`): the even part of the characteristic and clipping do not average out. "
-        "Exact in P; neglects the coupling of one axis's vibration into another."
+        "Exact in P; neglects the coupling of one axis's vibration into another. The square of a shaken force has the "
+        "mean f_i^2 + P_i, so `accel.scale_nonlinearity` looks the same in flight; static poses tell them apart."
     ),
     source="L. Pham, A. DeSimone, Vibration rectification in MEMS accelerometers, Analog Devices, 2017",
     parameters=tuple(Parameter(axis, "s^2/m", PLAUSIBLE) for axis in "xyz"),
     needs=("vibration",),
     regressor=regressor,
     scenario="vibration",
-    separates="changes of throttle with motors that shake",
+    separates="static poses, and the same flight without the shaking",
 )

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="baro.airspeed",
     stream="baro",
     summary="The barometer's port feels the airspeed.",
+    enters="height += b V^2",
     physics=(
         "height += b V^2: the static port sits where the flow around the body has a pressure coefficient C_p, so the "
         "pressure is off by C_p rho V^2 / 2 and the height by b = -C_p / (2 g). Exact for a C_p that does not depend "

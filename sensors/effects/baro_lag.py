@@ -63,6 +63,7 @@ EFFECT = Effect(
     name="baro.lag",
     stream="baro",
     summary="The barometer follows with a lag.",
+    enters="the reading is z with b dz/dt = height - z,  b > 0",
     physics=(
         "b dz/dt = height - z, b > 0: a narrow port, foam, or the low-pass filter inside the sensor. The true filter "
         "is used, not its first order. A lag shorter than the vehicle's changes of climb rate is a delay: "

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="baro.propwash",
     stream="baro",
     summary="The barometer feels the rotors' wash near the ground.",
+    enters="height += b x mean throttle x exp(-h / 2 m)",
     physics=(
         "height += b x mean throttle x exp(-h / 2 m): the wash piles up between the body and the ground. Exact by "
         "definition; neglects that the decay height depends on the rotor's size."

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="baro.scale",
     stream="baro",
     summary="The barometer's metres have the wrong length.",
+    enters="height += b x height",
     physics=(
         "height += b x height: pressure falls with height as the air's density, so air warmer than the standard "
         "atmosphere by dT makes heights too small by dT / 288 K. Exact for a column of constant error."

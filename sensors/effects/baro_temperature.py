@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="baro.temperature",
     stream="baro",
     summary="The barometer's height follows its own temperature.",
+    enters="height += b (T - 25 degC)",
     physics="height += b (T - 25 degC): what is left of the cell's temperature compensation. Exact in the first order.",
     source="Bosch BMP280 data sheet BST-BMP280-DS001, table 2 (temperature coefficient of the offset, 1.5 Pa/K)",
     parameters=(Parameter("b", "m/K", PLAUSIBLE),),

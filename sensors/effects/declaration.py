@@ -43,13 +43,15 @@ class Effect:
 
     Reading with the effect = plain reading + regressor @ beta; where that is not exact, `exact` gives the reading.
     `beta = 0` is the plain model. Effects on one stream add, each taken of the plain reading.
+    docs/effects.md and `sinan effects` are made of these words.
 
     Attributes
     ----------
     name : `sensor.effect`, as in the catalogue
     stream : the sensor whose reading it enters: accel, gyro, mag, baro, sonar, laser, gps, base, level, pseudorange
     summary : what the instrument does wrong, as a sentence with the sensor as its subject
-    physics : why, and what is neglected; the docs page is made of it
+    enters : how it changes the reading, as an equation in beta (`b` or the parameters' names)
+    physics : why, and what is neglected
     source : author, edition, equation
     parameters : names, units and plausible sizes of beta
     needs : what has to be known of the motion or the covariates, by their names in `Motion`
@@ -65,6 +67,7 @@ class Effect:
     name: str
     stream: str
     summary: str
+    enters: str
     physics: str
     source: str
     parameters: tuple[Parameter, ...]

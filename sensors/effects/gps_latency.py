@@ -27,6 +27,7 @@ EFFECT = Effect(
     name="gps.latency",
     stream="gps",
     summary="The GPS reports late.",
+    enters="position and velocity -> those of t - b,  b > 0",
     physics=(
         "Position and velocity are those of t - b (of the antenna, where there is a lever arm), b > 0: the receiver "
         "computes and transmits before the log stamps. The state at t - b is used, not its first order."

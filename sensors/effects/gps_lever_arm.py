@@ -22,6 +22,7 @@ EFFECT = Effect(
     name="gps.lever_arm",
     stream="gps",
     summary="The antenna sits beside the reference point.",
+    enters="position += R r,  velocity += R (w x r),  r = b",
     physics=(
         "position += R r, velocity += R (w x r) with r = beta, the antenna's place in the body. Exact for a rigid "
         "body. A constant heading hides it in the position bias; without a height sensor it trades with "

@@ -26,6 +26,7 @@ EFFECT = Effect(
     name="gyro.cross_axis",
     stream="gyro",
     summary="The gyroscope's axes are crooked.",
+    enters="w_x += xy w_y + xz w_z,  w_y += yx w_x + yz w_z,  w_z += zx w_x + zy w_y",
     physics=(
         "Each axis also reads a share of the rate about the two others; six numbers, because both the axes' skewness "
         "and their turn against the body count. Exact."

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="gyro.g_sensitivity",
     stream="gyro",
     summary="The gyroscope feels acceleration and gravity.",
+    enters="w += G f,  G = b row by row",
     physics=(
         "w += G f, beta = G row by row: specific force bends the vibrating structure. Exact in the first order. In "
         "level flight the column of f_z is a constant that the bias absorbs; in gyroscope calibrations the part of G "

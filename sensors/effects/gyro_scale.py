@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="gyro.scale",
     stream="gyro",
     summary="The gyroscope's gain is off.",
+    enters="w_i += b_i w_i",
     physics=(
         "w_i += b_i w_i. Exact. After a turn by an angle a the attitude is off by b a, which the magnetometer or the "
         "force sees; a turn back takes it away again, so turns of one sense show it best."

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="gyro.temperature",
     stream="gyro",
     summary="The gyroscope's zero follows its temperature.",
+    enters="w_i += b_i (T - 25 degC)",
     physics=(
         "w_i += b_i (T - 25 degC): the zero of a vibrating structure moves with its temperature. Exact in the first "
         "order; neglects hysteresis and the change of the gain."

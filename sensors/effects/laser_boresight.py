@@ -35,6 +35,7 @@ EFFECT = Effect(
     name="laser.boresight",
     stream="laser",
     summary="The laser does not look straight down.",
+    enters="beam -> Rx(b_roll) Ry(b_pitch) (0, 0, 1) in the body",
     physics=(
         "The beam points along Rx(b0) Ry(b1) (0, 0, 1) in the body, the whole rotation: level it reads too long by the "
         "square of the angle, tilted by the first order. Exact over flat ground."

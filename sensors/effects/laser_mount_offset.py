@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="laser.mount_offset",
     stream="laser",
     summary="The laser counts its range from another point.",
+    enters="range += b",
     physics=(
         "range + b: the lens sits b further from the ground, along the beam, than the reference point, or the "
         "electronics delay the echo. Exact. Only the difference of two range sensors is seen: `sonar.mount_offset` is "

@@ -22,6 +22,7 @@ EFFECT = Effect(
     name="laser.scale",
     stream="laser",
     summary="The laser's metres have the wrong length.",
+    enters="range -> range x (1 + b)",
     physics="range x (1 + b): the clock or the modulation frequency of the range finder is off. Exact.",
     source="J.-M. Rueger, Electronic distance measurement, 4th ed. (scale error); size: LIDAR-Lite v3 manual",
     parameters=(Parameter("b", "1", PLAUSIBLE),),

@@ -25,6 +25,7 @@ EFFECT = Effect(
     name="laser.terrain_slope",
     stream="laser",
     summary="The ground under the laser is inclined.",
+    enters="height of the ground += b_north x north + b_east x east",
     physics=(
         "The ground's height above `ground_down` is b0 north + b1 east; the range is that to the inclined plane along "
         "the beam. Sonar and laser see one ground, so the two slopes go together."

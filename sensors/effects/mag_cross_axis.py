@@ -24,6 +24,7 @@ EFFECT = Effect(
     name="mag.cross_axis",
     stream="mag",
     summary="Soft iron near the magnetometer bends the field.",
+    enters="B += [[0, xy, xz], [xy, 0, yz], [xz, yz, 0]] B",
     physics=(
         "B += [[0, b0, b1], [b0, 0, b2], [b1, b2, 0]] B: iron that the Earth's field magnetises adds a field "
         "proportional to it. The symmetric part is soft iron and crooked axes, the rotation is `mag.misalignment`. "

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="mag.current",
     stream="mag",
     summary="The magnetometer reads the motor current.",
+    enters="B += b I",
     physics=(
         "B += b I: the loop of battery, leads and motor controllers makes a field fixed in the body and proportional "
         "to its current. Exact for fixed leads; neglects that the share of each motor's lead varies with its own "

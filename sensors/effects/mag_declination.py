@@ -29,6 +29,7 @@ EFFECT = Effect(
     name="mag.declination",
     stream="mag",
     summary="The magnetometer's field points elsewhere than the declared one.",
+    enters="B_ned -> Rz(b) B_declared,  positive to the east",
     physics=(
         "B_ned = Rz(b) B_declared: the declared field lacks the declination, or iron in the ground turns it. Needs "
         "something else that sees the heading: accelerations with GPS."

@@ -26,6 +26,7 @@ EFFECT = Effect(
     name="mag.misalignment",
     stream="mag",
     summary="The magnetometer is turned against the IMU.",
+    enters="B -> Exp(-b) B",
     physics=(
         "B = Exp(-b) B with a rotation vector b. In poses the length of B does not see it, so it is a candidate in "
         "flight alone. In level flight its yaw component looks like `mag.declination`."

@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="mag.scale",
     stream="mag",
     summary="The magnetometer's gain is off.",
+    enters="B_i += b_i B_i",
     physics=(
         "B_i += b_i B_i: gain of each axis, and the symmetric part of soft iron along the axes. Exact. Poses have the "
         "scale in the plain model, so it is a candidate in flight alone."

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="mag.temperature",
     stream="mag",
     summary="The magnetometer's zero follows its temperature.",
+    enters="B += b (T - 25 degC)",
     physics=(
         "B += b (T - 25 degC): offset of the bridge and of its amplifier. Exact in the first order; neglects the "
         "change of the gain with temperature. Warming together with the load it looks like `mag.current`."

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="motion.rotor_drag",
     stream="level",
     summary="The rotors' drag tilts what the accelerometer takes for down.",
+    enters="horizontal specific force in the body = -b (v - wind), not zero",
     physics=(
         "The horizontal specific force of a multicopter is not zero but -b (v - wind) in the body (blade flapping and "
         "induced drag, linear in the airspeed). What uses the accelerometer as a level neglects it; where the "

@@ -46,6 +46,7 @@ def for_stream(stream: str, size: int | None = None) -> Effect:
         name=f"{stream}.outliers",
         stream=stream,
         summary=f"Some readings of the {sizes.title} are wrong.",
+        enters="a share b of the readings is far off, each on its own",
         physics=(
             "A share b of the readings is wrong, each on its own and of either sign, more often than Gaussian noise "
             "allows: reflections, spikes on the bus, false echoes. The mean stays; gates and robust weights deal with "
@@ -57,6 +58,6 @@ def for_stream(stream: str, size: int | None = None) -> Effect:
         regressor=regressor,
         exact=exact,
         kinds=sizes.kinds,
-        scenario="figure_eight",
+        scenario="base_receiver" if stream == "base" else "figure_eight",
         separates="more readings",
     )

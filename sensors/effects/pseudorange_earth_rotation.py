@@ -39,6 +39,7 @@ EFFECT = Effect(
     name="pseudorange.earth_rotation",
     stream="pseudorange",
     summary="The pseudorange is longer or shorter because the Earth turns by w tau while the signal travels.",
+    enters="range += b (w_e / c) (x_s y_r - y_s x_r),  b = 1 in full",
     physics=(
         "The satellite's position is computed in the frame that turns with the Earth, at the instant of transmission; "
         "until reception that frame turns by 5 microradians. To first order the range changes by (w_e / c) times twice "

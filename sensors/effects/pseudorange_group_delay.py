@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="pseudorange.group_delay",
     stream="pseudorange",
     summary="The pseudorange of one frequency shows the satellite's delay between its signals.",
+    enters="range += b c T_GD,  b = 1 in full",
     physics=(
         "The clock polynomial is meant for a combination of two signals (GPS L1 P and L2 P, Galileo E1 and E5) or for "
         "another one (BeiDou B3I); a receiver of one signal sees c T_GD (BGD) more, up to some metres, different for "

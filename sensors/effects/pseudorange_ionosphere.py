@@ -73,6 +73,7 @@ EFFECT = Effect(
     name="pseudorange.ionosphere",
     stream="pseudorange",
     summary="The pseudorange is too long by the delay in the ionosphere.",
+    enters="range += b x Klobuchar's slant delay,  b = 1 in full; without coefficients b x obliquity",
     physics=(
         "Free electrons between 50 and 1000 km delay the code by 40.3 TEC / f^2: 1 to 30 m at the zenith, up to three "
         "times that near the horizon. The broadcast model takes about half of it away. The delay is positive; the "

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="pseudorange.relativity",
     stream="pseudorange",
     summary="The pseudorange shows the periodic relativistic error of the satellite's clock.",
+    enters="range += b 2 (r_s . v_s) / c,  b = 1 in full",
     physics=(
         "Speed and gravitational potential change along an eccentric orbit and with them the rate of the clock: dt = "
         "-2 r.v / c^2, up to 45 ns (14 m) for e = 0.02. Its mean is in the clock's factory offset. Neglected: the "

@@ -22,6 +22,7 @@ EFFECT = Effect(
     name="pseudorange.satellite_fault",
     stream="pseudorange",
     summary="The pseudoranges of one satellite are off by an offset that may grow with time.",
+    enters="range of one satellite += offset + drift t",
     physics=(
         "A clock that jumps or drifts, a wrong upload or a reflected signal shifts one satellite against all others: "
         "range error b0 + b1 t. The satellite is searched. Errors within the accuracy that the satellite promises, and "

@@ -46,6 +46,7 @@ EFFECT = Effect(
     name="pseudorange.troposphere",
     stream="pseudorange",
     summary="The pseudorange is too long by the delay in the neutral atmosphere.",
+    enters="range += b m(elevation),  m the mapping function",
     physics=(
         "Dry air and water vapour delay the signal by 2.3 to 2.6 m at the zenith at sea level, in proportion to the "
         "path through them: five times that at 11 degrees. Mostly a function of height; unmodelled it lowers or raises "

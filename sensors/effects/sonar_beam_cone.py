@@ -33,6 +33,7 @@ EFFECT = Effect(
     name="sonar.beam_cone",
     stream="sonar",
     summary="The sonar hears the nearest point of its cone.",
+    enters="range -> h / cos(max(0, tilt - b)),  b > 0",
     physics=(
         "range = h / cos(max(0, tilt - b)), b > 0 the half angle of the cone: the first echo comes from where the cone "
         "meets the ground nearest. Tilts below b read the height itself; if no tilt exceeds b, the data hold only a "

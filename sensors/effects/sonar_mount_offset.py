@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="sonar.mount_offset",
     stream="sonar",
     summary="The sonar counts its range from another point.",
+    enters="range += b",
     physics=(
         "range + b: the transducer sits b further from the ground, along the beam, than the reference point, or the "
         "electronics delay the echo. Exact. Only the difference of two range sensors is seen: `laser.mount_offset` is "

@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="sonar.sound_speed",
     stream="sonar",
     summary="The sonar assumes the wrong speed of sound.",
+    enters="range -> range x (1 + b)",
     physics=(
         "range x (1 + b): the range is half the time of flight times an assumed speed of sound, which goes with the "
         "square root of the absolute temperature. Exact."

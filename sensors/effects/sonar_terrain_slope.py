@@ -25,6 +25,7 @@ EFFECT = Effect(
     name="sonar.terrain_slope",
     stream="sonar",
     summary="The ground under the sonar is inclined.",
+    enters="height of the ground += b_north x north + b_east x east",
     physics=(
         "The ground's height above `ground_down` is b0 north + b1 east; the range is that to the inclined plane along "
         "the beam. Sonar and laser see one ground, so the two slopes go together."

@@ -34,6 +34,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
         name=f"{stream}.step",
         stream=stream,
         summary=f"The {sizes.title} is off by a constant from some instant on.",
+        enters="reading += b  for t >= t0",
         physics=(
             "reading += b from an unknown instant on: a knock, a shock of temperature, a part that moved, a receiver "
             "that changed its satellites. The instant is searched. Exact; neglects the transition."
@@ -43,7 +44,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
         needs=(),
         regressor=lambda motion: regressor_over(motion, t0, t1, n),
         kinds=sizes.kinds,
-        scenario="figure_eight",
+        scenario="base_receiver" if stream == "base" else "figure_eight",
         separates="a longer stretch before and after the step",
         interval=(t0, t1),
         localised=lambda start, end: for_stream(stream, start, end, size),

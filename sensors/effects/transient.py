@@ -27,6 +27,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
         name=f"{stream}.transient",
         stream=stream,
         summary=f"The {sizes.title} is disturbed for a while.",
+        enters="reading += b  for t0 <= t < t1",
         physics=(
             "reading += b within an unknown interval: iron passed by, a gust, a stretch of multipath, an obstacle "
             "under the beam, a start-up transient. The interval is searched. Exact for a disturbance with sharp edges."
@@ -36,7 +37,7 @@ def for_stream(stream: str, t0: float = -math.inf, t1: float = math.inf, size: i
         needs=(),
         regressor=lambda motion: regressor_over(motion, t0, t1, n),
         kinds=sizes.kinds,
-        scenario="figure_eight",
+        scenario="base_receiver" if stream == "base" else "figure_eight",
         separates="the disturbance again, and a stretch without it",
         interval=(t0, t1),
         localised=lambda start, end: for_stream(stream, start, end, size),
