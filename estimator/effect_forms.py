@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from estimator.alignment import first_state
 from estimator.events import StreamForm, collect, readings
 from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import FlightModel
@@ -26,7 +27,7 @@ from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
 from sensors.motion import Motion
-from sensors.recording import Recording
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
 #: Steps of the differences that give D: position [m], velocity [m/s], attitude [rad].
@@ -121,17 +122,13 @@ def run_with_effects(
     passes, tolerance : see `run_filter`
     """
     table, model = imu_table(recording, model), _checked(recording, model, terms)
-    first = None
     if motion is None:
-        inputs = prepare(recording, model, imu=table)
-        first = (inputs.x, inputs.P)
-        journal = run(inputs, engine, 0)
+        judged = model.replace(gate_level=None) if model.relinearise else model  # a coarse start is no outlier
+        journal = run(prepare(recording, judged, imu=table), engine, 0)
         motion = reference_motion(recording, journal, terms, table)
     white: FloatArray | None = None
     for count in range(1, passes + 1):
-        inputs = inputs_with(recording, model, terms, motion, table, first)
-        first = (inputs.x, inputs.P)
-        journal = run(inputs, engine, stride)
+        journal = run(inputs_with(recording, model, terms, motion, table), engine, stride)
         change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
         if change < tolerance or count == passes:
             break
@@ -183,16 +180,27 @@ def inputs_with(
     terms: Terms,
     motion: Motion,
     table: ImuTable,
-    first: tuple[FloatArray, FloatArray] | None = None,
 ) -> RunInputs:
-    """Prepared inputs with the effects in them, evaluated along the motion."""
+    """Prepared inputs with the effects in them, evaluated along the motion; the first attitude is that without them."""
     shifts = {name: terms.lateness(name) for name in model.sensors}
-    forms = {}
-    for name in model.sensors:
-        if terms.of_stream(name):
-            forms[name] = stream_form(recording, model, name, terms, motion)
+    added = {n: stream_form(recording, model, n, terms, motion) for n in model.sensors if terms.of_stream(n)}
+    forms: Mapping[str, StreamForm] = added
+    if model.relinearise:
+        forms = {n: linear_form(recording, model, n, motion, terms, added.get(n)) for n in model.sensors}
     corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
+    seen = _without_effects(recording, corrected, added) if terms else recording
+    first = first_state(seen, model)
     return prepare(recording, model, imu=corrected, events=collect(recording, model, forms, shifts), first=first)
+
+
+def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, StreamForm]) -> Recording:
+    """What the first attitude is found from, force and field, with the effects taken off."""
+    streams = dict(recording.streams)
+    streams["imu"] = Stream(table.t, dict(zip((*ACCEL, *GYRO), table.u.T, strict=True)))
+    if "mag" in forms:
+        field = streams["mag"].array(MAG) - forms["mag"].offset
+        streams["mag"] = Stream(streams["mag"].t, dict(zip(MAG, field.T, strict=True)))
+    return recording.replace(streams=streams)
 
 
 def stream_motion(recording: Recording, model: FlightModel, name: str, terms: Terms, motion: Motion) -> Motion:
@@ -228,6 +236,21 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
             if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
                 D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
     return StreamForm(offset, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1))
+
+
+def linear_form(
+    recording: Recording, model: FlightModel, name: str, motion: Motion, terms: Terms, added: StreamForm | None = None
+) -> StreamForm:
+    """Prediction and Jacobian of one sensor along a motion; `added` is what the effects of its stream add."""
+    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+    z_pred, D = sensor.predict(at), np.zeros((len(at), sensor.size, 9))
+    jacobian = sensor.jacobian(at)
+    for place, block in enumerate(("position", "velocity", "attitude")):
+        if block in jacobian:
+            D[:, :, 3 * place : 3 * place + 3] = jacobian[block]
+    if added is not None:
+        z_pred, D = z_pred + added.offset, D + added.D
+    return StreamForm(z_pred, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1), replaces=True)
 
 
 def over_time(

@@ -169,7 +169,9 @@ def collect(
                 notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
         form = forms.get(name)
         if form is not None:
-            z = z - form.offset
+            there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
+            status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
+            z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
         parts.append((np.full(len(t), s), t, z, status, form))
     sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
     t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)

@@ -178,6 +178,10 @@ def run_filter(
     from estimator.effect_forms import Terms, declared_terms
 
     terms = Terms.of(betas or {}).joined(declared_terms(recording))
+    if model.relinearise:
+        from estimator.relinearise import run_relinearised
+
+        return run_relinearised(recording, model, terms, engine=engine, stride=stride)
     if not terms:
         return run(prepare(recording, model), engine, stride)
     from estimator.effect_forms import run_with_effects

@@ -52,6 +52,7 @@ class FlightModel:
     latency : by stream, how late its stamps are [s]: the reading belongs to t - latency
     gate_level : false-alarm rate of the chi-square gate on a whole reading; None: no gate
     robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
+    relinearise : every reading is linear about the smoothed motion of the pass before; see `estimator.relinearise`
     notes : what was decided while the model was made, for the report
     """
 
@@ -69,6 +70,7 @@ class FlightModel:
     latency: Mapping[str, float] = field(default_factory=dict)
     gate_level: float | None = GATE_LEVEL
     robust_level: float | None = None
+    relinearise: bool = False
     notes: tuple[str, ...] = ()
 
     def replace(self, **changes: object) -> FlightModel:
@@ -102,6 +104,7 @@ def flight_model(
     latency: Mapping[str, float] | None = None,
     gate_level: float | None = GATE_LEVEL,
     robust_level: float | None = None,
+    relinearise: bool = False,
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
 
@@ -113,7 +116,7 @@ def flight_model(
     level : the pseudo-sensor `level`; default: switched on, with `LEVEL_SIGMA`, where no GPS aids the position
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     latency : by stream, how late its stamps are [s]
-    gate_level, robust_level : see `FlightModel`
+    gate_level, robust_level, relinearise : see `FlightModel`
 
     Raises
     ------
@@ -168,6 +171,7 @@ def flight_model(
         latency=dict(latency or {}),
         gate_level=gate_level,
         robust_level=robust_level,
+        relinearise=relinearise,
         notes=tuple(notes),
     )
 

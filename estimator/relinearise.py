@@ -10,62 +10,47 @@ Source: B. M. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIA
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from estimator.effect_forms import Terms, declared_terms, stream_motion
-from estimator.events import StreamForm, collect
-from estimator.filter import Engine, prepare, run, run_filter
+from estimator.alignment import first_state
+from estimator.effect_forms import Terms, declared_terms, linear_form, run_with_effects
+from estimator.filter import Engine
 from estimator.flight_model import FlightModel
-from estimator.imu import imu_table
 from estimator.journal import Journal
-from estimator.smoother import estimated_motion
-from sensors.motion import Motion
 from sensors.recording import Recording
 
-PASSES = 5
+__all__ = ["has_coarse_start", "linear_form", "run_relinearised"]
+
+PASSES = 8
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end
+#: 1-sigma of the first attitude about its worst axis above which the plain filter's covariance is not to be trusted
+#: [rad]; docs/notes/filter_consistency.md has the study.
+COARSE_ATTITUDE = 0.03
 
 
-def linear_form(recording: Recording, model: FlightModel, name: str, motion: Motion) -> StreamForm:
-    """Prediction and Jacobian of one sensor along a motion."""
-    at, sensor = stream_motion(recording, model, name, Terms(), motion), model.sensors[name]
-    D = np.zeros((len(at), sensor.size, 9))
-    jacobian = sensor.jacobian(at)
-    for place, block in enumerate(("position", "velocity", "attitude")):
-        if block in jacobian:
-            D[:, :, 3 * place : 3 * place + 3] = jacobian[block]
-    return StreamForm(sensor.predict(at), D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1), replaces=True)
+def has_coarse_start(recording: Recording, model: FlightModel) -> bool:
+    """Whether the first attitude is known too coarsely for a filter that linearises at its estimates."""
+    _, P = first_state(recording, model)
+    return bool(np.sqrt(np.max(np.linalg.eigvalsh(P[6:9, 6:9]))) > COARSE_ATTITUDE)
 
 
 def run_relinearised(
-    recording: Recording, model: FlightModel, *, engine: Engine = "auto", stride: int = 1, passes: int = PASSES
+    recording: Recording,
+    model: FlightModel,
+    betas: Terms | None = None,
+    *,
+    engine: Engine = "auto",
+    stride: int = 1,
+    passes: int = PASSES,
 ) -> Journal:
     """Filter, smooth, and filter again about the smoothed motion until the innovations settle.
 
     Parameters
     ----------
     recording, model, engine, stride : as for `run_filter`; the gate judges the last passes, not the first
+    betas : effects in the model, in their exact form; what the recording declares is added
     passes : at most
-
-    Raises
-    ------
-    ValueError : the recording declares effects, which this run would leave out
     """
-    if declared_terms(recording):
-        raise ValueError("`recording` declares effects; expected none: use `run_filter`")
-    table = imu_table(recording, model)
-    journal = run_filter(recording, model.replace(gate_level=None), engine=engine, stride=0)
-    white = journal.white
-    count = 1
-    while count < passes:
-        count += 1
-        motion = estimated_motion(journal)
-        forms = {name: linear_form(recording, model, name, motion) for name in model.sensors}
-        inputs = prepare(recording, model, imu=table, events=collect(recording, model, forms))
-        journal = run(inputs, engine, stride)
-        if np.nanmax(np.abs(journal.white - white), initial=0.0) < TOLERANCE:
-            break
-        white = journal.white
-    return replace(journal, iterations=count)
+    terms = (betas or Terms()).joined(declared_terms(recording))
+    model = model.replace(relinearise=True)
+    return run_with_effects(recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=TOLERANCE)

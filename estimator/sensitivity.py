@@ -122,7 +122,7 @@ def sensitivity_pass(
     effects = tuple(effect(c) if isinstance(c, str) else c for c in candidates)
     table = imu_table(recording, model)
     if motion is None:
-        if terms:
+        if terms or model.relinearise:
             settled = run_with_effects(recording, model, terms, engine="numba", stride=0)
         else:
             settled = run(prepare(recording, model, imu=table), "numba", 0)

@@ -34,7 +34,7 @@ def test_engines_agree_about_a_reference() -> None:
     model = flight_model(recording, gate_level=None)
     journal = run_filter(recording, model, engine="numba")
     motion = reference_motion(recording, journal, Terms(), journal.run.imu)
-    forms = {name: linear_form(recording, model, name, motion) for name in model.sensors}
+    forms = {name: linear_form(recording, model, name, motion, Terms()) for name in model.sensors}
     inputs = prepare(recording, model, events=collect(recording, model, forms))
     assert difference(run(inputs, "numba"), run(inputs, "filterpy")) < AGREEMENT
 
