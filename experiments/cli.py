@@ -218,6 +218,18 @@ def trace(
     typer.echo(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html))
 
 
+@app.command()
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(help="of an effect or a sensor; without one, all", metavar="[NAME]")
+    ] = None,
+) -> None:
+    """What a plain sensor model may lack: the catalogue, or one effect of it."""
+    from experiments.effects_command import run
+
+    typer.echo(run(name))
+
+
 def main() -> None:
     """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
     from sensors.errors import InputError

@@ -1,0 +1,207 @@
+"""docs/effects.md, made from the declarations of the catalogue: `python -m experiments.effects_page [OUT.md]`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
+
+from experiments.residual_loop.manoeuvre import CLASS_BOUND, alike, apart, deciding, in_digits, most_alike, scenes
+from sensors.effects import CATALOGUE, Effect
+
+PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
+SOURCE_FOLDER = "../sensors/effects"
+
+#: What a declaration needs, in words.
+NEEDS = {
+    "f_b": "specific force",
+    "w_ib_b": "angular rate",
+    "dw_b": "angular acceleration",
+    "m_b": "field in the body",
+    "m_n": "field in NED",
+    "q_nb": "attitude",
+    "p_n": "position",
+    "v_n": "velocity",
+    "temperature": "temperature of the sensor (a magnetometer without a thermometer: the IMU's)",
+    "current": "supply current, or the motors' commands",
+    "throttle": "the motors' commands",
+    "airspeed": "airspeed, or wind and velocity",
+    "vibration": "a full-rate IMU",
+    "rotor_drag": "a declared `motion.rotor_drag`",
+    "satellite_position": "positions of the satellites",
+    "satellite_velocity": "velocities of the satellites",
+    "receiver_position": "position of the receiver",
+    "group_delay": "broadcast group delays",
+    "elevation": "elevations of the satellites",
+    "azimuth": "azimuths of the satellites",
+    "latitude": "latitude",
+    "longitude": "longitude",
+    "frequency": "carrier frequency",
+    "faulty": "which satellite is searched",
+    "elapsed": "time",
+}
+KINDS = {"flight": "flights", "poses": "poses", "pseudoranges": "pseudoranges"}
+
+HEAD = """# Effects
+
+What a plain sensor model may lack. Made from the declarations in `sensors/effects/` by `python -m
+experiments.effects_page`; `sinan effects` lists the same on the terminal. The simulator, the calibration, the filter
+and the tracer use these declarations and nothing else; [how to add one](how_to_add_an_effect.md).
+
+Reading = truth + bias (random walk) + white noise is the plain model, beta = 0. f is the specific force, w the
+angular rate and B the magnetic field as the perfect sensor would read them in the body (x forward, y right, z down);
+h the height above the ground; R the rotation from the body to NED; tilt the angle between body down and down.
+Rotations are active and right-handed. Several effects on one stream add, each taken of the plain reading; with the
+magnetic field in units of its norm.
+
+*Plausible* is one sigma of the instruments that are sold: it scales directions of beta, and an estimate beyond ten of
+them is not accepted. *Seen from* is the smallest size that would be detected with nothing else missing, in plausible
+sizes, the median over the components. *Looks like* names the effects whose signatures have a squared correlation r²
+above {bound} in some scenario, the scenario where they are most alike, and the one that decides ([the whole
+table](notes/separation.md)).
+"""
+FAMILIES = {
+    "step": "A step at an unknown instant",
+    "transient": "An offset within an unknown interval",
+    "outliers": "Wrong readings",
+    "time_offset": "Late time stamps",
+}
+
+
+def facts(effect: Effect) -> list[tuple[str, str]]:
+    """What the declaration and the table of separation say about one effect: labels and texts."""
+    rows = [
+        ("enters", f"`{effect.enters}`"),
+        ("form", _form(effect)),
+        ("beta", parameters(effect)),
+        ("needs", ", ".join(dict.fromkeys(NEEDS[name] for name in effect.needs)) or "nothing beside the reading"),
+        ("candidate in", " and ".join(KINDS[kind] for kind in sorted(effect.kinds))),
+    ]
+    if effect.scenario:
+        rows.append(("shown by", f"scenario `{effect.scenario}`{_seen_from(effect)}"))
+    rows.append(("told apart by", effect.separates))
+    likes = looks_like(effect.name)
+    if likes:
+        rows.append(("looks like", "; ".join(likes)))
+    return [*rows, ("source", effect.source)]
+
+
+def parameters(effect: Effect) -> str:
+    """Names, units and plausible sizes; parameters that share unit and size together."""
+    groups = groupby(effect.parameters, key=lambda p: (p.unit, p.plausible))
+    field = ", with the field in units of its norm" if effect.in_field_units else ""
+    return "; ".join(
+        f"{', '.join(p.name for p in members)} [{unit}], plausible {plausible:g}{field}"
+        for (unit, plausible), members in groups
+    )
+
+
+def looks_like(name: str) -> list[str]:
+    """The effects that look like it somewhere, where most, and what decides."""
+    found = []
+    for pair in alike():
+        if name not in pair:
+            continue
+        other = pair[1] if pair[0] == name else pair[0]
+        worst = most_alike(name, other)
+        found.append(f"`{other}` (r² {in_digits(worst.r2)} in `{worst.scene.key}`; {_decides(name, other)})")
+    return found
+
+
+def _decides(name: str, other: str) -> str:
+    best = deciding(name, other)
+    if best:
+        return f"`{best[0].scene.key}` decides: {in_digits(best[0].r2)}"
+    alone = apart(name, other)
+    return f"`{alone[0].key}` shows `{alone[1]}` alone" if alone else "no scenario decides"
+
+
+def _form(effect: Effect) -> str:
+    if effect.name.endswith(".outliers"):
+        return "the mean reading stays; found by its scatter"
+    if effect.exact is None:
+        return "linear in beta, exact as it stands"
+    return "exact form, re-linearised as beta grows" + (
+        "; reads the motion at other instants than that of the reading" if effect.other_instants else ""
+    )
+
+
+def _seen_from(effect: Effect) -> str:
+    scene = scenes().get(effect.scenario)
+    size = None if scene is None else scene.sees.get(effect.name)
+    return "" if size is None else f", seen from {size:.2g} plausible sizes on"
+
+
+def page() -> str:
+    """The page: an overview, then one section an effect, one a time-localised family."""
+    single = [e for e in CATALOGUE.values() if family(e) is None]
+    lines = [HEAD.format(bound=f"{CLASS_BOUND:g}"), *_overview(CATALOGUE.values())]
+    for effect in single:
+        lines += ["", f"## `{effect.name}`", "", f"{effect.summary} {effect.physics}", "", *_bullets(effect)]
+    for suffix, title in FAMILIES.items():
+        lines += ["", *_family(title, [e for e in CATALOGUE.values() if family(e) == suffix])]
+    return "\n".join(lines) + "\n"
+
+
+def family(effect: Effect) -> str | None:
+    """Which of the families that every stream has; None: an effect of its own."""
+    suffix = effect.name.split(".")[1]
+    return suffix if suffix in FAMILIES else None
+
+
+def source_file(effect: Effect) -> str:
+    """The file of its declaration."""
+    return effect.regressor.__module__.rsplit(".", 1)[-1] + ".py"
+
+
+def _overview(effects: Iterable[Effect]) -> list[str]:
+    lines = ["| name | what is wrong | how it enters | beta |", "| --- | --- | --- | --- |"]
+    for effect in effects:
+        enters = effect.enters.replace("|", "\\|")
+        lines.append(f"| `{effect.name}` | {effect.summary} | `{enters}` | {effect.size} |")
+    return lines
+
+
+def _bullets(effect: Effect) -> list[str]:
+    return [f"- **{label}**: {text}" for label, text in facts(effect)] + [_file(effect)]
+
+
+def _file(effect: Effect) -> str:
+    name = source_file(effect)
+    return f"- **file**: [`sensors/effects/{name}`]({SOURCE_FOLDER}/{name})"
+
+
+def _family(title: str, effects: list[Effect]) -> list[str]:
+    """One section for the same effect on several streams."""
+    one = effects[0]
+    names = ", ".join(f"`{effect.name}`" for effect in effects)
+    shared = [(label, text) for label, text in facts(one) if label in ("enters", "form", "told apart by", "source")]
+    return [
+        f"## {title}: `<stream>.{family(one)}`",
+        "",
+        f"{names}. {one.physics}",
+        "",
+        *(f"- **{label}**: {text}" for label, text in shared),
+        _file(one),
+        "",
+        "| name | beta | needs | candidate in | shown by |",
+        "| --- | --- | --- | --- | --- |",
+        *(f"| `{effect.name}` | {_row(effect)} |" for effect in effects),
+    ]
+
+
+def _row(effect: Effect) -> str:
+    found = dict(facts(effect))
+    return " | ".join(found[label] for label in ("beta", "needs", "candidate in", "shown by"))
+
+
+def main(arguments: list[str]) -> None:
+    """Write the page, by default where it is kept."""
+    out = Path(arguments[0]) if arguments else PAGE
+    out.write_text(page(), encoding="utf-8")
+    sys.stdout.write(f"{out}\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
