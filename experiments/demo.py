@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ from experiments.calibrate import as_json, calibrate_triad, summary
 from experiments.report.files import write_bytes, write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
-from experiments.report.words import trace_summary
+from experiments.report.trace_words import parameter_rows, trace_summary
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.trace import report, trace
 from experiments.scenarios.loader import load_scenario
+from sensors.effects import CATALOGUE
 from sensors.errors import InputError
 from sensors.formats.plain import write_recording
 from sensors.recording import Recording
@@ -33,7 +34,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     write_recording(recording, out / "recording", truth)
     hidden = "; ".join(f"{name} = {', '.join(f'{b:g}' for b in beta)}" for name, beta in HIDDEN.items())
     say(f"1. A recording, simulated: {recording.name}. Its own files do not say what is hidden in it:\n   {hidden}")
-    demonstrate(recording, out, "simulated", say)
+    document = demonstrate(recording, out, "simulated", say, HIDDEN)
+    say("\nHidden against found:\n" + hidden_and_found(HIDDEN, document))
     measured = measured_recording()
     if measured is None:
         say("\nThe course's measured magnetometer: `sinan fetch rfly_course`, then run the demonstration again.")
@@ -43,7 +45,13 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     say(f"\nPages and figures: {out.resolve()}; begin with {(out / 'simulated.html').resolve()}")
 
 
-def demonstrate(recording: Recording, out: Path, name: str, say: Callable[[str], None]) -> Mapping[str, Any]:
+def demonstrate(
+    recording: Recording,
+    out: Path,
+    name: str,
+    say: Callable[[str], None],
+    hidden: Mapping[str, Sequence[float]] | None = None,
+) -> Mapping[str, Any]:
     """Calibrate with the plain model, trace its residual, write page, figures and report."""
     readings = triad_readings(recording, "mag")
     say("\nThe textbook's model, a scale and an offset on each axis:")
@@ -53,11 +61,24 @@ def demonstrate(recording: Recording, out: Path, name: str, say: Callable[[str],
     document = report(source, result)
     say("\nIts residual, traced:")
     say(trace_summary(document))
-    trace_page(out / f"{name}.html", source, result, document)
+    trace_page(out / f"{name}.html", source, result, document, hidden)
     for figure, (drawing, _) in trace_figures(source, result, document).items():
         write_bytes(out / f"{name}_{figure}.png", png(drawing))
     write_json(out / f"{name}.json", document)
     return document
+
+
+def hidden_and_found(hidden: Mapping[str, Sequence[float]], document: Mapping[str, Any]) -> str:
+    """A table: each parameter that was hidden, its value, and what was found; then what was found but not hidden."""
+    found = {effect["name"]: effect for effect in document["effects"]}
+    rows = [("effect", "hidden", "found ± 1 sigma", "unit")]
+    for name, values in hidden.items():
+        effect = found.get(name)
+        cells = parameter_rows(effect) if effect else [(p.name, "not found", "") for p in CATALOGUE[name].parameters]
+        rows += [(f"{name} {p}", f"{v:g}", c, unit) for v, (p, c, unit) in zip(values, cells, strict=True)]
+    rows += [(name, "nothing", "found", "") for name in found if name not in hidden]
+    widths = [max(len(row[k]) for row in rows) for k in range(3)]
+    return "\n".join(f"  {a:{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {d}".rstrip() for a, b, c, d in rows)
 
 
 def measured_recording() -> Recording | None:

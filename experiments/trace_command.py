@@ -7,11 +7,9 @@ from pathlib import Path
 from experiments.datasets import reference_of, resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
-from experiments.report.words import trace_summary
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.source import Source
-from experiments.residual_loop.trace import Trace, report, trace
-from sensors.recording import Recording, Stream
+from experiments.report.trace_words import trace_summary
+from experiments.residual_loop.run import trace_recording
+from experiments.residual_loop.trace import report
 
 
 def run(
@@ -38,29 +36,6 @@ def run(
 
         trace_page(html, source, result, document)
     return "\n".join([trace_summary(document), *(f"  note: {note}" for note in notes)])
-
-
-def trace_recording(
-    recording: Recording,
-    sensor: str | None = None,
-    alpha: float = 0.01,
-    gravity: float | None = None,
-    reference: Stream | None = None,
-) -> tuple[Source, Trace]:
-    """The loop on a recording of either kind.
-
-    Parameters
-    ----------
-    reference : what a flight is scored against, after the decision; columns as in `truth.csv`
-    """
-    if recording.kind == "poses":
-        source = pose_source(recording, sensor, gravity)
-        return source, trace(source, alpha)
-    from experiments.residual_loop.open_flight import flight_source
-    from experiments.residual_loop.reference import score_against
-
-    flight = flight_source(recording)
-    return flight, trace(flight, alpha, None if reference is None else score_against(reference, flight))
 
 
 def taken_from_the_log(recording: Recording, source: Source) -> list[str]:

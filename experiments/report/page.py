@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ body { margin: 0 auto; max-width: 60rem; padding: 2rem 1.2rem 4rem; background: 
 h1 { font-size: 1.7rem; line-height: 1.25; margin: 0 0 .4rem; }
 h2 { font-size: 1.15rem; margin: 2.4rem 0 .6rem; border-bottom: 1px solid var(--line); padding-bottom: .25rem; }
 p.lead { font-size: 1.12rem; margin: .3rem 0 1rem; }
+h3 { font-size: 1rem; margin: 1.6rem 0 .3rem; }
+summary { cursor: pointer; color: var(--accent); margin: .8rem 0; }
 p.note, figcaption { color: var(--soft); font-size: .92rem; }
 .numbers { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0; }
 .number { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem 1rem; background: #fff;
@@ -30,8 +33,8 @@ p.note, figcaption { color: var(--soft); font-size: .92rem; }
 .number span { color: var(--soft); font-size: .88rem; }
 figure { margin: 1rem 0; } figure img { width: 100%; height: auto; }
 .wide { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .92rem; }
-th, td { text-align: left; padding: .35rem .7rem .35rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
+table { border-collapse: collapse; min-width: 50%; font-size: .92rem; }
+th, td { text-align: left; padding: .35rem 1.4rem .35rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 code { background: #eef2f5; padding: .1rem .3rem; border-radius: .25rem; }
 """
@@ -48,13 +51,24 @@ class Page:
 
     def __init__(self, title: str, lead: str = "") -> None:
         self._title = title
-        self._parts = [f"<h1>{html.escape(title)}</h1>"]
+        self._parts = [f"<h1>{_unbroken(title)}</h1>"]
         if lead:
-            self._parts.append(f'<p class="lead">{html.escape(lead)}</p>')
+            self._parts.append(f'<p class="lead">{_unbroken(lead)}</p>')
 
     def heading(self, text: str) -> None:
         """A section."""
         self._parts.append(f"<h2>{html.escape(text)}</h2>")
+
+    def subheading(self, text: str) -> None:
+        """A part of a section."""
+        self._parts.append(f"<h3>{html.escape(text)}</h3>")
+
+    @contextmanager
+    def folded(self, summary: str) -> Iterator[None]:
+        """What is added inside is folded away behind one line."""
+        self._parts.append(f"<details><summary>{html.escape(summary)}</summary>")
+        yield
+        self._parts.append("</details>")
 
     def text(self, text: str, note: bool = False) -> None:
         """A paragraph; a note is set softer."""
@@ -93,6 +107,11 @@ class Page:
             f"<title>{html.escape(self._title)}</title><style>{_STYLE}</style></head>\n"
             f"<body>{chr(10).join(self._parts)}</body></html>\n",
         )
+
+
+def _unbroken(text: str) -> str:
+    """Escaped, without a line break before a per cent sign or around an arrow."""
+    return html.escape(text).replace(" %", "&nbsp;%").replace(" → ", "&nbsp;→&nbsp;")
 
 
 def png(figure: Figure) -> bytes:

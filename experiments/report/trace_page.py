@@ -1,129 +1,294 @@
-"""The page of a trace: verdict, error before and after, residual, candidates, what could not be seen."""
+"""The page of a trace: verdict, each effect on its own sensor, error held out, evidence, what could not be seen."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.report import figures, words
+from experiments.report import trace_figures as figures
+from experiments.report import trace_words, words
 from experiments.report.page import Page
+from experiments.report.trace_figures import Bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.residual_loop.source import Source
+    from experiments.residual_loop.select import Finding
+    from experiments.residual_loop.source import Source, StreamResidual
     from experiments.residual_loop.trace import Trace
+
+#: Candidates that the chart and the table show unfolded.
+_SHOWN = 12
+_LN10 = float(np.log(10.0))
 
 
 def trace_figures(source: Source, result: Trace, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
-    """The figures of a trace by name, each with its caption."""
-    stream = result.proof.stream
-    before = next(r for r in source.residuals(result.selection.plain) if r.stream == stream)
-    after = next(r for r in source.residuals(result.selection.final) if r.stream == stream)
-    intervals = [e["interval"] for e in document["effects"] if e.get("interval")]
-    found = [e["name"] for e in document["effects"]]
-    made: dict[str, tuple[Figure, str]] = {
-        "residuals": (
-            figures.residuals_over_time(before, after, intervals),
-            f"Residual of the {stream} before and after. Shaded: held out from the fit for the proof."
-            + (" Yellow: the disturbed interval." if intervals else ""),
-        )
-    }
-    if document["effects"]:
+    """The figures of a trace by name, each with its caption: `effect_1` ... in order of discovery."""
+    made: dict[str, tuple[Figure, str]] = {}
+    if not document["effects"]:
+        made["residuals"] = _noise_figure(source, result)
+    else:
+        for name, drawn in _residual_figures(source, result, document).items():
+            made[name] = drawn
+        proof, part = result.proof, document["error"]["held_out_part"]
         made["errors"] = (
-            figures.error_bars(document["error"]["before"], document["error"]["after"]),
-            "Error on data that took no part in the fit, with 95 % intervals.",
+            figures.error_bars(
+                (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after), part, proof.stream
+            ),
+            "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval.",
         )
-    signature = None
-    if found:
-        first = result.selection.findings[0]
-        signature = source.signature(result.selection.plain, first.term, first.beta)
-    if signature is not None:
-        predicted, residual, unit = signature.predicted, signature.residual, signature.unit
-        made["suspect"] = (
-            figures.residual_against_suspect(predicted, residual, found[0], unit),
-            f"The plain model's residual against what {found[0]} predicts for it: points on the line are explained.",
-        )
-    if document["candidates"]:
-        needed = -np.log10(result.alpha / max(source.families, 1))
-        made["candidates"] = (
-            figures.candidates_bars(document["candidates"], found, float(needed)),
-            "Evidence for each candidate before anything was added. Blue: found.",
-        )
+        for k, finding in enumerate(result.selection.findings):
+            drawn_effect = _effect_figure(source, result, finding)
+            if drawn_effect is not None:
+                made[f"effect_{k + 1}"] = drawn_effect
+    bars = evidence(result)
+    if bars:
+        made["candidates"] = _evidence_figure(bars, document)
     return made
 
 
-def trace_page(path: Path, source: Source, result: Trace, document: Mapping[str, Any]) -> None:
-    """Write the page of a trace."""
-    page = Page(words.headline(document), f"{document['recording']}. {words.verdict_sentence(document)}")
-    error = document["error"]
-    if document["effects"]:
-        page.numbers(
-            [
-                (words.quantity(error["before"]["rms"], error["before"]["unit"]), f"{error['stream']} residual before"),
-                (words.quantity(error["after"]["rms"], error["after"]["unit"]), "after, on held-out data"),
-                *_truth_numbers(error.get("truth")),
-            ]
-        )
-        for effect in document["effects"]:
-            page.text(f"{effect['name']}: {words.effect_sentence(effect)}.")
-        page.text(words.error_sentence(error) + ".")
+def trace_page(
+    path: Path,
+    source: Source,
+    result: Trace,
+    document: Mapping[str, Any],
+    hidden: Mapping[str, Sequence[float]] | None = None,
+) -> None:
+    """Write the page of a trace.
+
+    Parameters
+    ----------
+    hidden : of a simulated recording, the effects that are in it: shown beside what was found
+    """
+    page = Page(trace_words.title(document), f"{document['recording']}. {trace_words.lead(document)}")
     made = trace_figures(source, result, document)
-    page.heading("What the model leaves")
-    for name in ("residuals", "errors", "suspect"):
-        if name in made:
+    if document["effects"]:
+        _numbers(page, document)
+        page.heading("What was found")
+        for k, effect in enumerate(document["effects"]):
+            _effect_section(page, result, document, effect, k, made.get(f"effect_{k + 1}"), hidden or {})
+        page.heading("Error before and after")
+        for name in [n for n in made if n.startswith("residuals")] + ["errors"]:
             page.figure(*made[name])
-    if document["candidates"]:
-        page.heading("Which effect")
+        _reference_table(page, document)
+    else:
+        page.heading("What the plain model leaves")
+        page.figure(*made["residuals"])
+    if "candidates" in made:
+        page.heading("Evidence for every candidate")
         page.figure(*made["candidates"])
-        _candidate_table(page, document)
+        _candidate_tables(page, result, document)
     _honesty(page, document)
+    for note in document.get("notes", []):
+        page.text(str(note), note=True)
     page.write(path)
 
 
-def _truth_numbers(truth: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if not truth:
-        return []
-    shown = []
-    for name, before in truth["before"].items():
-        after = truth["after"].get(name)
-        if after is not None:
-            shown.append(
-                (f"{words.number(before)} → {words.number(after)}", name.replace("_", " ") + " against the reference")
-            )
-    return shown
+# ---- figures
 
 
-def _candidate_table(page: Page, document: Mapping[str, Any]) -> None:
-    rows = []
-    for c in sorted(document["candidates"], key=lambda c: c["p_value"]):
-        sizes = [s for s in c["detectable_from"] if s is not None]
-        size = (
-            ", ".join(words.number(s) for s in sizes)
-            if sizes
-            else "searched"
-            if "interval" in c
-            else "not visible here"
+def _noise_figure(source: Source, result: Trace) -> tuple[Figure, str]:
+    streams = source.residuals(result.selection.final)
+    known = not np.isfinite(source.evidence(result.selection.final, own_terms_only=True).noise_dof)
+    scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened.ravel() for r in streams]) ** 2)))
+    sigma = "what the declared noise predicts" if known else "its own spread, since no noise is declared"
+    return (
+        figures.residuals_like_noise(streams, scale),
+        f"Residuals divided by σ, {sigma}. Pure noise scatters evenly about zero, with the black curve's shape.",
+    )
+
+
+def _residual_figures(source: Source, result: Trace, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
+    """Residuals before and after of every stream that an effect found enters."""
+
+    def of(fit: Any) -> dict[str, StreamResidual]:
+        return {r.stream: r for r in source.residuals(fit)}
+
+    before, after = of(result.selection.plain), of(result.selection.final)
+    streams = [source.effect(finding.term).stream for finding in result.selection.findings]
+    part = document["error"]["held_out_part"]
+    made = {}
+    for stream in dict.fromkeys([result.proof.stream, *streams]):
+        if stream not in before:
+            continue
+        terms = [f.term for f in result.selection.findings if source.effect(f.term).stream == stream]
+        intervals = [term.interval for term in terms if term.interval is not None]
+        name = "residuals" if stream == result.proof.stream else f"residuals_{stream}"
+        caption = f"Residual of the {words.SENSORS.get(stream, stream)}, each model fitted to all data." + (
+            " Yellow: when the time-localised effect acts." if intervals else ""
         )
-        rows.append([c["name"], words.number(c["statistic"]), str(c["dof"]), f"{c['p_value']:.2g}", size])
-    page.table(["effect", "statistic", "dof", "p", "would be seen from"], rows, numeric=(1, 2, 3))
+        made[name] = figures.residuals_over_time(before[stream], after[stream], part, intervals), caption
+    return made
+
+
+def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Figure, str] | None:
+    step = next((s for s in reversed(result.selection.steps) if s.term == finding.term), None)
+    signature = None if step is None else source.signature(step.before, finding.term, finding.beta)
+    if step is None or signature is None:
+        return None
+    name = finding.term.name
+    own = source.effect(finding.term).stream
+    where = (
+        ""
+        if signature.stream == own
+        else f" It shows most in the {words.SENSORS.get(signature.stream, signature.stream)}."
+    )
+    if finding.term.interval is not None:
+        models = (step.before, result.selection.final)
+        before, after = (next(r for r in source.residuals(m) if r.stream == signature.stream) for m in models)
+        figure = figures.effect_over_time(before, after, name, finding.term.interval)
+        return figure, f"The residual around the interval, just before {name} was added and in the end.{where}"
+    return (
+        figures.residual_against_effect(signature, name),
+        f"The residual just before {name} was added, against what {name} says it should be: points along the line "
+        f"are explained, a round cloud would be noise.{where}",
+    )
+
+
+def evidence(result: Trace) -> list[Bar]:
+    """Evidence for what was found at the step at which it was chosen, for all else about the last model."""
+    selection = result.selection
+    steps = [s.term for s in selection.steps]
+    found = [
+        Bar(f"{f.term.name} (step {steps.index(f.term) + 1})", f.log_p / _LN10, "found") for f in selection.findings
+    ]
+    left = {option.term.key for option in selection.left}
+    named = {f.term.name for f in selection.findings}
+    others = [
+        Bar(
+            f"another {option.term.name}" if option.term.name in named else option.term.name,
+            option.log_p / _LN10,
+            "left" if option.term.key in left else "other",
+        )
+        for option in selection.last_options
+        if option.dof > 0
+    ]
+    return found + sorted(others, key=lambda bar: bar.log10_p)
+
+
+def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[Figure, str]:
+    found = [bar for bar in bars if bar.kind == "found"]
+    others = [bar for bar in bars if bar.kind != "found"]
+    shown = [*found, *others[: max(_SHOWN - len(found), 3)]]
+    if found:
+        caption = (
+            "Blue: what was found, at the step at which it was chosen. Grey: all else, once that is in the model: "
+            "nothing that passes is left."
+        )
+    else:
+        caption = "Every candidate against the plain model: none reaches the dashed line."
+    if any(bar.kind == "left" for bar in others):
+        caption = caption.split(": nothing")[0].split(": none")[0].rstrip(".") + (
+            ". Orange: passes the line, but no effect of that name and a plausible size explains it."
+        )
+    hidden = len(bars) - len(shown)
+    if hidden:
+        caption += f" The {hidden} weakest are in the list below."
+    return figures.evidence_bars(shown, -float(np.log10(document["p_value_needed"]))), caption
+
+
+# ---- sections
+
+
+def _numbers(page: Page, document: Mapping[str, Any]) -> None:
+    error = document["error"]
+    part, sensor = error["held_out_part"], words.SENSORS.get(error["stream"], error["stream"])
+    cards = [(trace_words.residual_change(error), f"RMS of the {sensor} residual, {part}")]
+    held = error.get("truth_held_out")
+    if held:
+        cards += [
+            (words.reference_change(name, before, held["after"][name]), f"{name.removesuffix('_rms')} error, {part}")
+            for name, before in held["before"].items()
+        ]
+    page.numbers(cards)
+
+
+def _effect_section(
+    page: Page,
+    result: Trace,
+    document: Mapping[str, Any],
+    effect: Mapping[str, Any],
+    k: int,
+    figure: tuple[Figure, str] | None,
+    hidden: Mapping[str, Sequence[float]],
+) -> None:
+    page.subheading(f"{effect['name']}: {effect['summary'].rstrip('.')}")
+    rows = [list(row) for row in trace_words.parameter_rows(effect)]
+    head = ["parameter", "value ± 1 sigma", "unit"]
+    if effect["name"] in hidden:
+        head.append("hidden in the data")
+        rows = [[*row, f"{value:g}"] for row, value in zip(rows, hidden[effect["name"]], strict=True)]
+    page.table(head, rows, numeric=(1, 3))
+    finding = result.selection.findings[k]
+    step = [s.term for s in result.selection.steps].index(finding.term) + 1
+    text = f"Chosen at step {step}, {words.p_value_words(effect['log10_p_value'])} about the model before it"
+    text += f" (needed: p < {document['p_value_needed']:.2g})."
+    if effect.get("interval"):
+        counted = " (counted from 0)" if effect["interval_unit"] == "reading" else ""
+        text += f" It acts {trace_words.interval_words(effect)}{counted}."
+    if effect["confused_with"]:
+        text += f" The data cannot tell it from {', '.join(effect['confused_with'])}."
+    if effect["name"] in document["error"]["untested"]:
+        text += " It acts on no held-out reading: only this evidence speaks for it, not the held-out error."
+    page.text(text)
+    if figure is not None:
+        page.figure(*figure)
+
+
+def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
+    whole, held = document["error"].get("truth"), document["error"].get("truth_held_out")
+    if not whole:
+        return
+    rows = []
+    for name, before in whole["before"].items():
+        row = [f"{name.removesuffix('_rms')} error", words.reference_change(name, before, whole["after"][name])]
+        known = held and name in held["before"] and name in held["after"]
+        row.append(words.reference_change(name, held["before"][name], held["after"][name]) if known else "-")
+        rows.append(row)
+    page.text("RMS errors against the reference, which nothing above has seen:")
+    page.table(["", "all data, before → after", f"{document['error']['held_out_part']}, before → after"], rows, (1, 2))
+
+
+def _candidate_tables(page: Page, result: Trace, document: Mapping[str, Any]) -> None:
+    known = {c["name"]: c for c in document["candidates"]}
+    found = [[f.term.name, f"chosen: {_p(f.log_p / _LN10)}", "found"] for f in result.selection.findings]
+    rows = []
+    for option in sorted(result.selection.last_options, key=lambda option: option.log_p):
+        name = option.term.name
+        if option.term.interval is not None or name not in known:
+            seen = "its interval is searched"
+        else:
+            seen = trace_words.detectable_words(known[name]) or "not visible in these data"
+        rows.append([name, _p(option.log_p / _LN10), seen])
+    head = ["effect", "p-value", "would be found from"]
+    if not found:
+        page.text("From these sizes on each effect would have been found in these data:")
+        page.table(head, rows[:_SHOWN], numeric=(1,))
+        rows = rows[_SHOWN:]
+    if found or rows:
+        title = f"All {len(found) + len(rows)} candidates" if found else f"The other {len(rows)} candidates"
+        with page.folded(f"{title}: p-values and the smallest sizes that would be found"):
+            page.table(head, [*found, *rows], numeric=(1,))
+
+
+def _p(log10_p: float) -> str:
+    return f"{10.0**log10_p:.2g}" if log10_p > -4.0 else f"10^{log10_p:.0f}"
 
 
 def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     """What could not be seen, and why."""
-    page.heading("What remains, and what could not be seen")
+    page.heading("What remains")
     error = document["error"]
-    same = "chooses the same effects" if error["same_names_on_fitting_part"] else "chooses other effects"
-    page.text(f"The part of the data that was used for fitting, taken alone, {same}.")
-    for name in error["untested"]:
-        page.text(f"{name} acts on no held-out reading: only the evidence speaks for it, not the held-out error.")
+    if document["effects"]:
+        same = "chooses the same effects" if error["same_names_on_fitting_part"] else "chooses other effects"
+        page.text(f"The part of the data that was used for fitting, taken alone, {same}.")
     for name in document["rolled_back"]:
         page.text(f"{name} passed the test but did not lower the held-out error; it was rolled back.")
     for item in document["remaining"]:
-        sentence = words.remaining_sentence(item)
+        sentence = trace_words.remaining_sentence(item)
         page.text(f"{sentence[0].upper()}{sentence[1:]}.")
     if not document["remaining"]:
-        page.text("The remaining residual is white and as large as the declared noise.")
+        page.text("The remaining residual is white and as large as the noise.")

@@ -23,7 +23,7 @@ _QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 def score_against(reference: Stream, source: FlightSource, held_out: bool = False) -> Score:
-    """RMS errors of the filter's states: position [m], velocity [m/s], attitude and heading [rad], where known.
+    """RMS errors of the filter's states: position and height [m], velocity [m/s], attitude and heading [rad].
 
     Readings in gaps of the reference longer than three of its steps, and outside it, do not count; `held_out` counts
     the held-out part alone.
@@ -39,7 +39,8 @@ def score_against(reference: Stream, source: FlightSource, held_out: bool = Fals
         if len(t) == 0:
             return errors
         if reference.has(POSITION) and source.model.translation:
-            errors["position_rms"] = _rms(x[:, 0:3] - _interpolated(t, reference, POSITION))
+            away = x[:, 0:3] - _interpolated(t, reference, POSITION)
+            errors["position_rms"], errors["height_rms"] = _rms(away), _rms(away[:, 2:])
         if reference.has(VELOCITY) and source.model.translation:
             errors["velocity_rms"] = _rms(x[:, 3:6] - _interpolated(t, reference, VELOCITY))
         if reference.has(_QUATERNION):

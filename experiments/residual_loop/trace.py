@@ -137,6 +137,7 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         "format": 1,
         "recording": result.recording,
         "alpha": result.alpha,
+        "p_value_needed": result.alpha / max(source.families, 1),
         "verdict": result.verdict,
         "effects": [_effect(source, finding, counted) for finding in result.selection.findings],
         "error": error,

@@ -1,0 +1,132 @@
+"""Pages and sentences: what a reader is told agrees with what was found, in units and words that can be read."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.demo import HIDDEN, hidden_and_found
+from experiments.report.trace_page import evidence, trace_page
+from experiments.report.trace_words import effect_line, interval_words, title, trace_summary
+from experiments.report.words import change, per_unit, with_sigma
+from experiments.residual_loop.open_source import pose_source
+from experiments.residual_loop.source import Source
+from experiments.residual_loop.trace import Trace, report, trace
+from experiments.scenarios import parse_effect
+from experiments.scenarios.loader import load_scenario
+from sensors.simulate import simulate
+
+Traced = tuple[Source, Trace, dict[str, Any]]
+
+
+def traced(*effects: str, seed: int = 7) -> Traced:
+    present = [parse_effect(text) for text in effects]
+    recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(seed), present)
+    source = pose_source(recording, "mag")
+    result = trace(source)
+    return source, result, report(source, result)
+
+
+@pytest.fixture(scope="module")
+def two_effects() -> Traced:
+    return traced("mag.cross_axis=0.04,-0.015,0.02", "mag.current=0.0015,0,-0.001")
+
+
+@pytest.fixture(scope="module")
+def disturbed() -> Traced:
+    return traced("mag.transient=0.2,0,0.1@40:60")
+
+
+@pytest.fixture(scope="module")
+def nothing() -> Traced:
+    return traced(seed=5)
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        (0.0398123, 0.000294, "0.03981 ± 0.00029"),
+        (5.882, 0.094, "5.882 ± 0.094"),
+        (1234.5, 230.0, "1230 ± 230"),
+        (1.3e-9, 6.1e-9, "(0.2 ± 1.0)e-9"),
+        (0.5, None, "0.5 (± not determined)"),
+    ],
+)
+def test_values_have_the_digits_of_their_sigma(value: float, sigma: float | None, text: str) -> None:
+    if "e-9" in text:
+        assert with_sigma(value, sigma).endswith("e-9")
+    else:
+        assert with_sigma(value, sigma) == text
+
+
+def test_sizes_are_in_the_units_of_people() -> None:
+    assert per_unit(0.003, "1/A", "mag.current") == "0.0030 per ampere"
+    assert per_unit(0.0927, "1", "mag.cross_axis") == "9.3 %"
+    assert per_unit(0.1, "1", "mag.step") == "0.10"
+    assert per_unit(np.deg2rad(2.0), "rad") == "2.0 deg"
+    assert change(0.06, 0.0157) == "0.060 → 0.016"
+
+
+def test_what_was_found_passes_the_line_of_the_chart_and_nothing_else_does(two_effects: Traced) -> None:
+    _, result, document = two_effects
+    needed = np.log10(document["p_value_needed"])
+    bars = evidence(result)
+    assert [bar.label for bar in bars if bar.kind == "found"] == ["mag.cross_axis (step 1)", "mag.current (step 2)"]
+    assert all((bar.log10_p < needed) == (bar.kind == "found") for bar in bars)
+
+
+def test_page_shows_every_effect_with_its_parameters(two_effects: Traced, tmp_path: Path) -> None:
+    source, result, document = two_effects
+    trace_page(tmp_path / "page.html", source, result, document, HIDDEN)
+    page = (tmp_path / "page.html").read_text()
+    assert page.count("<img") == 5  # two effects, residuals, errors, candidates
+    assert "hidden in the data" in page
+    assert re.search(r"<td>xy</td><td[^>]*>0\.0\d+ ± 0\.0\d+</td><td>ratio</td>", page)
+    assert "<td>1/A</td>" in page
+
+
+def test_title_says_what_how_much_and_what_it_brings(two_effects: Traced) -> None:
+    text = title(two_effects[2])
+    assert text.startswith("Soft iron near the magnetometer bends the field (up to 4.0 %), and the magnetometer reads")
+    assert "on the held-out fifth" in text
+    assert trace_summary(two_effects[2]).splitlines()[0] == "mag_poses: effects"
+
+
+def test_localised_effect_is_drawn_where_it_acts(disturbed: Traced, tmp_path: Path) -> None:
+    source, result, document = disturbed
+    assert [e["name"] for e in document["effects"]] == ["mag.transient"]
+    assert re.fullmatch(r"from \d\d(\.\d+)? s to \d\d(\.\d+)? s", interval_words(document["effects"][0]))
+    trace_page(tmp_path / "page.html", source, result, document)
+    assert "The residual around the interval" in (tmp_path / "page.html").read_text()
+
+
+def test_interval_of_a_log_without_time_stamps_is_in_readings() -> None:
+    effect = {"name": "mag.transient", "interval": [0.0, 4.0], "interval_unit": "reading"}
+    assert interval_words(effect) == "in readings 0 to 3"
+
+
+def test_page_of_nothing_shows_how_far_the_strongest_candidate_is_from_the_line(
+    nothing: Traced, tmp_path: Path
+) -> None:
+    source, result, document = nothing
+    assert document["verdict"] == "no_effect"
+    trace_page(tmp_path / "page.html", source, result, document)
+    page = (tmp_path / "page.html").read_text()
+    assert page.count("<img") == 2
+    assert "would be needed" in page
+    assert "From these sizes on" in page
+
+
+def test_demonstration_sets_what_was_hidden_beside_what_was_found(two_effects: Traced) -> None:
+    lines = hidden_and_found(HIDDEN, two_effects[2]).splitlines()
+    assert len(lines) == 1 + sum(map(len, HIDDEN.values()))
+    assert re.match(r"\s+mag\.current x\s+0\.0015\s+0\.001\d+ ± 0\.0000\d+\s+1/A", lines[4])
+    assert "not found" in hidden_and_found({"mag.temperature": (1.0, 0.0, 0.0)}, two_effects[2])
+
+
+def test_line_of_an_effect_names_its_parameters(two_effects: Traced) -> None:
+    assert re.match(r"mag\.current: x 0\.0015\d* ± .*, y .*, z .* 1/A; p", effect_line(two_effects[2]["effects"][1]))
