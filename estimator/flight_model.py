@@ -140,6 +140,9 @@ def flight_model(
     if "base" in sensors and "gps" not in sensors:
         notes.append("base: left out, there is no gps whose bias it could see")
         del sensors["base"]
+    elif "base" in sensors and sensors["gps"].bias is None:
+        notes.append("base: left out, the gps is declared to have no bias that it could see")
+        del sensors["base"]
     if "gps" not in sensors and (level is not None or "level" in wanted):
         chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
         sensors["level"] = chosen

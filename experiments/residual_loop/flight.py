@@ -7,14 +7,14 @@ being the sensitivity pass: a linear problem with nothing left to project out, s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from estimator.effect_forms import Terms, declared_terms, reference_motion, stream_motion, with_covariates
 from estimator.events import ACCEPTED
-from estimator.filter import run_filter
+from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
@@ -41,6 +41,8 @@ _MOST_STEPS = 8
 _SETTLED = 0.05
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
+#: 1-sigma by which effects may turn an attitude that was found from the first readings [rad].
+_WIDE_START = 0.2
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class FlightSource:
         self._split = self._start + _FITTING_SHARE * (self._end - self._start)
         journal = run_filter(self.recording, self.model, {}, engine="numba", stride=0)
         self._plain_motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
+        self._start_std = self._attitude_std_at_start(journal)
         self._candidates = self._possible()
 
     @property
@@ -178,8 +181,27 @@ class FlightSource:
     ) -> tuple[Journal, Sensitivity]:
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
-            self.recording, self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=1, stride=0
+            self._started(self.recording, motion), self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=1, stride=0
         )
+
+    def _attitude_std_at_start(self, journal: Journal) -> float | None:
+        """Sigma with which the attitude starts where the recording declares none; None: as the filter starts it.
+
+        The first readings, from which it is found, have the effects in them that are looked for: it may be wrong by
+        as much as a magnetometer or an accelerometer may be turned or bent.
+        """
+        if self.recording.initial.attitude_std is not None:
+            return None
+        assert isinstance(journal.run, RunInputs)
+        widest = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
+        return float(np.hypot(widest, _WIDE_START)) if widest < _WIDE_START else None
+
+    def _started(self, recording: Recording, motion: Motion) -> Recording:
+        """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong."""
+        if self._start_std is None:
+            return recording
+        start = replace(recording.initial, quaternion=motion.q_nb[0], attitude_std=self._start_std)
+        return recording.replace(initial=start)
 
     def _in_part(self, t: FloatArray, part: Part) -> BoolArray:
         return np.ones(len(t), dtype=bool) if part == "all" else np.asarray(t <= self._split)
@@ -252,7 +274,8 @@ class FlightSource:
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
         betas: Any = list(state.betas)
-        journal = run_filter(self._as_recorded, self.model, betas, engine="numba", stride=0)
+        recorded = self._started(self._as_recorded, state.motion)
+        journal = run_filter(recorded, self.model, betas, engine="numba", stride=0)
         found = []
         for stream, (before, count) in self.wrong.items():
             wrong = min(before, len(wrong_rows(journal, stream)))

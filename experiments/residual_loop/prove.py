@@ -153,24 +153,21 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects that do not improve the error on held-out data they act on, in order of discovery."""
-    kept: list[Term] = []
+    """Effects without which the error on held-out data that they act on is no larger, the others in the model.
+
+    The last found is asked first: two effects that hide each other need each other.
+    """
+    terms = [f.term for f in selection.findings if f.term.in_mean and acts_on_held_out(source, selection, f.term)]
+    beta = {term: selection.final.beta[term] for term in terms}
+    present = _held_out_squares(source, source.fit(terms, beta, "fitting"))
     dropped: list[Term] = []
-    previous = _held_out_squares(source, source.fit((), part="fitting"))
-    for finding in selection.findings:
-        term = finding.term
-        if not acts_on_held_out(source, selection, term):
-            if term.in_mean is False:
-                kept.append(term)
-            continue
-        trial = source.fit([*kept, term], {t: selection.final.beta[t] for t in [*kept, term]}, "fitting")
-        squares = _held_out_squares(source, trial)
-        if squares < previous:
-            kept.append(term)
-            previous = squares
-        else:
+    for term in reversed(terms):
+        rest = [other for other in terms if other is not term and other not in dropped]
+        without = _held_out_squares(source, source.fit(rest, {t: beta[t] for t in rest}, "fitting"))
+        if without <= present:
             dropped.append(term)
-    return tuple(dropped)
+            present = without
+    return tuple(reversed(dropped))
 
 
 def _held_out_squares(source: Source, fit: Fit) -> float:

@@ -1,0 +1,44 @@
+"""The tracer before a recording with a sealed answer: it sees what a person with the recording in hand sees."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from experiments.blind.maker.make import INDEX_FILE
+from experiments.datasets import resolve
+from experiments.residual_loop.trace import report
+from experiments.residual_loop.run import trace_recording
+from sensors.errors import InputError
+
+
+def index_of(runs: Path) -> dict[str, dict[str, str | None]]:
+    """Kind and sensor of each recording of a folder.
+
+    Raises
+    ------
+    InputError : no such folder, or not one of these
+    """
+    path = runs / INDEX_FILE
+    if not path.is_file():
+        raise InputError(str(runs), "no index.json", "a folder of recordings with sealed answers")
+    found: dict[str, dict[str, str | None]] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def examine(folder: Path, told: Mapping[str, str | None], alpha: float = 0.01) -> dict[str, object]:
+    """The report of the trace of one recording, and the CPU seconds that it took.
+
+    Parameters
+    ----------
+    told : sensor, where the recording has several
+    alpha : family-wise error
+    """
+    begin = time.process_time()
+    recording = resolve(str(folder), None)
+    source, result = trace_recording(recording, told["sensor"], alpha)
+    document = report(source, result)
+    document["cpu_seconds"] = time.process_time() - begin
+    return document

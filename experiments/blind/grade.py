@@ -1,0 +1,215 @@
+"""The grade of one report: opened answer against named effects."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimator.score import DETECTABLE_LAMBDA, Evidence, project_out, squared_correlation
+from experiments.blind.maker.make import ANSWER_FILE, answers_folder
+from experiments.datasets import resolve
+from experiments.residual_loop.open_flight import flight_source
+from experiments.residual_loop.open_source import pose_source
+from experiments.residual_loop.prove import held_out
+from experiments.residual_loop.source import Fit, Source
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+
+#: Squared canonical correlation above which two effects are one class in that recording.
+CLASS_BOUND = 0.8
+#: An estimate counts as right within so many of its sigma, per degree of freedom as for one normal number.
+SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class Grade:
+    """One recording, graded.
+
+    Attributes
+    ----------
+    run, kind, world, what : of the recording; `what` is none, one, several or outside
+    hidden : names of the effects in it; of an effect outside the catalogue its own name
+    named : names that the tracer gave
+    verdict : of the tracer
+    information : predicted lambda of each hidden effect, the other hidden ones projected out; zero: not seen at all
+    missing : detectable hidden effects that were not named
+    wrong : names that are not true
+    wrong_outside_class : those that are not in a class with a hidden effect either
+    missing_outside_class : detectable hidden effects of which not even the class was named
+    z : |error of beta| in sigma of each hidden effect that was named, in normal equivalents
+    held_out_ratio : held-out error over that of the model that knew the effects; NaN where there is none
+    strength : of an effect outside the catalogue, how many sigma its mark is in the plain readings
+    seconds : CPU time
+    duration : of the recording [s]
+    """
+
+    run: str
+    kind: str
+    world: str
+    what: str
+    hidden: tuple[str, ...]
+    named: tuple[str, ...]
+    verdict: str
+    information: tuple[float, ...]
+    missing: tuple[str, ...]
+    wrong: tuple[str, ...]
+    wrong_outside_class: tuple[str, ...]
+    missing_outside_class: tuple[str, ...]
+    z: tuple[float, ...]
+    held_out_ratio: float
+    strength: float
+    seconds: float
+    duration: float
+
+    @property
+    def detectable(self) -> bool:
+        """Whether every hidden effect can be found."""
+        return bool(self.information) and min(self.information) > DETECTABLE_LAMBDA
+
+
+def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
+    """Open the answer and compare.
+
+    Parameters
+    ----------
+    runs : folder of the recordings
+    name : of the recording
+    document : report of the trace
+    """
+    answer = json.loads((answers_folder(runs) / name / ANSWER_FILE).read_text(encoding="utf-8"))
+    named = [(e["name"], e["interval"], np.array(e["beta"]), np.array(e["std"], dtype=float)) for e in
+             document["effects"]]  # fmt: skip
+    names = tuple(dict.fromkeys(e[0] for e in named))
+    hidden = tuple(e["name"] for e in answer["effects"])
+    allowed = {*hidden, *answer["also_true"]}
+    outside = answer["outside"]
+    if outside is not None:
+        allowed |= set(outside["acceptable"])
+    information: tuple[float, ...] = ()
+    ratio, z = np.nan, ()
+    wrong = tuple(n for n in names if n not in allowed)
+    missing: tuple[str, ...] = ()
+    wrong_outside, missing_outside = wrong, missing
+    if hidden:
+        truth = _Truth(runs / name, answer)
+        information = truth.information()
+        missing = tuple(
+            n for n, x in zip(hidden, information, strict=True) if x > DETECTABLE_LAMBDA and n not in names
+        )
+        wrong_terms = [_term(e[0], e[1]) for e in named if e[0] in wrong]
+        related = truth.related(wrong_terms)
+        wrong_outside = tuple(n for n in wrong if not related.get(n))
+        covered = {own for n in wrong for own in related.get(n, ())}
+        missing_outside = tuple(n for n in missing if n not in covered)
+        z = truth.deviations(named)
+        ratio = truth.held_out_ratio(document["error"])
+    return Grade(
+        name, answer["kind"], answer["world"], answer["class"],
+        hidden if outside is None else (outside["name"],), names, str(document["verdict"]), information,
+        missing, wrong, wrong_outside, missing_outside, z, ratio,
+        np.nan if outside is None else float(outside["strength"]), float(document["cpu_seconds"]),
+        float(answer["duration"]),
+    )  # fmt: skip
+
+
+def _term(name: str, interval: Sequence[float] | None) -> Term:
+    local = interval is not None and not name.endswith(".outliers")
+    return Term(name, (float(interval[0]), float(interval[1])) if local and interval is not None else None)
+
+
+class _Truth:
+    """The model that knows what is in a recording."""
+
+    def __init__(self, folder: Path, answer: Mapping[str, Any]) -> None:
+        recording = resolve(str(folder), None)
+        flight = recording.kind == "flight"
+        self.source: Source = flight_source(recording) if flight else pose_source(recording, answer["sensor"])
+        self.terms = {_term(e["name"], e["interval"]): np.array(e["beta"], dtype=float) for e in answer["effects"]}
+        if answer["sensor"] == "mag" and not flight:
+            from experiments.residual_loop.open_source import triad_readings
+
+            divisor = triad_readings(recording, "mag").normalised_by
+            self.terms = {
+                t: b / divisor if t.in_mean and self.source.effect(t).in_field_units else b
+                for t, b in self.terms.items()
+            }
+        self.in_mean = {t: b for t, b in self.terms.items() if t.in_mean and self._can(t)}
+        self.fit = self.source.fit(tuple(self.in_mean), self.in_mean)
+
+    def _can(self, term: Term) -> bool:
+        return term.interval is not None or any(e.name == term.name for e in self.source.candidates)
+
+    def evidence(self, fit: Fit) -> Evidence:
+        return self.source.evidence(fit, own_terms_only=True)
+
+    def information(self) -> tuple[float, ...]:
+        """beta' Lambda beta of each hidden effect; outliers: their chi-square."""
+        evidence = self.evidence(self.fit)
+        keys = [t.key for t in self.in_mean]
+        found = []
+        for term, beta in self.terms.items():
+            if not term.in_mean:
+                found.append(self._of_outliers(term, beta))
+            elif term in self.in_mean:
+                information, _ = project_out(evidence, term.key, [k for k in keys if k != term.key])
+                found.append(float(beta @ information.sum(axis=0) @ beta))
+            else:
+                found.append(0.0)
+        return tuple(found)
+
+    def _of_outliers(self, term: Term, share: FloatArray) -> float:
+        """Wrong readings are each worth their own chi-square of 36 or more: few are enough."""
+        stream = term.name.split(".")[0]
+        rows = max((len(r.t) for r in self.source.residuals(self.fit) if r.stream == stream), default=0)
+        return 36.0 * float(share[0]) * rows / 3.0
+
+    def related(self, wrong: Sequence[Term]) -> dict[str, tuple[str, ...]]:
+        """For each wrong name the hidden effects with which it is in one class."""
+        found: dict[str, tuple[str, ...]] = {}
+        for term in wrong:
+            if not term.in_mean:
+                continue
+            try:
+                both = self.source.fit((*self.in_mean, term), {**self.in_mean})
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+            evidence = self.evidence(both)
+            near = tuple(
+                own.name for own in self.in_mean
+                if squared_correlation(evidence, own.key, term.key) > CLASS_BOUND
+            )  # fmt: skip
+            found[term.name] = near
+        return found
+
+    def deviations(self, named: Sequence[tuple[str, Any, FloatArray, FloatArray]]) -> tuple[float, ...]:
+        """|beta - truth| of each hidden effect that was named, as a normal number of the same p-value."""
+        from scipy import stats
+
+        found = []
+        for term, beta in self.terms.items():
+            for name, interval, estimate, std in named:
+                if name != term.name or not term.in_mean:
+                    continue
+                if term.interval is not None and not _overlap(term.interval, interval):
+                    continue
+                seen = np.isfinite(std) & (std > 0)
+                z = np.max(np.abs(estimate - beta)[seen] / std[seen], initial=0.0)
+                p = 1.0 - (1.0 - 2.0 * stats.norm.sf(z)) ** max(int(np.sum(seen)), 1)
+                found.append(float(stats.norm.isf(p / 2.0)) if p > 0 else float(z))
+                break
+        return tuple(found)
+
+    def held_out_ratio(self, error: Mapping[str, Any]) -> float:
+        """Held-out error of the report over that of the model with the hidden effects, of the same stream."""
+        knew = self.source.fit(tuple(self.in_mean), self.in_mean, "fitting")
+        rows = [r for r in held_out(self.source.residuals(knew)) if r.stream == error["stream"]]
+        return float(error["after"]["rms"] / rows[0].rms) if rows and rows[0].rms > 0.0 else float("nan")
+
+
+def _overlap(first: Sequence[float], second: Sequence[float] | None) -> bool:
+    return second is not None and max(first[0], second[0]) < min(first[1], second[1])
