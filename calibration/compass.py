@@ -6,13 +6,17 @@ Found without an attitude: |m - b| is the field's norm, and (m - b) . down its v
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import date
 
 import numpy as np
 
 from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
+from sensors.geomagnetism import declination, earth_field
 from sensors.recording import ACCEL, MAG, Recording, Stream
 
+#: A recording has no date: dip and declination of most places move by 0.1 deg a year.
+EPOCH = date(2020, 1, 1)
 #: Specific force within this of gravity counts as showing where down is [m/s^2]; a tenth of gravity, 6 deg.
 STEADY = 1.0
 #: Passes of the robust fit, and the residual, in robust sigmas, from which a row loses weight (Cauchy).
@@ -38,6 +42,7 @@ class Compass:
     disturbed : (n,) readings whose norm is not the field's
     scatter : standard deviation of the norm of one undisturbed reading [unit]
     noise_std : white noise of one reading that leaves averages as uncertain as they are [unit]
+    declination : of the field [rad, positive to the east]; 0 where north means magnetic north
     """
 
     offset: FloatArray
@@ -47,20 +52,32 @@ class Compass:
     disturbed: BoolArray
     scatter: float
     noise_std: float
+    declination: float = 0.0
 
     @property
     def m_n(self) -> FloatArray:
-        """(3,) field; north is magnetic north."""
-        return self.norm * np.array([np.cos(self.dip), 0.0, np.sin(self.dip)])
+        """(3,) field in NED."""
+        ahead = np.array([np.cos(self.declination), np.sin(self.declination), 0.0])
+        return self.norm * (np.cos(self.dip) * ahead + np.array([0.0, 0.0, np.sin(self.dip)]))
+
+
+def direction_at(origin: tuple[float, float, float]) -> tuple[float, float]:
+    """Dip and declination of the Earth's field at a place [rad]; latitude and longitude in deg, height in m."""
+    field_n = earth_field(*origin, EPOCH)
+    return float(np.arctan2(field_n[2], np.hypot(field_n[0], field_n[1]))), declination(field_n)
 
 
 def compass_of(recording: Recording) -> Compass:
     """Fit hard iron, norm and dip; find disturbed stretches; fit again without them.
 
+    Where the recording says where on Earth it was made, dip and declination are those of the place: a body that stays
+    near level shows the horizontal field, and of vertical field and vertical hard iron only the sum.
+
     |m|^2 = 2 b . m + (|B|^2 - |b|^2)    and    m . down = b . down + |B| sin(dip)
 
-    are linear in b and the two constants. down = -f / |f| where |f| is near gravity. Cauchy weights, because either
-    line has outliers (accelerations, steel). Directions of b that the log's turns do not show keep a large `std`.
+    are linear in b and the two constants; a known dip ties the constants to each other and to b (Newton's steps).
+    down = -f / |f| where |f| is near gravity. Cauchy weights, because either line has outliers (accelerations,
+    steel). Directions of b that the log's turns do not show keep a large `std`.
 
     Raises
     ------
@@ -72,9 +89,10 @@ def compass_of(recording: Recording) -> Compass:
     mag, imu = recording.streams["mag"], recording.streams["imu"]
     f = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
     m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
+    dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
     disturbed = np.zeros(len(m), dtype=bool)
     for _ in range(2):
-        fit = _fit(m, f, ~disturbed)
+        fit = _fit(m, f, ~disturbed, dip)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
         disturbed = _disturbed(error, rate, fit.norm)
     clean = error[~disturbed]
@@ -82,7 +100,7 @@ def compass_of(recording: Recording) -> Compass:
     noise = np.hypot(scatter, lasting * np.sqrt(len(clean)))
     # the scatter averages out over the rows, what lasts does not
     std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
-    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed, scatter, float(noise))
+    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed, scatter, float(noise), east)
 
 
 def corrected(recording: Recording, compass: Compass) -> Recording:
@@ -115,8 +133,11 @@ class _Fit:
     cofactor: FloatArray
 
 
-def _fit(m: FloatArray, f: FloatArray, used: BoolArray) -> _Fit:
-    """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings."""
+def _fit(m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None) -> _Fit:
+    """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings.
+
+    A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
+    """
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
@@ -124,19 +145,35 @@ def _fit(m: FloatArray, f: FloatArray, used: BoolArray) -> _Fit:
     zero, one = np.zeros((len(m), 1)), np.ones((len(m), 1))
     A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
     y = np.concatenate([np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    w = np.ones(len(y))
+    # an error of one reading enters the norm's line twice its size
+    size = np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)])
+    x, J, w = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y))
+    if dip is not None:
+        x[4] = np.sin(dip)
     for _ in range(PASSES):
-        x = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
-        residual = y - A @ x
+        if dip is None:
+            x = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
+        else:
+            x, J = _with_dip(A, y, w / size, x, dip)
+        residual = (y - A @ x) if dip is None else (y - A @ x) / size
         sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
         w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
     b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
-    dip = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0)))
-    # an error of one reading enters the norm's line twice its size
-    weighted = A * (w / np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)]))[:, None]
+    found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
+    weighted = (A * (w / size)[:, None]) @ J
     cofactor = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
-    return _Fit(np.asarray(b * unit), norm * unit, dip, cofactor)
+    return _Fit(np.asarray(b * unit), norm * unit, found, cofactor)
+
+
+def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:
+    """One Newton step of (b, |B|), and the derivative (5, 4) of the five unknowns of the lines by them."""
+    b, norm = x[:3], float(np.sqrt(max(x[3] + x[:3] @ x[:3], 1e-6)))
+    J = np.zeros((5, 4))
+    J[:3, :3], J[3, :3], J[3, 3], J[4, 3] = np.eye(3), -2.0 * b, 2.0 * norm, np.sin(dip)
+    step = np.linalg.lstsq((A @ J) * w[:, None], (y - A @ x) * w, rcond=None)[0]
+    b, norm = b + step[:3], max(norm + step[3], 1e-3)
+    return np.array([*b, norm**2 - b @ b, norm * np.sin(dip)]), J
 
 
 def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:

@@ -28,6 +28,8 @@ from sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
 BIAS_STD = {"accel": 0.3, "gyro": 0.01, "baro": 2.0, "gps": 2.0}
 #: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
 MAG_BIAS_STD = 0.15
+#: A hard iron that the log shows counts from so many of its sigmas on.
+BEYOND_DOUBT = 2.0
 #: First guess of a bias walk: the noise density, or one reading's noise, times this a sqrt(s).
 WALK_START = 0.05
 #: How far a level may move from its first guess, as a factor. Upwards a noise ends where it would be all that was read.
@@ -181,7 +183,7 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     for name in ("accel", "gyro"):
         believed[name, "bias_std"] = BIAS_STD[name]
     if "mag" in streams:
-        believed["mag", "bias_std"] = MAG_BIAS_STD * float(np.median(np.linalg.norm(streams["mag"].array(MAG), axis=1)))
+        believed["mag", "bias_std"] = _hard_iron(recording)
     if "baro" in streams:
         believed["baro", "bias_std"] = BIAS_STD["baro"]
     if "gps" in streams:
@@ -204,6 +206,15 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     if "gps" not in streams:
         return _without_position(recording, specs, missing, assumed)
     return specs, missing, tuple(assumed)
+
+
+def _hard_iron(recording: Recording) -> float:
+    """1-sigma of a magnetometer's bias: that of a mounted, calibrated compass, or what the log shows beyond doubt."""
+    mounted = MAG_BIAS_STD * float(np.median(np.linalg.norm(recording.streams["mag"].array(MAG), axis=1)))
+    if recording.spec("mag").bias_std is not None:
+        return mounted
+    compass = compass_of(within_imu(recording))
+    return max(mounted, *np.abs(compass.offset[np.abs(compass.offset) > BEYOND_DOUBT * compass.std]), 0.0)
 
 
 def _without_position(

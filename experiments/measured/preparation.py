@@ -60,7 +60,7 @@ def prepared(recording: Recording) -> Prepared:
         notes += outside_notes(declared, recording)
         compass = compass_of(recording)
         recording = corrected(recording, compass)
-        notes += [*recording.notes[len(declared.notes) :], field_note(compass)]
+        notes += [*recording.notes[len(declared.notes) :], field_note(compass, recording.origin is not None)]
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
     notes += headed.notes[len(recording.notes) :]
@@ -73,10 +73,14 @@ def prepared(recording: Recording) -> Prepared:
     return Prepared(as_declared, noise, model, tuple(notes))
 
 
-def field_note(compass: Compass) -> str:
-    """The field that a log shows, in words."""
-    dip = f"{np.rad2deg(compass.dip):.0f} deg"
-    return f"mag: field of norm {compass.norm:.4g} and dip {dip} found from the log; north is magnetic north"
+def field_note(compass: Compass, placed: bool) -> str:
+    """The field that a log shows, in words; `placed`: the direction is that of the Earth's field at its place."""
+    norm, dip, east = f"{compass.norm:.4g}", np.rad2deg(compass.dip), np.rad2deg(compass.declination)
+    if placed:
+        return (
+            f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
+        )
+    return f"mag: field of norm {norm} and dip {dip:.0f} deg found from the log; north is magnetic north"
 
 
 def outside_notes(recording: Recording, within: Recording) -> list[str]:

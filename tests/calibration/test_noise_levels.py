@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.compass import compass_of, corrected
+from calibration.compass import compass_of, corrected, direction_at
 from calibration.heading import with_heading
 from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels, noise_levels
 from calibration.noise_start import reading_noise, resolution
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
 from experiments.scenarios import load_scenario
-from sensors.recording import MAG, Recording, SensorSpec, Stream
+from sensors.errors import InputError
+from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from sensors.simulate import simulate
 
@@ -126,6 +127,47 @@ def test_field_of_the_compass_is_the_declared_one(handheld: tuple[Recording, Str
     assert declared is not None
     assert compass.norm == pytest.approx(float(np.linalg.norm(declared)), rel=0.02)
     assert np.sin(compass.dip) == pytest.approx(declared[2] / np.linalg.norm(declared), abs=0.03)
+
+
+def test_dip_of_the_place_separates_hard_iron_from_field_near_level() -> None:
+    """A body that turns about the vertical alone: without the dip, vertical field and vertical hard iron are one."""
+    rng, t = np.random.default_rng(7), np.arange(0.0, 60.0, 0.1)
+    dip, east = direction_at((47.0, 8.0, 400.0))
+    yaw, offset = 0.3 * t, np.array([0.1, -0.05, 0.2])
+    level = 0.5 * np.array([np.cos(dip), 0.0, np.sin(dip)])
+    body = np.stack([level[0] * np.cos(yaw), -level[0] * np.sin(yaw), np.full(len(t), level[2])], axis=-1)
+    mag = body + offset + 1e-3 * rng.standard_normal(body.shape)
+    still = {name: np.full(len(t), value) for name, value in zip(ACCEL + GYRO, (0, 0, -9.81, 0, 0, 0.3), strict=True)}
+    streams = {"imu": Stream(t, still), "mag": Stream(t, dict(zip(MAG, mag.T, strict=True)))}
+    compass = compass_of(Recording("level", "flight", streams, origin=(47.0, 8.0, 400.0)))
+    assert np.all(np.abs(compass.offset - offset) < 4.0 * np.maximum(compass.std, 1e-3))
+    assert compass.norm == pytest.approx(0.5, rel=0.01)
+    assert (compass.dip, compass.declination) == (dip, east)
+
+
+def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
+    """A GPS that was logged for as long again before and after, at rest elsewhere."""
+    recording = bare(flight[0])
+    gps, imu = recording.streams["gps"], recording.streams["imu"].t
+    span, rows = imu[-1] - imu[0] + 1.0, len(gps)
+    t = np.concatenate([gps.t - span, gps.t, gps.t + span])
+    far = {name: np.concatenate([np.full(rows, 50.0), gps[name], np.full(rows, 90.0)]) for name in gps.columns}
+    longer = recording.replace(streams={**recording.streams, "gps": Stream(t, far)})
+    assert fit_noise_levels(longer).specs == fit.specs
+
+
+def test_a_stream_on_another_clock_is_an_error(flight: tuple[Recording, Stream]) -> None:
+    recording = bare(flight[0])
+    baro = recording.streams["baro"]
+    late = recording.replace(streams={**recording.streams, "baro": Stream(baro.t + 1e6, baro.columns)})
+    with pytest.raises(InputError, match="one clock"):
+        fit_noise_levels(late)
+
+
+def test_a_noise_that_no_level_makes_white_is_named() -> None:
+    key = ("sonar", "noise_std")
+    fit = NoiseFit({"sonar": SensorSpec(noise_std=1.0)}, (key,), (), {"sonar": 1.7, "gps": 3.0})
+    assert [doubt.split(":")[0] for doubt in fit.doubts] == ["sonar"]
 
 
 def test_disturbed_stretch_is_left_out(handheld: tuple[Recording, Stream]) -> None:

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimator.flight_model import FlightModel, flight_model
 from experiments.benchmarks.attitude import LOGS, OURS, compare, in_ned, paired
 from experiments.measured import flights
 from experiments.measured.preparation import prepared
 from experiments.measured.reference import AttitudeError, Mounted, attitude_error, mounted, without_jumps
+from experiments.residual_loop.open_flight import flight_source
 from experiments.scenarios import load_scenario
-from sensors.recording import Recording, Stream
+from sensors.recording import Environment, Recording, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
 from sensors.simulate import simulate
 
@@ -24,6 +26,38 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 @pytest.fixture(scope="module")
 def handheld() -> tuple[Recording, Stream]:
     return simulate(load_scenario("no_aiding"), np.random.default_rng(6))
+
+
+def test_what_declares_everything_is_prepared_as_it_is(handheld: tuple[Recording, Stream]) -> None:
+    recording = handheld[0]
+    ready = prepared(recording)
+    assert ready.recording is recording
+    assert ready.notes == ()
+    assert all(
+        np.array_equal(a, b) for a, b in zip(vars_of(ready.model), vars_of(flight_model(recording)), strict=True)
+    )
+
+
+def vars_of(model: FlightModel) -> list[np.ndarray]:
+    """What the filter computes with."""
+    sizes = [(p.sigma, p.bias_std, p.bias_walk) for p in (model.accel, model.gyro)]
+    return [*(np.array(size) for size in sizes), model.m_n, model.g_n, *(s.R for s in model.sensors.values())]
+
+
+def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, Stream]) -> None:
+    recording = handheld[0].replace(sensors={}, environment=Environment())
+    ready, source = prepared(recording), flight_source(recording)
+    assert source.recording.notes == ready.recording.notes == (*recording.notes, *ready.notes)
+    assert all(np.array_equal(a, b) for a, b in zip(vars_of(ready.model), vars_of(source.model), strict=True))
+    assert [note.split(":")[0] for note in ready.notes][:2] == ["mag", "mag"]
+
+
+def test_a_field_that_was_found_is_not_declared(handheld: tuple[Recording, Stream]) -> None:
+    """Declination and scale are asked against a declared field alone."""
+    ready = prepared(handheld[0].replace(environment=Environment()))
+    assert ready.recording.environment.magnetic_field is None
+    assert np.linalg.norm(ready.model.m_n) > 0.0
+    assert ready.noise.specs["mag"] == handheld[0].spec("mag")
 
 
 def turned(truth: Stream, mounting: np.ndarray, delay: float) -> Stream:
