@@ -46,6 +46,7 @@ from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
+from estimator.wiener import signal_part
 from sensors.arrays import FloatArray, IntArray
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
@@ -195,7 +196,9 @@ def pack(
         if width:
             G = np.zeros((len(inputs.imu), 3, tiles[stream][1] * TILE))
             at = place - first_tile * TILE
-            G[:, :, at : at + width] = driver_regressors(recording, stream, [effects[i] for i in mine], terms, motion)
+            G[:, :, at : at + width] = driver_regressors(
+                recording, model, stream, [effects[i] for i in mine], terms, motion
+            )
             tables[stream] = G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
         for i in mine:
             order[slices[i]] = place + np.arange(widths[i])
@@ -232,13 +235,20 @@ def _missing(recording: Recording, entry: Effect, motion: Motion) -> None:
 
 
 def driver_regressors(
-    recording: Recording, stream: str, effects: Sequence[Effect], terms: Terms, motion: Motion
+    recording: Recording, model: FlightModel, stream: str, effects: Sequence[Effect], terms: Terms, motion: Motion
 ) -> FloatArray:
     """(N, 3, p) d u / d beta of accelerometer or gyroscope effects at the samples of the IMU table.
+
+    Along what of force and rate is signal: see `estimator.wiener`.
 
     Where effects are in the model already, the sample that the filter integrates is f = e^-1(u - b), so that
     df / dbeta = -(de / df)^-1 de / dbeta: the regressor is divided by what the effects do to a change of f.
     """
+    motion = replace(
+        motion,
+        f_b=signal_part(motion.f_b, model.accel.sigma),
+        w_ib_b=signal_part(motion.w_ib_b, model.gyro.sigma),
+    )
     along = with_covariates(recording, stream, motion)
     plain = along.f_b if stream == "accel" else along.w_ib_b
     parts = []

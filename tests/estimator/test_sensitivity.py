@@ -84,7 +84,7 @@ def test_fused_pass_is_the_dense_recursion(flown) -> None:
     for entry, columns in zip(effects, found.slices, strict=True):
         if entry.stream in ("accel", "gyro"):
             rows = slice(0, 3) if entry.stream == "accel" else slice(3, 6)
-            G_u[:, rows, columns] = driver_regressors(recording, entry.stream, [entry], Terms(), motion)
+            G_u[:, rows, columns] = driver_regressors(recording, model, entry.stream, [entry], Terms(), motion)
         else:
             G_z[entry.stream][:, :, columns] = sensor_regressors(
                 recording, model, entry.stream, [entry], Terms(), motion

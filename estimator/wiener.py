@@ -1,0 +1,39 @@
+"""What of a noisy reading is signal: the regressor of an effect must not follow the noise that it is tested against.
+
+A rate that hovers about zero is nothing but noise, and an effect in proportion to it would "explain" the angle into
+which the filter integrates that same noise. So regressors on the IMU are taken along
+
+    w_signal(f) = max(0, 1 - k N / P(f)) w(f)
+
+with P the power of the reading averaged over neighbouring frequencies and N the declared noise's: Wiener's filter, with
+k > 1 so that bins of noise alone, whose estimate of P scatters, are shut.
+
+Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979 (subtraction of the noise's spectrum).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+
+#: Frequencies over which power is averaged.
+NEIGHBOURS = 65
+#: k above: the mean of so many frequencies of noise exceeds twice its own once in 300,000.
+SUBTRACTED = 2.0
+
+
+def signal_part(values: FloatArray, sigma: float) -> FloatArray:
+    """(n, m) the part of evenly sampled readings (n, m) that is not white noise of standard deviation `sigma`.
+
+    The cosine transform, which continues a series by its mirror image, has no jump at the ends.
+    """
+    from scipy.fft import dct, idct
+
+    if len(values) < 4 * NEIGHBOURS:
+        return values
+    spectrum = dct(values, norm="ortho", axis=0)
+    padded = np.pad(spectrum**2, ((NEIGHBOURS // 2, NEIGHBOURS // 2), (0, 0)), mode="reflect")
+    sums = np.cumsum(np.concatenate([np.zeros((1, values.shape[1])), padded]), axis=0)
+    power = np.maximum((sums[NEIGHBOURS:] - sums[:-NEIGHBOURS]) / NEIGHBOURS, 1e-300)
+    return np.asarray(idct(np.maximum(0.0, 1.0 - SUBTRACTED * sigma**2 / power) * spectrum, norm="ortho", axis=0))
