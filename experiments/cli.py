@@ -44,6 +44,8 @@ Map = Annotated[Path | None, typer.Option("--map", help="TOML file that says how
 Json = Annotated[Path | None, typer.Option("--json", help="write the result as JSON")]
 Html = Annotated[Path | None, typer.Option("--html", help="write a self-contained page")]
 Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2")]
+Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
+Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
 
 
 @app.command()
@@ -75,28 +77,33 @@ def fetch(
 @app.command()
 def simulate(
     scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
-    out: Annotated[Path, typer.Argument(help="folder of the recording")],
+    out: Out,
     effect: Annotated[
-        list[str] | None, typer.Option("--effect", help="NAME=B0[,B1...][@T0[:T1]]; may be given again")
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            help="NAME=B0[,B1...][@T0[:T1]], such as mag.current=0.003,0,0 or gps.transient=4,0,0@20:30 (s); "
+            "may be given again; `sinan effects` lists the names",
+        ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
     seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+    force: Force = False,
 ) -> None:
-    """Simulate a scenario into a plain recording with truth."""
+    """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
+    from experiments.report.console import note
     from experiments.scenarios import simulate_to_folder
 
-    answer = simulate_to_folder(scenario, out, effect or [], declare, seed)
+    answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
     typer.echo(f"recording: {out}\nanswer: {answer}")
 
 
 @app.command()
-def convert(
-    input: Input, out: Annotated[Path, typer.Argument(help="folder of the recording")], map: Map = None
-) -> None:
+def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> None:
     """Any readable log -> plain recording."""
     from experiments.datasets import convert as convert_log
 
-    recording = convert_log(input, out, map)
+    recording = convert_log(input, out, map, force)
     typer.echo(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
 
 
@@ -230,11 +237,21 @@ def effects(
     typer.echo(run(name))
 
 
+def _require_whole_effects(arguments: list[str]) -> None:
+    """An effect that a blank cuts in two would be one argument too many: say so as any other near miss."""
+    for option, name, value in zip(arguments, arguments[1:], arguments[2:], strict=False):
+        if option == "--effect" and "=" not in name and value.lstrip("-.")[:1].isdigit():
+            from experiments.scenarios import parse_effect
+
+            parse_effect(f"{name} {value}")
+
+
 def main() -> None:
     """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
     from sensors.errors import InputError
 
     try:
+        _require_whole_effects(sys.argv[1:])
         app()
     except InputError as error:
         sys.stderr.write(f"sinan: {error}\n")

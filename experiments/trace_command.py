@@ -9,7 +9,9 @@ from experiments.report.console import tell_notes
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
 from experiments.residual_loop.run import trace_recording
+from experiments.residual_loop.source import Source
 from experiments.residual_loop.trace import report
+from sensors.recording import Recording
 
 
 def run(

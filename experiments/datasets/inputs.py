@@ -61,18 +61,23 @@ def reference_of(text: str, map_file: Path | None = None) -> Stream | None:
     return None
 
 
-def convert(text: str, folder: Path, map_file: Path | None = None) -> Recording:
+def convert(text: str, folder: Path, map_file: Path | None = None, force: bool = False) -> Recording:
     """Write any readable log as a plain recording; the truth of a plain one goes with it.
+
+    Parameters
+    ----------
+    force : replace a recording that was written before
 
     Raises
     ------
-    InputError : what `resolve` finds wrong; the folder is the log itself or cannot be written
+    InputError : what `resolve` finds wrong; the folder is the log itself, is in use or cannot be written
     """
-    from sensors.formats.plain import TRUTH_FILE, read_truth, write_recording
+    from sensors.formats.plain import TRUTH_FILE, read_truth, require_free, write_recording
 
     source = Path(text)
     if source.exists() and source.resolve() == Path(folder).resolve():
         raise InputError(folder, "the log itself", "another folder")
+    require_free(folder, force)
     recording = resolve(text, map_file)
     truth = read_truth(source) if (source / TRUTH_FILE).is_file() else None
     write_recording(recording, Path(folder), truth)

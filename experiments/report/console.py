@@ -11,10 +11,15 @@ if TYPE_CHECKING:
     from sensors.recording import Recording
 
 
+def note(text: str) -> None:
+    """What the user should know, on stderr."""
+    sys.stderr.write(f"note: {text}\n")
+
+
 def tell_notes(recording: Recording) -> None:
     """What the reader chose or left out, on stderr."""
-    for note in recording.notes:
-        sys.stderr.write(f"note: {note}\n")
+    for text in recording.notes:
+        note(text)
 
 
 @contextmanager

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from experiments.scenarios.loader import load_scenario, scenario_names
-from sensors.effects import effect
+from sensors.effects import CATALOGUE, Effect, effect
 from sensors.errors import InputError
 from sensors.simulate import Present, simulate
 
-__all__ = ["load_scenario", "parse_effect", "scenario_names", "simulate_to_folder"]
+__all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder"]
 
 #: Effects that cannot be said without the interval in which they act
 _NEEDS_INTERVAL = {"step": "@T0", "transient": "@T0:T1"}
@@ -31,14 +33,17 @@ def parse_effect(text: str) -> Present:
     where = f"--effect {text}"
     name, equals, rest = text.partition("=")
     if not equals:
-        raise InputError(where, "no `=`", "NAME=B0[,B1...][@T0[:T1]]")
-    try:
-        declaration = effect(name.strip())
-    except KeyError as error:
-        raise InputError(where, f"no effect `{name}`", str(error.args[0]).partition("; ")[2]) from None
-    values, _, interval = rest.partition("@")
+        typed = re.split(r"[:\s,@]", text.strip(), maxsplit=1)
+        mark = text.strip()[len(typed[0]) :][:1]
+        found = ("no `=`" if not mark else "a blank" if mark.isspace() else f"`{mark}`") + " after the name"
+        example = _example(_known(where, typed[0]))
+        raise InputError(where, found, f"`=`, as in {example} (NAME=B0[,B1...][@T0[:T1]])")
+    declaration = _known(where, name.strip())
+    values, at, interval = rest.partition("@")
     beta = np.array(_numbers(where, values, ","))
-    limits = _numbers(where, interval, ":") if interval else []
+    if at and not interval:
+        raise InputError(where, "nothing after `@`", "@T0 or @T0:T1 [s], or no `@`")
+    limits = _numbers(where, interval, ":") if at else []
     if len(limits) > 2 or (len(limits) == 2 and limits[0] >= limits[1]):
         raise InputError(where, f"@{interval}", "@T0 or @T0:T1 with T0 < T1 [s]")
     family = name.split(".")[-1]
@@ -47,8 +52,40 @@ def parse_effect(text: str) -> Present:
     t0, t1 = (*limits, *(-np.inf, np.inf)[len(limits) :])
     if len(beta) != declaration.size:
         names = ", ".join(f"{p.name} [{p.unit}]" for p in declaration.parameters)
-        raise InputError(where, f"{len(beta)} values", f"{declaration.size}: {names}")
+        found = f"{len(beta)} value{'s' if len(beta) > 1 else ''}"
+        raise InputError(where, found, f"{declaration.size}: {names}, such as {_example(declaration)}")
     return Present(declaration, beta, t0, t1)
+
+
+def _known(where: str, name: str) -> Effect:
+    """The effect of that name; else an error that names the nearest ones."""
+    try:
+        return effect(name)
+    except KeyError:
+        near = get_close_matches(name, CATALOGUE, n=3, cutoff=0.6)
+        near += [] if near else [known for known in CATALOGUE if known.startswith(name.split(".")[0] + ".")]
+        expected = ", or ".join(near[:3]) if near else "a name such as mag.current or gps.latency"
+        raise InputError(where, f"no effect `{name}`", f"{expected} (`sinan effects` lists all)") from None
+
+
+def _example(declaration: Effect) -> str:
+    """How an effect is written: its first parameter at a plausible size."""
+    family = declaration.name.split(".")[-1]
+    interval = {"step": "@20", "transient": "@20:30"}.get(family, "")
+    values = [f"{declaration.plausible[0]:g}", *["0"] * (declaration.size - 1)]
+    return f"{declaration.name}={','.join(values)}{interval}"
+
+
+def interval_note(present: Present) -> str:
+    """What to know of an effect that acts for a while though its model in the catalogue acts all the time; or ""."""
+    if present.effect.localised is not None or not np.isfinite([present.t0, present.t1]).any():
+        return ""
+    stream = present.effect.stream
+    near = [name for name in (f"{stream}.step", f"{stream}.transient") if name in CATALOGUE]
+    return (
+        f"{present.effect.name} is no time-localised effect: with an interval it is in the data only then, and every "
+        f"model of it expects it all the time; localised are {' and '.join(near) or 'steps and transients'}"
+    )
 
 
 def _numbers(where: str, text: str, separator: str) -> list[float]:
@@ -62,7 +99,13 @@ def _numbers(where: str, text: str, separator: str) -> list[float]:
 
 
 def simulate_to_folder(
-    scenario: str | Path, out: Path, effects: Sequence[str] = (), declare: bool = False, seed: int = 0
+    scenario: str | Path,
+    out: Path,
+    effects: Sequence[str] = (),
+    declare: bool = False,
+    seed: int = 0,
+    force: bool = False,
+    tell: Callable[[str], None] = lambda note: None,
 ) -> Path:
     """What `sinan simulate` does: a plain recording with truth, and the answer beside the folder, never in it.
 
@@ -73,6 +116,8 @@ def simulate_to_folder(
     effects : as `parse_effect` reads them
     declare : write the effects into the recording
     seed : of the random numbers
+    force : replace a recording that was written before
+    tell : called with what the user should know
 
     Returns
     -------
@@ -80,14 +125,17 @@ def simulate_to_folder(
 
     Raises
     ------
-    InputError : no such scenario or effect, or one that does not fit
+    InputError : no such scenario or effect, or one that does not fit; the folder is in use
     """
-    from sensors.formats.plain import write_recording
+    from sensors.formats.plain import require_free, write_recording
 
+    require_free(Path(out), force)
     present = [parse_effect(text) for text in effects]
     names = [entry.effect.name for entry in present]
     if len(set(names)) < len(names):
         raise InputError("--effect", f"{max(names, key=names.count)} twice", "each effect once")
+    for note in filter(None, map(interval_note, present)):
+        tell(note)
     recording, truth = simulate(load_scenario(scenario), np.random.default_rng(seed), present, declare)
     out = Path(out)
     write_recording(recording, out, truth)

@@ -128,6 +128,32 @@ def read_truth(folder: Path) -> Stream:
     return truth
 
 
+def require_free(folder: Path, force: bool = False) -> None:
+    """Raise unless a recording may be written to a folder: it is not there, empty, or to be replaced.
+
+    Parameters
+    ----------
+    force : a recording that `write_recording` wrote may be replaced; anything else never is
+
+    Raises
+    ------
+    InputError : the folder is in use
+    """
+    from sensors.formats.plain_text import WRITTEN_BY
+
+    folder = Path(folder)
+    if folder.is_file():
+        raise InputError(folder, "a file", "a folder to be made")
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    header = folder / HEADER_FILE
+    ours = header.is_file() and header.read_bytes().startswith(WRITTEN_BY.encode())
+    if not ours:
+        raise InputError(folder, "a folder with files that were not written by sinan", "a new or an empty folder")
+    if not force:
+        raise InputError(folder, "a recording that was written before", "another folder, or --force to replace it")
+
+
 def write_recording(recording: Recording, folder: Path, truth: Stream | None = None) -> None:
     """Write a recording as a plain folder, so that reading it back gives the same bits.
 

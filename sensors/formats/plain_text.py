@@ -10,12 +10,14 @@ import numpy as np
 
 from sensors.recording import Environment, Initial, Recording, SensorSpec
 
+#: First line of every `recording.toml` that is written here: such a folder may be replaced, on demand.
+WRITTEN_BY = "# written by sinan"
 _ORIGIN = ("latitude", "longitude", "height")
 
 
 def header_text(recording: Recording) -> str:
     """The text of `recording.toml`; what was not declared is not written."""
-    lines = ["format = 1", f"name = {_value(recording.name)}", f"kind = {_value(recording.kind)}"]
+    lines = [WRITTEN_BY, "format = 1", f"name = {_value(recording.name)}", f"kind = {_value(recording.kind)}"]
     if recording.origin is not None:
         lines += _table("origin", dict(zip(_ORIGIN, recording.origin, strict=True)))
     lines += _table("environment", _declared(recording.environment, Environment()))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scenarios import load_scenario, parse_effect, scenario_names, simulate_to_folder
+from experiments.scenarios import interval_note, load_scenario, parse_effect, scenario_names, simulate_to_folder
 from sensors.errors import InputError
 from sensors.formats.plain import read_recording, read_truth
 
@@ -88,6 +88,14 @@ def test_a_step_has_no_end() -> None:
         ("mag.current=1,zero,0", "numbers"),
         ("mag.current=1,nan,0", "finite"),
         ("mag.current", "NAME=B0"),
+        ("mag.current:0.1", "`:` after the name; expected `=`, as in mag.current=0.03,0,0"),
+        ("mag.current 0.1", "a blank after the name; expected `=`, as in mag.current"),
+        ("mag.step:0.1,0,0", "mag.step=0.1,0,0@20"),
+        ("gps.delay=0.1", "expected gps.latency"),
+        ("mag.wobble=0.1", "expected mag.outliers, or mag.scale"),
+        ("nothing=0.1", "`sinan effects` lists all"),
+        ("mag.current=0.1", "1 value; expected 3: x [1/A], y [1/A], z [1/A], such as mag.current=0.03,0,0"),
+        ("mag.current=1,0,0@", "nothing after `@`"),
         ("mag.step=1,0,0", "@T0"),
         ("mag.transient=1,0,0@5", "@T0:T1"),
         ("mag.transient=1,0,0@9:5", "T0 < T1"),
@@ -97,6 +105,26 @@ def test_a_wrong_effect_is_told_what_would_do(text: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_effect(text)
     assert said in str(caught.value)
+
+
+def test_an_interval_of_an_effect_that_acts_all_the_time_is_remarked_upon() -> None:
+    assert "mag.transient" in interval_note(parse_effect("mag.current=0.1,0,0@20:30"))
+    assert not interval_note(parse_effect("mag.current=0.1,0,0"))
+    assert not interval_note(parse_effect("mag.transient=0.1,0,0@20:30"))
+
+
+def test_only_a_recording_written_before_is_replaced_and_only_on_demand(tmp_path: Path) -> None:
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    simulate_to_folder("hover", folder, seed=4)  # an empty folder will do
+    with pytest.raises(InputError, match="--force"):
+        simulate_to_folder("hover", folder, seed=5)
+    before = (folder / "imu.csv").read_bytes()
+    simulate_to_folder("hover", folder, seed=5, force=True)
+    assert (folder / "imu.csv").read_bytes() != before
+    (folder / "recording.toml").write_text("format = 1\n")
+    with pytest.raises(InputError, match="not written by sinan"):
+        simulate_to_folder("hover", folder, seed=5, force=True)
 
 
 def test_the_answer_lies_beside_the_folder_and_nothing_in_it_speaks_of_the_effect(tmp_path: Path) -> None:
