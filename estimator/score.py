@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from sensors.arrays import FloatArray
 
@@ -75,7 +75,8 @@ class Statistic:
         ratio nu log(SSE before / SSE after) that becomes it
     dof : number of directions of beta that the data can see
     scatter : of the block scores about one constant beta; 1 for a true effect, above for a wrong one or for colour
-    log_p, log_p_corrected : logarithm of the p-value, as it is and with the evidence divided by max(1, scatter)
+    log_p, log_p_corrected : logarithm of the p-value, as it is and with the evidence divided by max(1, scatter), which
+        itself scatters about 1 under "no effect" (`log_p_of_divided`)
     beta, std : (size,) first-order estimate and its 1-sigma (infinite in directions that are not seen)
     detectable_from : (size,) smallest component that could be told from none (lambda = 30), the others free
     """
@@ -98,6 +99,12 @@ class Statistic:
 
 #: lambda = beta' Lambda beta above which an effect is found almost always (96 % of simulated cases at 30 to 45).
 DETECTABLE_LAMBDA = 30.0
+
+
+#: Nodes and weights on (0, 1) for means over the scatter's distribution: right to four digits.
+_QUADRATURE = tuple(
+    0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(16), (1.0, 0.0), strict=True)
+)
 
 
 def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float = 1.0) -> float:
@@ -125,6 +132,27 @@ def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float
     F = (gain / dof) / (rest / left) / scatter
     log_p = float(stats.f.logsf(F, dof, left))
     return log_p if np.isfinite(log_p) else -0.5 * left * float(np.log1p(dof * F / left))  # the tail's leading term
+
+
+def log_p_of_divided(gain: float, dof: int, scatter: float, scatter_dof: int) -> float:
+    """Logarithm of the p-value of T = gain / max(1, scatter), as T is distributed where nothing is missing.
+
+    Gain and scatter are independent there, chi-square with `dof` and, divided by it, with `scatter_dof` (Cochran), so
+    P(T > t) = E[Q(t max(1, s))] with Q the tail of chi-square: exact, where Q(t) alone is too cautious.
+    """
+    if dof == 0:
+        return 0.0
+    t = gain / max(1.0, scatter)
+    if scatter_dof < 1:
+        return log_p_value(t, dof)
+    below = 1.0 - float(special.chdtrc(scatter_dof, scatter_dof))
+    nodes, weights = _QUADRATURE
+    above = (1.0 - below) * nodes
+    divisors = np.concatenate([[1.0], special.chdtri(scatter_dof, above) / scatter_dof])
+    shares = np.concatenate([[below], (1.0 - below) * weights])
+    first = log_p_value(t, dof)
+    rest = special.chdtrc(dof, t * divisors) / max(float(special.chdtrc(dof, t)), 1e-300)
+    return first + float(np.log(below + min(float(shares[1:] @ rest[1:]), 1.0 - below)))
 
 
 def likelihood_ratio(gain: float, noise_dof: float) -> float:
@@ -156,16 +184,19 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     lost = 1.0 - np.sum((basis / plausible[:, None]) ** 2, axis=1) > 1e-3  # a share of the component is unseen
     std = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
     gain, dof, noise_dof = float(total_score @ x), basis.shape[1], evidence.noise_dof
-    scatter = block_scatter(L, b, x)
+    scatter, scatter_dof = block_scatter(L, b, x)
     if np.isfinite(noise_dof):  # the noise that is left once the effect is in the model
         scatter *= max(noise_dof - dof, 1.0) / max(noise_dof - gain, 1e-12 * noise_dof)
+        log_p_corrected = log_p_value(gain, dof, noise_dof, scatter)
+    else:
+        log_p_corrected = log_p_of_divided(gain, dof, scatter, scatter_dof)
     return Statistic(
         name,
         likelihood_ratio(gain, noise_dof),
         dof,
         scatter,
         log_p_value(gain, dof, noise_dof),
-        log_p_value(gain, dof, noise_dof, scatter),
+        log_p_corrected,
         basis @ x,
         std,
         np.sqrt(DETECTABLE_LAMBDA) * std,
@@ -194,8 +225,8 @@ def project_out(evidence: Evidence, name: str, given: Sequence[str]) -> tuple[Fl
     return information, score - evidence.score[:, g] @ A
 
 
-def block_scatter(information: FloatArray, score: FloatArray, beta: FloatArray) -> float:
-    """Scatter of the block scores about one constant beta, per degree of freedom.
+def block_scatter(information: FloatArray, score: FloatArray, beta: FloatArray) -> tuple[float, int]:
+    """Scatter of the block scores about one constant beta, per degree of freedom, and how many it has.
 
     sum_k e_k' Lambda_k^+ e_k / (rank - size),  e_k = b_k - Lambda_k beta;  1 in expectation for the true effect
 
@@ -213,7 +244,7 @@ def block_scatter(information: FloatArray, score: FloatArray, beta: FloatArray) 
         e = vectors[:, seen].T @ (b - L @ beta)
         total += float(np.sum(e**2 / values[seen]))
         dof += int(np.sum(seen))
-    return total / dof if dof > 0 else 1.0
+    return (total / dof, dof) if dof > 0 else (1.0, 0)
 
 
 def squared_correlation(evidence: Evidence, first: str, second: str, given: Sequence[str] = ()) -> float:
