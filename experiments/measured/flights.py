@@ -26,6 +26,7 @@ LOGS = {
     "F450": "inertialnav_quads/f450_glitch_log.zip",
     "PX4, IMU at 10 Hz": "px4_esc_lidar_flight/esc_status_log.ulg",
     "strapped to a Phantom": "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv",
+    "strapped to a Phantom, RTK": "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv#rtk",
     "variometer": "vario_imu_baro/ms5611_datalog",
     "hand, undisturbed": "broad_orientation/02_undisturbed_slow_rotation_B.mat",
     "hand, magnet": "broad_orientation/32_disturbed_attached_magnet_1cm.mat",

@@ -77,9 +77,7 @@ def field_note(compass: Compass, placed: bool) -> str:
     """The field that a log shows, in words; `placed`: the direction is that of the Earth's field at its place."""
     norm, dip, east = f"{compass.norm:.4g}", np.rad2deg(compass.dip), np.rad2deg(compass.declination)
     if placed:
-        return (
-            f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
-        )
+        return f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
     return f"mag: field of norm {norm} and dip {dip:.0f} deg found from the log; north is magnetic north"
 
 

@@ -1,0 +1,105 @@
+"""Both engines over a whole measured log: every state at every step, and every gate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from estimator.filter import run_filter
+from estimator.journal import Journal
+from experiments.datasets import resolve
+from experiments.measured.flights import LOGS
+from experiments.measured.preparation import Prepared, prepared
+from sensors.arrays import FloatArray
+from sensors.recording import Recording, Stream
+
+#: Largest difference of the engines, in sigma + |value|.
+AGREEMENT = 1e-9
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far two engines are apart on one recording.
+
+    Attributes
+    ----------
+    steps, readings : of the run
+    difference : largest of any state after any step or reading, in sigma + |value|; nominal states, and sigmas over
+        themselves
+    gates : readings that one engine used and the other refused
+    seconds : of the compiled and of the readable engine
+    """
+
+    steps: int
+    readings: int
+    difference: float
+    gates: int
+    seconds: tuple[float, float]
+
+    @property
+    def holds(self) -> bool:
+        """Whether they are the same filter."""
+        return self.difference < AGREEMENT and self.gates == 0
+
+
+def agreement(ready: Prepared) -> Agreement:
+    """Run both engines on a prepared log and compare them at every step."""
+    run_filter(shortened(ready.recording, 1.0), ready.model, engine="numba")  # compile outside the clock
+    journals, seconds = [], []
+    for engine in ("numba", "filterpy"):
+        start = perf_counter()
+        journals.append(run_filter(ready.recording, ready.model, engine=engine))
+        seconds.append(perf_counter() - start)
+    fast, slow = journals
+    gates = int(np.sum(fast.status != slow.status))
+    return Agreement(len(fast.imu_t), len(fast.t), difference(fast, slow), gates, (seconds[0], seconds[1]))
+
+
+def difference(a: Journal, b: Journal) -> float:
+    """Largest difference of two journals' states and sigmas, in sigma + |value|; nan counts as infinite."""
+    worst = 0.0
+    for x, y, var, other in ((a.x, b.x, a.var, b.var), (a.imu_x, b.imu_x, a.imu_var, b.imu_var)):
+        sigma, another = np.sqrt(var), np.sqrt(other)
+        for off, scale in ((np.abs(x - y), nominal_sigma(var) + np.abs(x)), (np.abs(sigma - another), sigma)):
+            apart = np.where(off == 0.0, 0.0, off / np.maximum(scale, np.finfo(float).tiny))
+            worst = max(worst, float(np.max(np.nan_to_num(apart, nan=np.inf), initial=0.0)))
+    return worst
+
+
+def nominal_sigma(var: FloatArray) -> FloatArray:
+    """(k, n + 1) sigma of the nominal state from the variance of the error state: the quaternion has the attitude's."""
+    s = np.sqrt(var)
+    return np.concatenate([s[:, :6], s[:, 6:9].max(axis=1, keepdims=True).repeat(4, axis=1), s[:, 9:]], axis=1)
+
+
+def shortened(recording: Recording, seconds: float) -> Recording:
+    """The first part of a recording."""
+    end = recording.streams["imu"].t[0] + seconds
+    kept: dict[str, Stream] = {}
+    for name, stream in recording.streams.items():
+        part = stream.rows(stream.t <= end)
+        if len(part):
+            kept[name] = part
+    return recording.replace(streams=kept)
+
+
+def main(names: Sequence[str] = tuple(LOGS)) -> dict[str, Agreement]:
+    """Print how the engines agree on each log, and return it."""
+    found = {}
+    for name in names:
+        one = found[name] = agreement(prepared(resolve(LOGS[name])))
+        print(
+            f"{name}: {one.steps} steps, {one.readings} readings, difference {one.difference:.1e}, "
+            f"{one.gates} gates differ, {one.seconds[0]:.2f} s and {one.seconds[1]:.1f} s",
+            flush=True,
+        )
+    return found
+
+
+if __name__ == "__main__":
+    import sys
+
+    main(sys.argv[1:] or tuple(LOGS))
