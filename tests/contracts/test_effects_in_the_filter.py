@@ -1,0 +1,101 @@
+"""Every effect in the filter: the innovations of whole runs answer to beta as the propagated sensitivity says.
+
+A new effect is taken up by its registry line and flown in the scenario that its declaration names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from estimator.effect_forms import with_covariates
+from estimator.filter import run_filter
+from estimator.flight_model import FlightModel, flight_model
+from estimator.journal import Journal
+from estimator.sensitivity import sensitivity_pass
+from estimator.smoother import estimated_motion
+from experiments.scenarios import load_scenario
+from sensors.arrays import FloatArray
+from sensors.effects import CATALOGUE, Effect
+from sensors.motion import Motion
+from sensors.recording import Recording
+from sensors.scenario import Scenario
+from sensors.simulate import simulate
+
+ONE_PER_CENT = 0.01
+STEP = 0.02  # of a plausible size, or less:
+RESPONSE = 10.0  # sigma in all innovations together; above rounding, and the filter's response is still linear
+DURATION = 32.0  # s of each scenario that are flown
+#: All noise, walks and first errors by this factor. The regressors are evaluated along the smoothed motion, the exact form
+#: along the filter's own, and only where the two agree is the sensitivity the derivative to a per cent.
+QUIET = 0.03
+NOISE = ("noise_density", "noise_std", "velocity_noise_std", "bias_walk", "bias_std")
+INTERVAL = {"step": (14.0, np.inf), "transient": (14.0, 22.0)}  # s
+#: A calibration shows it best, or it is asked of a flight besides.
+IN_FLIGHT = {"accel_poses": "aerobatics", "gyro_poses": "aerobatics", "mag_poses": "aerobatics"}
+DRAG = 0.25  # 1/s, of the scenarios' vehicle
+#: Outliers leave the mean reading, and so the mean innovation, alone.
+NAMES = [n for n, e in CATALOGUE.items() if "flight" in e.kinds and not n.endswith(".outliers")]
+
+
+def quiet(scenario: Scenario) -> Scenario:
+    """The scenario with little noise."""
+    sensors = {}
+    for name, instrument in scenario.sensors.items():
+        given = {key: getattr(instrument.spec, key) for key in NOISE}
+        smaller = {key: QUIET * value for key, value in given.items() if value is not None}
+        sensors[name] = replace(instrument, spec=replace(instrument.spec, **smaller))
+    first = scenario.initial and tuple(QUIET * std for std in scenario.initial)
+    return scenario.replace(sensors=sensors, initial=first)
+
+
+@cache
+def flown(scenario: str, drag_declared: bool) -> tuple[Recording, FlightModel, Motion]:
+    """The beginning of a flight with nothing missing, its model and its estimated motion."""
+    recording, _ = simulate(quiet(load_scenario(scenario)), np.random.default_rng(7))
+    streams = {name: stream.rows(stream.t <= DURATION) for name, stream in recording.streams.items()}
+    recording = recording.replace(streams=streams, effects={"motion.rotor_drag": (DRAG,)} if drag_declared else {})
+    model = flight_model(recording, gate_level=None)
+    return recording, model, estimated_motion(run_filter(recording, model, engine="numba"))
+
+
+def acting(name: str) -> Effect:
+    """The effect, over an interval if it is time-localised."""
+    entry = CATALOGUE[name]
+    return entry if entry.localised is None else entry.over(*INTERVAL[name.split(".")[1]])
+
+
+def by_reading(journal: Journal, rows: FloatArray) -> FloatArray:
+    """Rows of whitened innovations, sensor after sensor: an order that a change of time stamps leaves alone."""
+    order = np.lexsort((journal.index, journal.sensor))
+    return np.concatenate([rows[journal.row[k] : journal.row[k + 1]] for k in order])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
+    """Central differences of whole runs, projected on S^-1/2 S_beta, against it: what the score works with."""
+    entry = acting(name)
+    scenario = IN_FLIGHT.get(entry.scenario, entry.scenario)
+    recording, model, motion = flown(scenario, "rotor_drag" in entry.needs)
+    assert not entry.missing(with_covariates(recording, entry.stream, motion))
+    journal, found = sensitivity_pass(recording, model, [entry], motion=motion, keep_rows=1)
+    assert np.all(journal.accepted)
+    W = by_reading(journal, found.rows)
+    for k in range(entry.size):
+        size = min(STEP * entry.plausible_in(motion)[k], RESPONSE / np.linalg.norm(W[:, k]))
+        h = size * np.eye(entry.size)[k]
+        ahead, behind = (
+            run_filter(recording, model, [(entry, sign * h)], engine="numba", stride=0) for sign in (1.0, -1.0)
+        )
+        change = -(by_reading(ahead, ahead.white) - by_reading(behind, behind.white)) / (2.0 * size)
+        assert change @ W[:, k] / (W[:, k] @ W[:, k]) == pytest.approx(1.0, abs=ONE_PER_CENT), f"component {k}"
+
+
+def test_outliers_leave_the_mean_alone() -> None:
+    _, _, motion = flown("figure_eight", False)
+    names = [name for name in CATALOGUE if name.endswith(".outliers")]
+    assert names
+    assert not any(np.any(CATALOGUE[name].regressor(motion)) for name in names)
