@@ -23,6 +23,10 @@ app = typer.Typer(
 )
 
 
+_SHIPPED = sorted(p.stem for p in (Path(__file__).parent / "scenarios").glob("[!_]*.toml"))
+SCENARIOS = f"{', '.join(_SHIPPED)}; or a TOML file (docs/scenarios.md)"
+
+
 class Sensor(StrEnum):
     """The three-axis sensors."""
 
@@ -46,6 +50,31 @@ Html = Annotated[Path | None, typer.Option("--html", help="write a self-containe
 Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2")]
 Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
 Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
+
+
+def _say(text: str, json: Path | None, html: Path | None, **written: Path | None) -> None:
+    """The result, and every file that was written."""
+    typer.echo(text)
+    for what, path in {**written, "JSON": json, "page": html}.items():
+        if path is not None:
+            typer.echo(f"{what}: {path}")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"sinan {version('sinan-nav')}")
+        raise typer.Exit
+
+
+@app.callback()
+def sinan(
+    version: Annotated[
+        bool, typer.Option("--version", help="show the version and exit", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Multi-sensor state estimation that traces a residual to the effect a model lacks."""
 
 
 @app.command()
@@ -76,7 +105,7 @@ def fetch(
 
 @app.command()
 def simulate(
-    scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
+    scenario: Annotated[str, typer.Argument(help=SCENARIOS)],
     out: Out,
     effect: Annotated[
         list[str] | None,
@@ -120,7 +149,7 @@ def calibrate(
     """Calibrate a three-axis sensor from poses: T K (reading + b)."""
     from experiments.calibrate import run
 
-    typer.echo(run(sensor.value, input, axes.value if axes else None, gravity, map, json, html))
+    _say(run(sensor.value, input, axes.value if axes else None, gravity, map, json, html), json, html)
 
 
 @app.command()
@@ -135,7 +164,7 @@ def estimate(
     """Run the filter on a flight."""
     from experiments.estimate_command import run
 
-    typer.echo(run(input, engine, states, map, json, html))
+    _say(run(input, engine, states, map, json, html), json, html, states=states)
 
 
 @app.command()
@@ -160,9 +189,8 @@ def gnss(
     """Positions from pseudoranges, and which effects the ranges call for."""
     from experiments.gnss_command import run
 
-    typer.echo(
-        run(observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html)
-    )
+    text = run(observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html)
+    _say(text, json, html, fixes=solution)
 
 
 @app.command()
@@ -175,12 +203,12 @@ def observability(
     """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
     from experiments.bias_observability.command import run
 
-    typer.echo(run(input, map, json, html))
+    _say(run(input, map, json, html), json, html)
 
 
 @app.command()
 def montecarlo(
-    scenario: Annotated[str, typer.Argument(help="name in experiments/scenarios, or a TOML file")],
+    scenario: Annotated[str, typer.Argument(help=SCENARIOS)],
     runs: Annotated[int, typer.Option(help="number of flights", min=1)] = 100,
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
@@ -192,7 +220,7 @@ def montecarlo(
     """Fly a scenario many times and check the filter's errors against its own prediction."""
     from experiments.monte_carlo_command import run
 
-    typer.echo(run(scenario, runs, workers, dask, resume, seed, json, html))
+    _say(run(scenario, runs, workers, dask, resume, seed, json, html), json, html)
 
 
 @app.command()
@@ -222,7 +250,7 @@ def trace(
     """Find the effect that the model lacks, add it, and report the error before and after."""
     from experiments.trace_command import run
 
-    typer.echo(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html))
+    _say(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
 
 
 @app.command()
@@ -246,13 +274,45 @@ def _require_whole_effects(arguments: list[str]) -> None:
             parse_effect(f"{name} {value}")
 
 
+def _spread(arguments: list[str]) -> list[str]:
+    """Positions as three arguments, however their numbers were separated: `X Y Z`, `X,Y,Z` or `"X, Y, Z"`."""
+    from sensors.errors import InputError
+
+    result: list[str] = []
+    rest = list(arguments)
+    while rest:
+        option, equals, value = rest.pop(0).partition("=")
+        if equals and option not in ("--position", "--base-position"):
+            option, equals = f"{option}={value}", ""
+        result.append(option)
+        rest = [value, *rest] if equals else rest
+        if result[-1] in ("--position", "--base-position"):
+            numbers: list[str] = []
+            while rest and len(numbers) < 3 and (more := _numbers(rest[0])):
+                numbers += more
+                rest.pop(0)
+            if len(numbers) != 3:
+                raise InputError(result[-1], " ".join(numbers) or "no number", "X Y Z: three numbers, ECEF, m")
+            result += numbers
+    return result
+
+
+def _numbers(text: str) -> list[str]:
+    """The numbers in a text with commas or blanks between; none where anything else is in it."""
+    parts = text.replace(",", " ").split()
+    try:
+        return parts if [float(part) for part in parts] else []
+    except ValueError:
+        return []
+
+
 def main() -> None:
     """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
     from sensors.errors import InputError
 
     try:
         _require_whole_effects(sys.argv[1:])
-        app()
+        app(_spread(sys.argv[1:]))
     except InputError as error:
         sys.stderr.write(f"sinan: {error}\n")
         raise SystemExit(1) from None

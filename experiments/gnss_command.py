@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.gnss import run as solve
 from experiments.report.files import write_json
-from experiments.report.words import number, stage_names
+from experiments.report.words import length, number, shown_stages, stage_names
 
 
 def run(
@@ -39,14 +39,16 @@ def summary(document: Mapping[str, Any]) -> str:
     """The result in a few lines."""
     lines = [f"{document['recording']}: {document['epochs']} epochs, {', '.join(document['systems'])}"]
     lines.append(f"  verdict: {document['verdict']}")
-    for name, stage in zip(stage_names(document["stages"]), document["stages"], strict=True):
+    stages = shown_stages(document)
+    width = max(map(len, stage_names(stages)))
+    for name, stage in zip(stage_names(stages), stages, strict=True):
         error = stage.get("position_error")
-        text = f"  {name}: residual {number(stage['residual_rms'])} m"
+        text = f"  {name:{width}}  residual {number(stage['residual_rms'])} m RMS"
         lines.append(text + (f", position error {number(error['mean'])} m mean" if error else ""))
     dgps = document.get("dgps")
     if dgps:
         error = dgps.get("position_error")
-        text = f"  DGPS over {number(dgps['baseline'])} m"
+        text = f"  with corrections of the base, {length(dgps['baseline'])} away"
         lines.append(text + (f": position error {number(error['mean'])} m mean" if error else ""))
     lines += [f"  excluded: {item['satellite']} in {item['epochs']} epochs" for item in document["excluded"]]
     lines += [f"  note: {note}" for note in document["journal"]]

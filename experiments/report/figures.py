@@ -91,7 +91,7 @@ def stage_bars(stages: Sequence[Mapping[str, Any]]) -> Figure:
     y = np.arange(len(stages))[::-1]
     panel.barh(y, [s["residual_rms"] for s in stages], color=AFTER, height=0.65)
     panel.set_yticks(y, names)
-    panel.set_xlabel("residual / m", fontsize=9)
+    panel.set_xlabel("RMS residual / m", fontsize=9)
     if panels == 2:
         axes[0, 1].barh(y, [e or 0.0 for e in errors], color=BEFORE, height=0.65)
         axes[0, 1].set_xlabel("mean position error / m", fontsize=9)

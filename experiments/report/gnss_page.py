@@ -2,50 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from experiments.report.figures import stage_bars
 from experiments.report.page import Page
-from experiments.report.words import number, stage_names
+from experiments.report.words import change, length, number, shown_stages, stage_names
 
 
 def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
     """Write the page."""
-    stages = document["stages"]
+    stages = shown_stages(document)
     first, last = stages[0], stages[-1]
     names = ", ".join(effect["name"].removeprefix("pseudorange.").replace("_", " ") for effect in document["effects"])
     page = Page(
-        f"What the ranges call for: {names or 'nothing'}",
-        f"{document['recording']}: {document['epochs']} epochs of {', '.join(document['systems'])}.",
+        _title(document, first, last),
+        f"{document['recording']}: {document['epochs']} epochs of {', '.join(document['systems'])}. "
+        + (f"The ranges call for, in the order of evidence: {names}." if names else "The ranges call for no effect."),
     )
     page.numbers(
         [
-            (f"{number(first['residual_rms'])} m → {number(last['residual_rms'])} m", "residual, plain to full model"),
+            (
+                f"{change(first['residual_rms'], last['residual_rms'])} m",
+                "RMS residual of the ranges, plain to full model",
+            ),
             *_errors(first, last),
         ]
     )
     page.heading("Stage by stage")
-    page.figure(stage_bars(stages), "Residual and, where the position is known, position error after each effect.")
-    rows = []
-    for name, stage in zip(stage_names(stages), stages, strict=True):
-        error = stage.get("position_error") or {}
-        enu = error.get("enu")
-        rows.append(
-            [
-                name,
-                number(stage["residual_rms"]),
-                number(error["mean"]) if error else "-",
-                number(error["p95"]) if error else "-",
-                ", ".join(number(v) for v in enu) if enu else "-",
-            ]
-        )
-    head = ["model", "residual / m", "mean error / m", "95 % / m", "mean east, north, up / m"]
-    page.table(head, rows, numeric=(1, 2, 3))
+    page.figure(
+        stage_bars(stages),
+        "RMS of the ranges' residuals and, where the position is known, mean distance of the fixes from it, each with "
+        "the effects down to that line in the model.",
+    )
+    _stage_table(page, stages)
     if document.get("dgps"):
         _dgps(page, document["dgps"])
-    page.heading("What was left out, and what cannot be seen")
+    if document["excluded"] or document["journal"]:
+        page.heading("What was left out, and what cannot be seen")
     for item in document["excluded"]:
         page.text(f"Satellite {item['satellite']} was left out in {item['epochs']} epochs.")
     for note in document["journal"]:
@@ -53,16 +48,49 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
     page.write(path)
 
 
+def _title(document: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> str:
+    count = len({effect["name"] for effect in document["effects"]})
+    if not count:
+        return "The pseudoranges call for no effect"
+    effects = f"{count} effects" if count > 1 else "one effect"
+    before, after = first.get("position_error"), last.get("position_error")
+    if before and after:
+        return f"{effects[0].upper()}{effects[1:]} in the pseudoranges: position error {_change(before, after)}"
+    residual = f"{change(first['residual_rms'], last['residual_rms'])} m"
+    return f"{effects[0].upper()}{effects[1:]} in the pseudoranges: residual {residual}"
+
+
+def _stage_table(page: Page, stages: Sequence[Mapping[str, Any]]) -> None:
+    known = any(stage.get("position_error") for stage in stages)
+    head = ["model", "RMS residual / m"]
+    head += ["mean error / m", "95 % are below / m", "east / m", "north / m", "up / m"] if known else []
+    rows = []
+    for name, stage in zip(stage_names(stages), stages, strict=True):
+        error = stage.get("position_error") or {}
+        values = [error.get("mean"), error.get("p95"), *(error.get("enu") or [None] * 3)] if known else []
+        rows.append([name, *("-" if v is None else f"{v:.2f}" for v in [stage["residual_rms"], *values])])
+    page.table(head, rows, numeric=range(1, len(head)))
+    if known:
+        page.text("East, north and up: the mean of the fixes minus the known position.", note=True)
+
+
+def _change(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+    return f"{change(before['mean'], after['mean'])} m"
+
+
 def _errors(first: Mapping[str, Any], last: Mapping[str, Any]) -> list[tuple[str, str]]:
     before, after = first.get("position_error"), last.get("position_error")
     if not before or not after:
         return []
-    return [(f"{number(before['mean'])} m → {number(after['mean'])} m", "mean position error")]
+    return [(_change(before, after), "mean position error, plain to full model")]
 
 
 def _dgps(page: Page, dgps: Mapping[str, Any]) -> None:
     page.heading("With the base receiver's corrections")
-    pairs = [(f"{number(dgps['baseline'] / 1000.0)} km", "base line"), (f"{number(dgps['age']['mean'])} s", "mean age")]
+    pairs = [
+        (length(dgps["baseline"]), "distance to the base"),
+        (f"{number(dgps['age']['mean'])} s", "mean age of the corrections"),
+    ]
     error = dgps.get("position_error")
     if error:
         pairs.append((f"{number(error['mean'])} m", "mean position error"))

@@ -36,6 +36,11 @@ def quantity(value: float | None, unit: str) -> str:
     return number(value) if unit in ("1", "") else f"{number(value)} {unit}"
 
 
+def length(metres: float) -> str:
+    """A distance in metres or kilometres."""
+    return f"{number(metres / 1000.0)} km" if metres >= 1000.0 else f"{number(metres)} m"
+
+
 def with_sigma(value: float, sigma: float | None) -> str:
     """A value with its 1-sigma, both to the second digit of the sigma: `0.0398 ± 0.0003`."""
     if sigma is None:
@@ -121,6 +126,15 @@ def component_name(sensor: str, k: int, size: int) -> str:
     if size == 1:
         return ""
     return ("north", "east", "down")[k] if sensor == "gps" else "xyz"[k]
+
+
+def shown_stages(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The stages of a model of pseudoranges; the one without faulty satellites only where there are any."""
+    return [
+        stage
+        for before, stage in zip([None, *document["stages"]], document["stages"], strict=False)
+        if before is None or document["excluded"] or stage["effects"] != before["effects"]
+    ]
 
 
 def stage_names(stages: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.cli import _spread
+from sensors.errors import InputError
+
 
 def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "experiments", *arguments]
@@ -128,3 +131,28 @@ def test_estimate_reports_errors_and_draws_the_biases(tmp_path: Path) -> None:
     assert 0.9 < document["nis"]["mag"] < 1.1
     assert (tmp_path / "states.csv").read_text().startswith("t,position_north")
     assert "data:image/png" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    "given", [["1.5", "-2", "3"], ["1.5,-2,3"], ["1.5, -2, 3"], ["1.5,", "-2,", "3"], ["1.5 -2 3"]]
+)
+def test_a_position_may_have_commas_or_blanks(given: list[str]) -> None:
+    expected = ["gnss", "a", "b", "--position", "1.5", "-2", "3", "--json", "c"]
+    assert _spread(["gnss", "a", "b", "--position", *given, "--json", "c"]) == expected
+    assert _spread(["--base-position=1,2,3"]) == ["--base-position", "1", "2", "3"]
+
+
+@pytest.mark.parametrize("given", [["1", "2"], ["1,2"], [], ["1,2,3,4"]])
+def test_a_position_with_another_number_of_numbers_is_refused(given: list[str]) -> None:
+    with pytest.raises(InputError, match="three numbers"):
+        _spread(["gnss", "a", "b", "--position", *given, "--json", "c"])
+
+
+def test_version() -> None:
+    assert sinan("--version").stdout.startswith("sinan ")
+
+
+def test_what_was_written_is_said(poses: Path, tmp_path: Path) -> None:
+    files = ("--json", str(tmp_path / "a.json"), "--html", str(tmp_path / "a.html"))
+    lines = sinan("calibrate", "mag", str(poses), *files).stdout.splitlines()
+    assert lines[-2:] == [f"JSON: {tmp_path / 'a.json'}", f"page: {tmp_path / 'a.html'}"]
