@@ -46,6 +46,9 @@ class AxesForm(StrEnum):
 Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
 Map = Annotated[Path | None, typer.Option("--map", help="TOML file that says how to read the log")]
 Json = Annotated[Path | None, typer.Option("--json", help="write the result as JSON")]
+Relinearise = Annotated[
+    bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
+]
 Html = Annotated[Path | None, typer.Option("--html", help="write a self-contained page")]
 Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2")]
 Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
@@ -158,13 +161,14 @@ def estimate(
     engine: Annotated[str, typer.Option(help="numba, filterpy or auto")] = "auto",
     states: Annotated[Path | None, typer.Option(help="write the states as CSV")] = None,
     map: Map = None,
+    relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Run the filter on a flight."""
     from experiments.estimate_command import run
 
-    _say(run(input, engine, states, map, json, html), json, html, states=states)
+    _say(run(input, engine, states, map, json, html, relinearise), json, html, states=states)
 
 
 @app.command()
@@ -214,13 +218,14 @@ def montecarlo(
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
     resume: Annotated[Path | None, typer.Option(help="folder that keeps finished runs")] = None,
     seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+    relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Fly a scenario many times and check the filter's errors against its own prediction."""
     from experiments.monte_carlo_command import run
 
-    _say(run(scenario, runs, workers, dask, resume, seed, json, html), json, html)
+    _say(run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
 
 
 @app.command()

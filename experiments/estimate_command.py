@@ -12,13 +12,22 @@ from experiments.estimate import bias_courses, estimated
 from experiments.measured.preparation import prepared
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
-from experiments.report.words import number, reference_name, reference_value
+from experiments.report.words import BIAS_UNITS, SENSORS, number, reference_name, reference_value, with_sigma
 from experiments.residual_loop.open_source import require_kind
 from sensors.errors import InputError
 
+#: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
+_NIS_LOW, _NIS_HIGH = 0.8, 1.25
+
 
 def run(
-    input: str, engine: str, states: Path | None, map_file: Path | None, json: Path | None, html: Path | None
+    input: str,
+    engine: str,
+    states: Path | None,
+    map_file: Path | None,
+    json: Path | None,
+    html: Path | None,
+    relinearise: bool = False,
 ) -> str:
     """Run the filter, write what is asked for, return the summary for the terminal."""
     recording = resolve(input, map_file)
@@ -28,8 +37,10 @@ def run(
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
     ready = prepared(recording)
     truth = reference_of(input, map_file)
-    journal, document = estimated(ready.recording, engine, model=ready.model, truth=truth, states=states)  # type: ignore[arg-type]
+    model = ready.model.replace(relinearise=relinearise)
+    journal, document = estimated(ready.recording, engine, model=model, truth=truth, states=states)  # type: ignore[arg-type]
     document["noise"] = list(ready.notes)
+    document["warnings"] = warnings_of(document, input)
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -39,19 +50,47 @@ def run(
     return summary(recording.name, document)
 
 
+def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
+    """A sentence for each sensor whose innovations are not as large as the filter expects them.
+
+    Parameters
+    ----------
+    input : how the user calls the log
+    """
+    found = []
+    for sensor, nis in document["nis"].items():
+        low, high = document["nis_interval"][sensor]
+        if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
+            continue
+        relation, why = (
+            ("larger", "lacks something, or the noise is larger")
+            if nis > 1.0
+            else ("smaller", "expects too much noise: it is smaller")
+        )
+        next_step = f": `sinan trace {input}` looks for it" if nis > 1.0 else ""
+        found.append(
+            f"the {SENSORS.get(sensor, sensor)} innovations are {relation} than the filter expects (NIS {number(nis)}, "
+            f"not 1): its model {why} than declared{next_step}"
+        )
+    return found
+
+
 def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
-    lines = [f"{name}: {number(document['duration'])} s"]
+    lines = [f"{name}: {number(document['duration'])} s", "  biases at the end ± 1 sigma"]
     for sensor, values in document["bias"].items():
         parts = zip(_listed(values), _listed(document["bias_std"][sensor]), strict=True)
-        lines.append(f"  {sensor} bias  " + ", ".join(f"{number(b)} ± {number(s)}" for b, s in parts))
+        text = ", ".join(with_sigma(b, s) for b, s in parts)
+        lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}")
+    lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")
     for sensor, nis in document["nis"].items():
-        rejected = document["rejected"].get(sensor, 0)
-        lines.append(f"  {sensor} NIS a degree of freedom {number(nis)}, {rejected} readings refused")
+        size = "no reading" if nis is None else f"{nis:.3f}"
+        lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused")
     for quantity, value in (document.get("truth") or {}).items():
         if quantity.endswith("_rms"):
             lines.append(f"  {reference_name(quantity)}: {reference_value(quantity, value)}")
     lines += [f"  note: {note}" for note in [*document["noise"], *document.get("notes", [])]]
+    lines += [f"  warning: {warning}" for warning in document["warnings"]]
     return "\n".join(lines)
 
 

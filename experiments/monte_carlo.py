@@ -151,6 +151,7 @@ def run(
     dask: str | None = None,
     resume: Path | None = None,
     progress: Progress | None = None,
+    relinearise: bool = False,
 ) -> MonteCarlo:
     """Run a scenario many times.
 
@@ -163,6 +164,7 @@ def run(
     dask : address of the scheduler of a running Dask cluster, in place of processes here
     resume : folder in which finished runs are kept, and from which they are taken
     progress : called with (runs done, runs in all)
+    relinearise : as of `FlightModel`
 
     Raises
     ------
@@ -173,12 +175,13 @@ def run(
         raise InputError("--runs", f"{runs}", "at least 1")
     if scenario.kind != "flight":
         raise InputError(f"scenario {scenario.name}", f'kind = "{scenario.kind}"', "a flight")
-    kept = Kept(resume, scenario, seed) if resume is not None else None
+    kept = Kept(resume, scenario, seed, relinearise) if resume is not None else None
     done = {} if kept is None else kept.flights(runs)
     missing = [k for k in range(runs) if k not in done]
     report = progress or (lambda done, total: None)
     report(len(done), runs)
-    for flights in _flown(scenario, seed, missing, workers, dask):
+    plan = Plan(scenario, seed, relinearise)
+    for flights in _flown(plan, missing, workers, dask):
         for flight in flights:
             done[flight.run] = flight
             if kept is not None:
@@ -187,27 +190,34 @@ def run(
     return MonteCarlo(scenario.name, seed, tuple(done[k] for k in range(runs)), cramer_rao(scenario, seed))
 
 
-def fly_batch(scenario: Scenario, seed: int, batch: Sequence[int]) -> list[Flight]:
+@dataclass(frozen=True)
+class Plan:
+    """What every run has in common: see `run`."""
+
+    scenario: Scenario
+    seed: int
+    relinearise: bool = False
+
+
+def fly_batch(plan: Plan, batch: Sequence[int]) -> list[Flight]:
     """Several runs, in one task."""
-    return [fly(scenario, seed, run) for run in batch]
+    return [fly(plan.scenario, plan.seed, run, plan.relinearise) for run in batch]
 
 
-def _flown(
-    scenario: Scenario, seed: int, missing: list[int], workers: int | None, dask: str | None
-) -> Iterator[list[Flight]]:
+def _flown(plan: Plan, missing: list[int], workers: int | None, dask: str | None) -> Iterator[list[Flight]]:
     """The missing flights, batch by batch, in the order in which they get done."""
     if not missing:
         return
     if dask is not None:
-        yield from _on_cluster(scenario, seed, missing, dask)
+        yield from _on_cluster(plan, missing, dask)
         return
     count = min(workers or os.cpu_count() or 1, len(missing))
     if count == 1:
         for k in missing:
-            yield fly_batch(scenario, seed, [k])
+            yield fly_batch(plan, [k])
         return
-    yield fly_batch(scenario, seed, missing[:1])  # compiles what is not compiled: the workers find it in the cache
-    yield from _in_processes(scenario, seed, missing[1:], count)
+    yield fly_batch(plan, missing[:1])  # compiles what is not compiled: the workers find it in the cache
+    yield from _in_processes(plan, missing[1:], count)
 
 
 def _batches(missing: Sequence[int], workers: int) -> list[list[int]]:
@@ -215,7 +225,7 @@ def _batches(missing: Sequence[int], workers: int) -> list[list[int]]:
     return [list(missing[k : k + size]) for k in range(0, len(missing), size)]
 
 
-def _in_processes(scenario: Scenario, seed: int, missing: list[int], workers: int) -> Iterator[list[Flight]]:
+def _in_processes(plan: Plan, missing: list[int], workers: int) -> Iterator[list[Flight]]:
     """Worker processes; a pool that loses a worker is started again with what is not done."""
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -229,7 +239,7 @@ def _in_processes(scenario: Scenario, seed: int, missing: list[int], workers: in
     for attempt in range(MOST_RESTARTS + 1):
         try:
             with ProcessPoolExecutor(workers, mp_context=context) as pool:
-                tasks = [pool.submit(fly_batch, scenario, seed, batch) for batch in _batches(left, workers)]
+                tasks = [pool.submit(fly_batch, plan, batch) for batch in _batches(left, workers)]
                 for task in as_completed(tasks):
                     flights = task.result()
                     left = [k for k in left if k not in {flight.run for flight in flights}]
@@ -242,7 +252,7 @@ def _in_processes(scenario: Scenario, seed: int, missing: list[int], workers: in
                 ) from None
 
 
-def _on_cluster(scenario: Scenario, seed: int, missing: list[int], address: str) -> Iterator[list[Flight]]:
+def _on_cluster(plan: Plan, missing: list[int], address: str) -> Iterator[list[Flight]]:
     """A running Dask cluster; tasks of a worker that dies are given to another by its scheduler."""
     try:
         from distributed import Client, as_completed
@@ -254,7 +264,7 @@ def _on_cluster(scenario: Scenario, seed: int, missing: list[int], address: str)
         raise InputError(f"--dask {address}", str(error) or "no answer", "the address of a Dask scheduler") from None
     with client, client.as_current():
         workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        tasks = [client.submit(fly_batch, scenario, seed, batch, pure=False) for batch in _batches(missing, workers)]
+        tasks = [client.submit(fly_batch, plan, batch, pure=False) for batch in _batches(missing, workers)]
         for task in as_completed(tasks):
             yield task.result()
 
@@ -265,22 +275,24 @@ class Kept:
     Parameters
     ----------
     folder : made where it does not exist
-    scenario, seed : what the runs are of
+    scenario, seed, relinearise : what the runs are of
 
     Raises
     ------
     InputError : the folder holds runs of something else
     """
 
-    def __init__(self, folder: Path, scenario: Scenario, seed: int) -> None:
+    def __init__(self, folder: Path, scenario: Scenario, seed: int, relinearise: bool = False) -> None:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         plan = {"format": 1, "scenario": scenario.name, "seed": seed, "digest": digest_of(scenario)}
+        if relinearise:
+            plan["relinearise"] = True
         file = self.folder / "plan.json"
         if file.exists():
             found = _read(file)
             if found != plan:
-                differing = ", ".join(key for key in plan if (found or {}).get(key) != plan[key])
+                differing = ", ".join(k for k in {**plan, **(found or {})} if (found or {}).get(k) != plan.get(k))
                 raise InputError(file, f"runs of another {differing}", "the same scenario and seed, or an empty folder")
         else:
             _write(file, plan)

@@ -20,6 +20,7 @@ def run(
     seed: int,
     json: Path | None,
     html: Path | None,
+    relinearise: bool = False,
 ) -> str:
     """Run, write what is asked for, return the summary for the terminal."""
     with progress("flying") as step:
@@ -31,6 +32,7 @@ def run(
             dask=dask,
             resume=resume,
             progress=lambda done, total: step("", done, total),
+            relinearise=relinearise,
         )
     document = result.summary()
     if json is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.filter import RunInputs, prepare
+from estimator.filter import RunInputs, prepare, run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.layout import StateLayout
 from sensors.arrays import FloatArray
@@ -61,11 +61,25 @@ def estimated_blocks(model: FlightModel) -> list[str]:
     return [name for name in model.layout.names if name not in hidden]
 
 
-def fly(scenario: Scenario, seed: int, run: int) -> Flight:
-    """Simulate a flight, run the filter, score it at the checkpoints."""
+def fly(scenario: Scenario, seed: int, run: int, relinearise: bool = False) -> Flight:
+    """Simulate a flight, run the filter, score it at the checkpoints; `relinearise` as of `FlightModel`."""
     recording, truth = simulate(scenario.replace(truth_rate=0.0), rng_of(seed, run))
-    model = flight_model(recording)
-    inputs = prepare(recording, model)
+    model = flight_model(recording, relinearise=relinearise)
+    return scored(prepared(recording, model), truth, run)
+
+
+def prepared(recording: Recording, model: FlightModel) -> RunInputs:
+    """What the filter's last pass runs on."""
+    if not model.relinearise:
+        return prepare(recording, model)
+    inputs = run_filter(recording, model, engine="numba", stride=0).run
+    assert isinstance(inputs, RunInputs)
+    return inputs
+
+
+def scored(inputs: RunInputs, truth: Stream, run: int = 0) -> Flight:
+    """Run the filter, score it at the checkpoints."""
+    model = inputs.model
     states, journal_nis, rejected = filtered(inputs)
     layout, blocks = model.layout, estimated_blocks(model)
     rows = np.concatenate([np.arange(layout.n)[layout.slice(name)] for name in blocks])
