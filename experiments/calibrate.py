@@ -9,6 +9,7 @@ import numpy as np
 
 from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
 from calibration.triad import Axes, Calibration, calibrate_norm
+from estimator.whiteness import whiteness
 from experiments.datasets import resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
@@ -30,6 +31,9 @@ from sensors.recording import ACCEL, GYRO, Recording
 
 #: Declared effects are taken off until a pass changes nothing beyond this share of a reading: each gains two digits.
 _SETTLED, _MOST_PASSES = 1e-9, 25
+#: Residuals beyond so many times their noise are remarked upon (a declared noise is rarely known to a fifth), and so
+#: are residuals that a test of whiteness calls noise in fewer than so many cases.
+_TOO_LARGE, _NO_NOISE = 1.2, 1e-3
 
 
 def run(
@@ -54,6 +58,7 @@ def run(
         result = calibrate_triad(recording, readings, axes or "none")
     document = as_json(sensor, result)
     document["declared_effects"] = list(declared_for(recording, sensor))
+    document["warnings"] = warnings_of(result, readings, input)
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -136,6 +141,33 @@ def _too_large(recording: Recording, declared: Model) -> InputError:
     return InputError(recording.where, found, "effects smaller than the reading")
 
 
+def warnings_of(
+    result: Calibration | GyroCalibration, readings: TriadReadings | None, input: str = "INPUT"
+) -> list[str]:
+    """What speaks against the model, a sentence each: a residual above its noise, or one that is no noise.
+
+    Parameters
+    ----------
+    readings : of an accelerometer or magnetometer; None: a gyroscope, whose turns are weighted by their scatter
+    input : how the user calls the log
+    """
+    what_next = f"the model lacks something, or the noise is not as declared: `sinan trace {input}` looks for it"
+    if isinstance(result, GyroCalibration) or readings is None:
+        ratio = float(np.max(result.weights)) if isinstance(result, GyroCalibration) else 1.0
+        return [f"the residual is {ratio:.1f} times its noise: {what_next}"] if ratio > _TOO_LARGE else []
+    fit, found = result.fit, []
+    freedom = len(fit.residual) - int(np.sum(np.isfinite(fit.std)))
+    if readings.sigma is not None and freedom > 0 and fit.sigma > 0.0:
+        ratio = float(np.sqrt(fit.sse / freedom)) / fit.sigma
+        if ratio > _TOO_LARGE + 3.0 / np.sqrt(2.0 * freedom):  # three sigma of the ratio itself
+            size = f"{np.sqrt(fit.sse / len(fit.residual)):.3g} {'' if readings.unit == '1' else readings.unit}".strip()
+            found.append(f"the residual, {size} RMS, is {ratio:.1f} times what the declared noise leaves: {what_next}")
+    colour = whiteness(fit.residual[np.argsort(readings.t, kind="stable")][:, None])
+    if not found and colour is not None and colour[1] < _NO_NOISE:
+        found.append(f"neighbouring residuals are correlated ({colour[0]:.2g}), as noise never is: {what_next}")
+    return found
+
+
 def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, object]:
     """The calibration as the JSON of the report; what the data do not determine is null."""
     std = result.std()
@@ -166,6 +198,11 @@ def _plain(values: FloatArray) -> object:
     return float(values) if np.isfinite(values) else None
 
 
+def _squared(sensor: str) -> str:
+    """Unit of the sum of squares, of the norm's residuals or of the turns' directions; none for a field."""
+    return "" if sensor == "mag" else " (m/s^2)^2"
+
+
 def summary(sensor: str, document: dict[str, object]) -> str:
     """The result in a few lines."""
 
@@ -178,9 +215,10 @@ def summary(sensor: str, document: dict[str, object]) -> str:
         *(f"  T  {numbers(row)}" for row in T),
         f"  K  {numbers(document['K'])}",
         f"  b  {numbers(document['b'])}",
-        f"  sum of squared residuals {document['sse_before']:.4g} -> {document['sse']:.4g}",
+        f"  sum of squared residuals {document['sse_before']:.4g} -> {document['sse']:.4g}{_squared(sensor)}",
     ]
     if document["normalised_by"] != 1.0:
         lines.append(f"  readings divided by their mean norm {document['normalised_by']:.6g}")
     lines += [f"  {sentence}" for sentence in document["undetermined"]]  # type: ignore[attr-defined]
+    lines += [f"  warning: {sentence}" for sentence in document.get("warnings", [])]  # type: ignore[attr-defined]
     return "\n".join(lines)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.calibrate import as_json, calibrate_triad, summary
+from experiments.calibrate import as_json, calibrate_triad, summary, warnings_of
 from experiments.report.files import write_bytes, write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
@@ -55,7 +55,8 @@ def demonstrate(
     """Calibrate with the plain model, trace its residual, write page, figures and report."""
     readings = triad_readings(recording, "mag")
     say("\nThe textbook's model, a scale and an offset on each axis:")
-    say(summary("mag", as_json("mag", calibrate_triad(recording, readings, "none"))))
+    calibration = calibrate_triad(recording, readings, "none")
+    say(summary("mag", {**as_json("mag", calibration), "warnings": warnings_of(calibration, readings, recording.name)}))
     source = pose_source(recording, "mag")
     result = trace(source)
     document = report(source, result)

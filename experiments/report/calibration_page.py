@@ -28,14 +28,24 @@ def calibration_page(
     unit: str = "1",
 ) -> None:
     """Write the page of a calibration."""
-    page = Page(f"{name}: {sensor} calibrated", "calibrated = T K (reading + b)")
+    gyro = not isinstance(result, Calibration)
+    squared = " / (m/s²)²" if sensor != "mag" else ""
+    page = Page(
+        f"{name}: {words.SENSORS[sensor]} calibrated",
+        "calibrated = T K (reading + b), so that "
+        + ("the turns lead from each pose to the next." if gyro else "every reading has the length it should have."),
+    )
     page.numbers(
         [
-            (words.number(document["sse_before"]), "sum of squared residuals before"),
-            (words.number(document["sse"]), "after"),
-            (str(document["n"]), "readings" if isinstance(result, Calibration) else "static poses"),
+            (
+                f"{words.number(document['sse_before'])} → {words.number(document['sse'])}",
+                f"sum of squared residuals{squared}, before and after",
+            ),
+            (str(document["n"]), "static poses" if gyro else "readings"),
         ]
     )
+    for warning in document.get("warnings", []):
+        page.text(f"{warning[0].upper()}{warning[1:]}.")
     if readings is not None and isinstance(result, Calibration):
         before = np.linalg.norm(readings, axis=1)
         after = np.linalg.norm(result.apply(readings * result.normalised_by), axis=1)
@@ -43,18 +53,18 @@ def calibration_page(
             figures.norm_before_after(before, after, norm, unit), "Norm of each reading; the line is its true value."
         )
     page.heading("Parameters")
+    offset_unit = {"accel": "m/s²", "gyro": "rad/s"}.get(sensor, "of the field")
     rows = []
     for i, axis in enumerate("xyz"):
-        rows.append([f"scale K {axis}", _cell(document["K"][i]), _cell(document["std"]["K"][i])])
+        rows.append([f"scale K {axis}", *_cells(document["K"][i], document["std"]["K"][i]), "ratio"])
     for i, axis in enumerate("xyz"):
-        rows.append([f"offset b {axis}", _cell(document["b"][i]), _cell(document["std"]["b"][i])])
+        rows.append([f"offset b {axis}", *_cells(document["b"][i], document["std"]["b"][i]), offset_unit])
     for i in range(3):
         for j in range(3):
             if i != j and document["T"][i][j] != 0.0:
-                rows.append(
-                    [f"axes T {'xyz'[i]}{'xyz'[j]}", _cell(document["T"][i][j]), _cell(document["std"]["T"][i][j])]
-                )
-    page.table(["parameter", "value", "1 sigma"], rows, numeric=(1, 2))
+                std = document["std"]["T"][i][j]
+                rows.append([f"axes T {'xyz'[i]}{'xyz'[j]}", *_cells(document["T"][i][j], std), "ratio"])
+    page.table(["parameter", "value ± 1 sigma", "unit"], rows, numeric=(1,))
     page.heading("What these data do not determine")
     for sentence in document["undetermined"]:
         page.text(sentence + ".")
@@ -63,5 +73,7 @@ def calibration_page(
     page.write(path)
 
 
-def _cell(value: float | None) -> str:
-    return "undetermined" if value is None else f"{value:.6g}"
+def _cells(value: float | None, std: float | None) -> list[str]:
+    if value is None:
+        return ["undetermined"]
+    return [words.number(value) if std == 0.0 else words.with_sigma(value, std)]

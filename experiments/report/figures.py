@@ -76,8 +76,10 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             axis = component_name(course.name, k, course.value.shape[1])
             one.set_title(f"{course.name} {axis} / {BIAS_UNITS.get(course.name, 'm')}", loc="left", fontsize=9)
             one.tick_params(labelsize=7)
-    for one in axes[-1]:
-        one.set_xlabel("time / s", fontsize=8)
+    for column in axes.T:
+        lowest = [one for one in column if one.get_visible()][-1]
+        lowest.tick_params(labelbottom=True)
+        lowest.set_xlabel("time / s", fontsize=8)
     return figure
 
 

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.calibrate import calibrate_triad
+from experiments.calibrate import warnings_of as calibration_warnings
 from experiments.demo import HIDDEN, hidden_and_found
+from experiments.estimate_command import warnings_of as innovation_warnings
 from experiments.report.trace_page import evidence, trace_page
 from experiments.report.trace_words import effect_line, interval_words, title, trace_summary
 from experiments.report.words import change, per_unit, with_sigma
-from experiments.residual_loop.open_source import pose_source
+from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.source import Source
 from experiments.residual_loop.trace import Trace, report, trace
 from experiments.scenarios import parse_effect
@@ -130,3 +133,22 @@ def test_demonstration_sets_what_was_hidden_beside_what_was_found(two_effects: T
 
 def test_line_of_an_effect_names_its_parameters(two_effects: Traced) -> None:
     assert re.match(r"mag\.current: x 0\.0015\d* ± .*, y .*, z .* 1/A; p", effect_line(two_effects[2]["effects"][1]))
+
+
+def test_calibration_remarks_upon_a_residual_above_the_declared_noise() -> None:
+    for effects, remarks in ((("mag.cross_axis=0.03,0,-0.02",), 1), ((), 0)):
+        recording, _ = simulate(
+            load_scenario("mag_poses"), np.random.default_rng(7), [parse_effect(e) for e in effects]
+        )
+        readings = triad_readings(recording, "mag")
+        warnings = calibration_warnings(calibrate_triad(recording, readings, "none"), readings, "run1")
+        assert len(warnings) == remarks
+        assert all("`sinan trace run1`" in warning for warning in warnings)
+
+
+@pytest.mark.parametrize(("nis", "remarks"), [(1.8, 1), (1.1, 0), (0.5, 1), (None, 0)])
+def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, remarks: int) -> None:
+    warnings = innovation_warnings({"nis": {"mag": nis}, "nis_interval": {"mag": [0.97, 1.03]}}, "run1")
+    assert len(warnings) == remarks
+    if nis is not None and nis > 1.5:
+        assert "`sinan trace run1`" in warnings[0]
