@@ -1,0 +1,223 @@
+"""The loop on every measured log that bears it, written as a page of the documentation.
+
+python -m experiments.measured.gallery OUT.md [NAME ...]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from experiments.datasets import reference_of, resolve
+from experiments.measured.published import published
+from experiments.measured.scoring import AttitudeScore, withheld_errors
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.open_source import triad_readings
+from experiments.residual_loop.run import trace_recording
+from experiments.residual_loop.source import Source
+from experiments.residual_loop.term import Term
+from experiments.residual_loop.trace import Trace, report
+from sensors.errors import InputError
+from sensors.recording import Recording
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One log: what `sinan trace` is given, and what is said of it beforehand."""
+
+    input: str
+    sensor: str | None = None
+    about: str = ""
+
+
+_PHANTOM = "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv"
+_MPU6050 = "mpu6050_hmc5883l/set-2/full-sphere"
+LOGS: Mapping[str, Entry] = {
+    "course, accelerometer": Entry("rfly_course/AccRaw.mat", about="Ten poses, each the mean of 100 readings."),
+    "course, magnetometer": Entry("rfly_course/MagRaw.mat", about="Six faces, turned about the vertical on each."),
+    "Xsens MTi, accelerometer": Entry("xsens_mti_imu_tk/xsens_acc.mat.gz", "accel", "Static poses, turned by hand."),
+    "Xsens MTi, gyroscope": Entry("xsens_mti_imu_tk/xsens_acc.mat.gz", "gyro", "The turns between those poses."),
+    **{
+        f"MPU-9150 {k}, {words}": Entry(f"mpu9150_imu_calib/imu{k}.log", sensor, "22 static poses, turned by hand.")
+        for k in range(3)
+        for sensor, words in (("accel", "accelerometer"), ("gyro", "gyroscope"))
+    },
+    "HMC5883L, sphere": Entry(f"{_MPU6050}/hmc5883l_compass.mat", about="Turned by hand through all directions."),
+    "MPU-6050, sphere": Entry(
+        f"{_MPU6050}/mpu6050_accelerometer.mat", about="The accelerometer of the same log: turned, never quite still."
+    ),
+    "QMC5883L, noisy": Entry("qmc5883l_mag_calib/noisy_raw_data.csv", about="Turned by hand."),
+    "QMC5883L, filtered": Entry(
+        "qmc5883l_mag_calib/filtered_raw_data.csv", about="Another session, filtered in a way that is not stated."
+    ),
+    "course, quadrotor": Entry("rfly_course/attitude_logdata.mat", about="A flight without magnetometer or GPS."),
+    "course, turned by hand": Entry("rfly_course/e4_A.bin", about="The same autopilot in the hand."),
+    "hand, undisturbed": Entry("broad_orientation/02_undisturbed_slow_rotation_B.mat", about="Slow rotation."),
+    "hand, magnet": Entry(
+        "broad_orientation/32_disturbed_attached_magnet_1cm.mat", about="A magnet 1 cm beside the instrument."
+    ),
+    "robot, MPU-9150": Entry("robot_arm_marg/eV50p/Sequencia1/MPU9150.mat", about="Turned by a robot arm."),
+    "robot, LSM9DS0": Entry("robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat", about="The same path, another instrument."),
+    "robot fast, LSM9DS0": Entry("robot_arm_marg/V_800/Sequencia3/LSM9DS0.mat", about="A faster path."),
+    "variometer": Entry("vario_imu_baro/ms5611_datalog", about="Moved up and down by hand for 19 s."),
+    "walk, RTK": Entry("boulder_walk_imu_2025/gnss_1730.ubx", about="A walk with RTK and a consumer IMU."),
+    "strapped to a Phantom": Entry(_PHANTOM, about="An instrument strapped to a quadrotor, alone."),
+    "strapped to a Phantom, RTK": Entry(f"{_PHANTOM}#rtk", about="The same, aided by the aircraft's RTK."),
+    "PX4, IMU at 10 Hz": Entry("px4_esc_lidar_flight/esc_status_log.ulg", about="An IMU logged far below its rate."),
+    "F450": Entry("inertialnav_quads/f450_glitch_log.zip", about="A quadrotor with a disturbed GPS."),
+    "quad, slow": Entry("inertialnav_quads/quad123.zip", about="A quadrotor, slow flight at two heights."),
+    "quad, 14 m/s": Entry("inertialnav_quads/quad106.zip", about="A quadrotor with sonar, up to 14 m/s."),
+    "quad, laser": Entry("inertialnav_quads/quadOptFlowLogData.zip", about="A quadrotor with a laser, circles."),
+}
+
+
+@dataclass
+class Finding:
+    """What the loop said of one log.
+
+    Attributes
+    ----------
+    entry, name : of the log
+    document : the report of the trace; empty where it did not finish
+    notes : what was taken from the log
+    references : label, before and after, words of the unit
+    undecided : sentences
+    seconds : of the trace
+    failure : why it did not finish; empty where it did
+    """
+
+    entry: Entry
+    name: str
+    document: Mapping[str, Any] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    references: Sequence[tuple[str, float, float, str]] = ()
+    undecided: Sequence[str] = ()
+    seconds: float = 0.0
+    failure: str = ""
+
+    @property
+    def command(self) -> str:
+        """What repeats it."""
+        given = f"'{self.entry.input}'" if " " in self.entry.input or "#" in self.entry.input else self.entry.input
+        return f"sinan trace {given}" + (f" --sensor {self.entry.sensor}" if self.entry.sensor else "")
+
+
+def find(name: str) -> Finding:
+    """Trace one log and score it; what goes wrong is part of what is found."""
+    entry = LOGS[name]
+    recording, start = resolve(entry.input), perf_counter()
+    try:
+        source, result = trace_recording(recording, entry.sensor)
+        seconds = perf_counter() - start
+        document = report(source, result)
+        references = references_of(entry, recording, source, result)
+    except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        return Finding(entry, name, seconds=perf_counter() - start, failure=f"{type(error).__name__}: {error}")
+    notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
+    undecided = undecided_of(source, document, notes, recording)
+    return Finding(entry, name, document, notes, references, undecided, seconds, not_finite(document))
+
+
+def not_finite(document: Mapping[str, Any]) -> str:
+    """Says so where a report holds a number that is none."""
+    import json
+
+    try:
+        json.dumps(document, allow_nan=False)
+    except ValueError:
+        return "a number of the report is not finite"
+    return ""
+
+
+def references_of(
+    entry: Entry, recording: Recording, source: Source, result: Trace
+) -> list[tuple[str, float, float, str]]:
+    """Errors against what the loop was not shown, of the plain model and of the final one."""
+    if not isinstance(source, FlightSource):
+        return list(_published(entry, recording, source, result))
+    found: list[tuple[str, float, float, str]] = []
+    whole = (result.selection.plain, result.selection.final)
+    reference = reference_of(entry.input)
+    if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
+        score = AttitudeScore(source.recording, reference)
+        for held_out, fits, words in ((False, whole, "all data"), (True, result.proof.fits, "last third")):
+            before, after = (score(source, fit, held_out) for fit in fits)
+            found += [(f"{k}, {words}", float(np.rad2deg(v)), float(np.rad2deg(after[k])), "deg")
+                      for k, v in before.items()]  # fmt: skip
+    if "gps" in source.recording.streams:
+        before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.proof.fits)
+        found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age[age], "m")
+                  for age, miss in before_by_age.items() if age in after_by_age]  # fmt: skip
+    return found
+
+
+def _published(
+    entry: Entry, recording: Recording, source: Source, result: Trace
+) -> Sequence[tuple[str, float, float, str]]:
+    """The spread of the norm, and that which a published calibration leaves: in place of an error of ours."""
+    sensor = entry.sensor or ("mag" if "mag" in entry.input.lower() else "accel")
+    rows = []
+    for one in published(entry.input, sensor):
+        readings = triad_readings(recording, sensor)
+        ours = next(r for r in source.residuals(result.selection.final)).rms / readings.norm
+        spread = one.spread(readings.reading * readings.normalised_by)
+        rows.append((f"spread of the norm, published calibration ({one.source}) and this one", spread, ours, ""))
+    return rows
+
+
+def undecided_of(source: Source, document: Mapping[str, Any], notes: Sequence[str], recording: Recording) -> list[str]:
+    """What a log cannot decide: effects that could not be seen, classes, levels that do not fit."""
+    lines = []
+    asked = [c for c in document["candidates"] if "interval" not in c]
+    blind = [c["name"] for c in asked if not any(s is not None for s in c["detectable_from"])]
+    large = [c["name"] for c in asked if c["name"] not in blind and _implausible(source, c)]
+    if blind:
+        lines.append(f"not visible at any size: {', '.join(blind)}")
+    if large:
+        lines.append(f"visible only if several times larger than instruments have it: {', '.join(large)}")
+    for effect in document["effects"]:
+        if effect["confused_with"]:
+            lines.append(f"{effect['name']} or {', '.join(effect['confused_with'])}")
+    lines += [note for note in notes if "far from 1" in note]
+    lines += [note for note in recording.notes if "no independent" in note]
+    return lines
+
+
+#: Sizes beyond this many of the plausible 1-sigma do not occur.
+_OCCURS = 3.0
+
+
+def _implausible(source: Source, candidate: Mapping[str, Any]) -> bool:
+    """Whether no parameter of a candidate would have been seen at a size that occurs."""
+    entry = source.effect(Term(candidate["name"]))
+    if entry.in_field_units:
+        return False
+    sizes = zip(candidate["detectable_from"], entry.plausible, strict=False)
+    return all(seen is None or seen > _OCCURS * plausible for seen, plausible in sizes)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the page after every log, so that an interruption leaves what was done."""
+    from experiments.measured.gallery_page import page
+
+    if not arguments or any(name not in LOGS for name in arguments[1:]):
+        sys.stderr.write(f"usage: OUT.md [NAME ...] with names of {', '.join(LOGS)}\n")
+        return 2
+    out, findings = Path(arguments[0]), list[Finding]()
+    for name in arguments[1:] or LOGS:
+        found = find(name)
+        findings.append(found)
+        out.write_text(page(findings), encoding="utf-8")
+        verdict = found.failure or found.document["verdict"]
+        sys.stderr.write(f"{name}: {verdict}, {found.seconds:.0f} s\n")
+    return int(any(found.failure for found in findings))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

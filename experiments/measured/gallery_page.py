@@ -1,0 +1,102 @@
+"""The gallery as Markdown: a table of all logs, and a section for each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from experiments.measured.gallery import Finding
+from experiments.report.trace_words import effect_line, remaining_sentence
+from experiments.report.words import number
+
+HEAD = """# Gallery: the loop on measured logs
+
+Written by `python -m experiments.measured.gallery docs/gallery.md`; each section has the command that repeats its trace.
+Every log is read by its map; its noise levels, hard iron and first heading come from the log itself where nothing is
+declared (what was taken is listed), and every verdict has the same error rate of 1 % over all candidates. No setting
+belongs to a log.
+
+How to read it:
+
+- **held out** is the RMS of the residual on the part of the data that took no part in the fit, before and after.
+- **reference** is what the loop was not shown: attitude of cameras, a robot or an autopilot (mounting, delay and one
+  constant heading taken off); fixes that were withheld; for poses the spread of the norm that a published calibration
+  leaves. "Last third" counts the held-out part alone, with parameters fitted on the rest.
+- An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
+  coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
+  can name.
+- A log decides only what its motion shows. What it cannot decide is part of the result.
+"""
+
+
+def page(findings: Sequence[Finding]) -> str:
+    """The whole page."""
+    return "\n".join([HEAD, *table(findings), "", *(line for one in findings for line in section(one))])
+
+
+def table(findings: Sequence[Finding]) -> list[str]:
+    """A row a log."""
+    lines = ["| log | verdict | effects | held out | reference, last third | time |", "| --- " * 6 + "|"]
+    for one in findings:
+        if not one.document:
+            lines.append(f"| {one.name} | did not finish: {one.failure} | | | | {one.seconds:.0f} s |")
+            continue
+        effects = ", ".join(effect["name"] for effect in one.document["effects"]) or "-"
+        cells = [
+            one.name,
+            one.document["verdict"],
+            effects,
+            held_out(one),
+            first_reference(one),
+            f"{one.seconds:.0f} s",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def held_out(one: Finding) -> str:
+    """Stream and RMS before and after."""
+    error = one.document["error"]
+    before, after = error["before"], error["after"]
+    unit = "" if before["unit"] == "1" else f" {before['unit']}"
+    change = f" -> {number(after['rms'])}" if one.document["effects"] else ""
+    return f"{error['stream']} {number(before['rms'])}{change}{unit}"
+
+
+def first_reference(one: Finding) -> str:
+    """The reference that tells most, in few words: attitude, else position after 5 s, else a published calibration."""
+    for wanted in ("attitude, last", "tilt, last", "position, 5 s", "spread"):
+        for label, before, after, unit in one.references:
+            if label.startswith(wanted):
+                changed = wanted == "spread" or bool(one.document["effects"])
+                numbers = f"{number(before)} -> {number(after)}" if changed else number(before)
+                return f"{label.split(',')[0]} {numbers} {unit}".rstrip()
+    return "-"
+
+
+def section(one: Finding) -> list[str]:
+    """One log in full."""
+    lines = [f"## {one.name}", "", one.entry.about, "", f"`{one.command}`", ""]
+    if not one.document:
+        return [*lines, f"Did not finish after {one.seconds:.0f} s: {one.failure}.", ""]
+    document = one.document
+    lines += [f"- verdict: **{document['verdict']}**" + (f" ({one.failure})" if one.failure else "")]
+    lines += [f"- {effect_line(effect)}" for effect in document["effects"]]
+    lines.append(f"- held out: {held_out(one)}{_interval(one)}")
+    if document["effects"]:
+        same = "the same" if document["error"]["same_names_on_fitting_part"] else "other"
+        lines.append(f"- the fitting part alone chooses {same} effects")
+    lines += [f"- {name} passed the test but did not lower the held-out error" for name in document["rolled_back"]]
+    for label, before, after, unit in one.references:
+        changed = label.startswith("spread") or bool(document["effects"])
+        lines.append(f"- {label}: {number(before)}" + (f" -> {number(after)}" if changed else "") + f" {unit}".rstrip())
+    lines += [f"- remains: {remaining_sentence(item)}" for item in document["remaining"]]
+    lines += [f"- cannot be decided: {sentence}" for sentence in one.undecided]
+    lines += [f"- taken from the log: {note}" for note in one.notes if "far from 1" not in note]
+    return [*lines, ""]
+
+
+def _interval(one: Finding) -> str:
+    if not one.document["effects"]:
+        return ""
+    low, high = one.document["error"]["after"]["interval"]
+    return f" (95 % interval {number(low)} to {number(high)})"
