@@ -10,7 +10,7 @@ from experiments.report.words import number
 
 HEAD = """# Gallery: the loop on measured logs
 
-Written by `python -m experiments.measured.gallery docs/gallery.md`; each section has the command that repeats its trace.
+Written by `python -m experiments.measured.gallery docs/gallery.md`; each section has the command that repeats it.
 Every log is read by its map; its noise levels, hard iron and first heading come from the log itself where nothing is
 declared (what was taken is listed), and every verdict has the same error rate of 1 % over all candidates. No setting
 belongs to a log.
