@@ -29,8 +29,8 @@ ONE_PER_CENT = 0.01
 STEP = 0.02  # of a plausible size, or less:
 RESPONSE = 10.0  # sigma in all innovations together; above rounding, and the filter's response is still linear
 DURATION = 32.0  # s of each scenario that are flown
-#: All noise, walks and first errors by this factor. The regressors are evaluated along the smoothed motion, the exact form
-#: along the filter's own, and only where the two agree is the sensitivity the derivative to a per cent.
+#: All noise, walks and first errors by this factor. The regressors are evaluated along the smoothed motion, the exact
+#: form along the filter's own, and only where the two agree is the sensitivity the derivative to a per cent.
 QUIET = 0.03
 NOISE = ("noise_density", "noise_std", "velocity_noise_std", "bias_walk", "bias_std")
 INTERVAL = {"step": (14.0, np.inf), "transient": (14.0, 22.0)}  # s
