@@ -141,8 +141,12 @@ def measure(name: str) -> dict[str, Any]:
 
     Where the likelihood asks for a delay of GPS, the log is prepared and predicted again with it taken off the stamps.
     """
-    recording, reference = resolve(LOGS[name]), reference_of(LOGS[name])
-    ready = prepared(recording)
+    recording = resolve(LOGS[name])
+    return measured(name, recording, reference_of(LOGS[name]), prepared(recording))
+
+
+def measured(name: str, recording: Recording, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
+    """The same of a log that is read and prepared already."""
     journal = ready.run()
     entry: dict[str, Any] = {
         "log": name, "levels": list(ready.noise.notes), "nis": dict(journal.nis_per_dof()),

@@ -1,0 +1,180 @@
+"""Every measured log with IMU and aiding through the filter: one table, written as a note of the documentation.
+
+python -m experiments.measured.table OUT.md [NAME ...]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimator.journal import Journal
+from experiments.datasets import reference_of, resolve
+from experiments.measured.engines import AGREEMENT, Agreement, agreement
+from experiments.measured.flights import CONVINCING, LOGS, measured
+from experiments.measured.preparation import Prepared, prepared
+from experiments.report.words import number
+
+#: A bias whose sigma at the end is more than this share of its first one was not seen.
+UNSEEN = 0.7
+
+HEAD = f"""# Measured logs through the filter
+
+Written by `python -m experiments.measured.table docs/notes/measured_logs.md`; with the name of a log behind it, that
+row alone. `sinan estimate INPUT` shows a run in full. Noise levels, field, hard iron and first heading come from the
+log where its map declares none (`docs/notes/noise_levels.md`).
+
+- **attitude**: RMS of tilt and heading [deg] against cameras, a robot or an autopilot's own estimate; mounting, delay
+  and one constant heading taken off.
+- **position**: RMS [m] of what the filter predicts 1, 5 and 10 s after the last fix, where ten seconds of fixes are
+  withheld in every thirty. In brackets the same with the delay of GPS that the log asks for taken off its stamps.
+- **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
+- **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
+  reading, in sigma + |value|; {AGREEMENT:g} is what is asked for. Then the readings that one used and the other refused.
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One log.
+
+    Attributes
+    ----------
+    name, input : what it is called; what `sinan estimate` is given
+    duration, rates : s; Hz by stream
+    reference : in words
+    entry : of `flights.measured`
+    engines : how they agree
+    undecided : sentences
+    """
+
+    name: str
+    input: str
+    duration: float
+    rates: Mapping[str, float]
+    reference: str
+    entry: Mapping[str, Any]
+    engines: Agreement
+    undecided: tuple[str, ...]
+
+
+def row_of(name: str) -> Row:
+    """Run everything on one log."""
+    recording, reference = resolve(LOGS[name]), reference_of(LOGS[name])
+    ready = prepared(recording)
+    journal = ready.run()
+    streams = {"imu": recording.streams["imu"]} | {n: recording.streams[n] for n in journal.sensors if n != "level"}
+    words = []
+    if reference is not None and reference.has(("qw",)):
+        words.append("attitude")
+    elif reference is not None and reference.has(("roll",)):
+        words.append("roll, pitch")
+    if "gps" in journal.sensors:
+        words.append("withheld fixes")
+    return Row(
+        name, LOGS[name], journal.t_end - journal.t_start,
+        {n: 1.0 / float(np.median(np.diff(s.t))) for n, s in streams.items()}, ", ".join(words) or "none",
+        measured(name, recording, reference, ready), agreement(ready), undecided(ready, journal, recording.notes),
+    )  # fmt: skip
+
+
+def undecided(ready: Prepared, journal: Journal, notes: Sequence[str]) -> tuple[str, ...]:
+    """What a log cannot decide: biases that it hardly narrows, levels that do not fit, what is assumed instead."""
+    layout, lines = journal.model.layout, []
+    before = np.sqrt(np.diag(journal.run.P))  # type: ignore[attr-defined]
+    after = np.sqrt(np.diag(journal.P_end))
+    weak = []
+    for name in layout.names:
+        if not name.startswith("b_"):
+            continue
+        part = layout.slice(name)
+        axes = ("north", "east", "down") if name == "b_gps" else ("x", "y", "z")
+        seen = before[part] > 0.0
+        unseen = seen & (after[part] > UNSEEN * np.where(seen, before[part], 1.0))
+        if np.all(unseen) and np.any(seen):
+            weak.append(name[2:])
+        elif np.any(unseen):
+            weak.append(f"{name[2:]} {' '.join(a for a, u in zip(axes, unseen, strict=False) if u)}")
+    if weak:
+        lines.append(f"bias of {', '.join(weak)}: no narrower than what was assumed")
+    if not journal.model.translation:
+        lines.append("position and velocity; an accelerometer bias against the mean acceleration")
+    if "mag" not in journal.sensors and "gps" not in journal.sensors:
+        lines.append("heading")
+    lines += [note for note in ready.noise.doubts if "by intent" not in note]
+    lines += [note for note in notes if "no independent" in note]
+    return tuple(lines)
+
+
+def page(rows: Sequence[Row]) -> str:
+    """The whole note."""
+    heads = ["log", "length", "streams [Hz]", "reference", "attitude", "position", "NIS", "engines"]
+    lines = [HEAD, "| " + " | ".join(heads) + " |", "| --- " * len(heads) + "|"]
+    lines += ["| " + " | ".join(cells(row)) + " |" for row in rows]
+    lines += ["", "## Command and what the log cannot decide", ""]
+    for row in rows:
+        quoted = f"'{row.input}'" if " " in row.input else row.input
+        lines.append(f"- **{row.name}**: `sinan estimate {quoted}`")
+        lines += [f"  - {sentence}" for sentence in row.undecided]
+        lines += [f"  - {sentence}" for sentence in delay_words(row.entry)]
+    return "\n".join([*lines, ""])
+
+
+def cells(row: Row) -> list[str]:
+    """The cells of a row."""
+    attitude = row.entry.get("attitude")
+    tilt = "-" if attitude is None else f"{attitude['tilt']:.2f}"
+    if attitude is not None and row.reference.startswith("attitude"):
+        tilt += f", {attitude['heading']:.2f}"
+    refused = {name: count.get("gated", 0) for name, count in row.entry["counts"].items()}
+    nis = ", ".join(f"{n} {v:.2g}" + (f" ({refused[n]} refused)" if refused.get(n) else "")
+                    for n, v in row.entry["nis"].items())  # fmt: skip
+    rates = ", ".join(f"{n} {number(rate)}" for n, rate in row.rates.items())
+    engines = f"{row.engines.difference:.0e}, {row.engines.gates}"
+    return [row.name, f"{row.duration:.0f} s", rates, row.reference, tilt, position_words(row.entry), nis, engines]
+
+
+def position_words(entry: Mapping[str, Any]) -> str:
+    """Errors 1, 5 and 10 s after the last fix, and again without the delay."""
+    if "withheld" not in entry:
+        return "-"
+    shown = [at_ages(entry["withheld"])]
+    if "withheld_without_delay" in entry:
+        shown.append(f"({at_ages(entry['withheld_without_delay'])})")
+    return " ".join(shown)
+
+
+def at_ages(predictions: Sequence[Mapping[str, float]]) -> str:
+    """The errors of a run of withheld fixes."""
+    return ", ".join(f"{p['rms']:.2g}" for p in predictions if p["age"] != 2.0)
+
+
+def delay_words(entry: Mapping[str, Any]) -> list[str]:
+    """The delay of GPS that a log asks for, where it does."""
+    if entry.get("gps_delay_gain", 0.0) < CONVINCING:
+        return []
+    return [
+        f"its GPS is late by {entry['gps_delay']:.2f} s by the likelihood (2 log L + {entry['gps_delay_gain']:.0f})"
+    ]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the note after every log; status 1 where the engines are not the same filter."""
+    if not arguments or any(name not in LOGS for name in arguments[1:]):
+        sys.stderr.write(f"usage: OUT.md [NAME ...] with names of {', '.join(LOGS)}\n")
+        return 2
+    out, rows = Path(arguments[0]), list[Row]()
+    for name in arguments[1:] or LOGS:
+        rows.append(row_of(name))
+        out.write_text(page(rows), encoding="utf-8")
+        sys.stderr.write(f"{name}: {', '.join(cells(rows[-1])[1:])}\n")
+    return int(not all(row.engines.holds for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
