@@ -35,7 +35,7 @@ log where its map declares none (`docs/notes/noise_levels.md`).
   withheld in every thirty. In brackets the same with the delay of GPS that the log asks for taken off its stamps.
 - **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
 - **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
-  reading, in sigma + |value|; {AGREEMENT:g} is what is asked for. Then the readings that one used and the other refused.
+  reading, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used and the other refused.
 """
 
 
