@@ -21,7 +21,7 @@ from sensors.recording import Recording
 
 __all__ = ["has_coarse_start", "linear_form", "run_relinearised"]
 
-PASSES = 8
+PASSES = 6
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end
 #: 1-sigma of the first attitude about its worst axis above which the plain filter's covariance is not to be trusted
 #: [rad]; docs/notes/filter_consistency.md has the study.

@@ -21,11 +21,11 @@ from estimator.journal import Journal
 from estimator.score import Evidence
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
-from experiments.residual_loop.onsets import Rows, best_onsets
+from experiments.residual_loop.onsets import Rows, best_onsets, refined
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.effects import Effect, effects_for
+from sensors.effects import Effect, effect, effects_for
 from sensors.effects.streams import STREAMS
 from sensors.motion import Motion
 from sensors.recording import Recording
@@ -37,6 +37,8 @@ _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 #: The last third of the time is held out.
 _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS = 8
+#: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
+_RELOCATION = 0.01
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
@@ -181,7 +183,14 @@ class FlightSource:
     ) -> tuple[Journal, Sensitivity]:
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
-            self._started(self.recording, motion), self.model, candidates, pairs, motion=motion, blocks=1, keep_rows=1, stride=0
+            self._started(self.recording, motion),
+            self.model,
+            candidates,
+            pairs,
+            motion=motion,
+            blocks=1,
+            keep_rows=1,
+            stride=0,
         )
 
     def _attitude_std_at_start(self, journal: Journal) -> float | None:
@@ -254,18 +263,53 @@ class FlightSource:
         last = self._end if fit.part == "all" else self._split
 
         def rows_of(onsets: Sequence[Effect]) -> Rows:
-            journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion)
-            W, white = self._rows(sensitivity, journal, fit.part)
-            width = sum(entry.size for entry in own)
-            event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]
-            return Rows(W[:, :width], W[:, width:], white, np.array(journal.sensors)[journal.sensor[event]])
+            return self._local_rows(fit, own, beta, state.motion, onsets)
 
         worth = float(np.log(0.01 / self.families))
-        drivers = self.recording.streams["imu"].t
-        stamps = {s: drivers if s in ("accel", "gyro") else self.recording.streams[s].t for s in self._local_streams}
+        stamps = {stream: self._stamps(stream) for stream in self._local_streams}
         found = best_onsets(stamps, self._start, last, rows_of, len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
         return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
+
+    def relocated(self, fit: Fit, term: Term) -> Term:
+        """The term with the ends of its interval where the innovations about this very fit want them.
+
+        About the plain model a strong step is found where its first-order effect fits best, which need not be where it
+        is. White + W_I beta are the innovations with the offset not taken off, linear about the motion with it.
+        """
+        if term.interval is None:
+            return term
+        state = _state(fit)
+        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
+        in_mean = [t for t in fit.terms if t.in_mean]
+        at = np.concatenate([[0], np.cumsum([e.size for e in own])])
+        k = in_mean.index(term)
+        mine = np.zeros(at[-1], dtype=bool)
+        mine[at[k] : at[k + 1]] = True
+
+        def rows_of(onsets: Sequence[Effect]) -> Rows:
+            rows = self._local_rows(fit, own, beta, state.motion, onsets)
+            white = rows.white + rows.own[:, mine] @ beta[k]
+            return replace(rows, own=rows.own[:, ~mine], white=white)
+
+        stream = term.name.split(".")[0]
+        last = self._end if fit.part == "all" else self._split
+        spacing = _RELOCATION * (self._end - self._start)
+        stamps = self._stamps(stream)
+        best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, self._start, last)
+        return replace(term, interval=best.interval)
+
+    def _stamps(self, stream: str) -> FloatArray:
+        return self.recording.streams["imu" if stream in ("accel", "gyro") else stream].t
+
+    def _local_rows(
+        self, fit: Fit, own: Sequence[Effect], beta: Sequence[FloatArray], motion: Motion, onsets: Sequence[Effect]
+    ) -> Rows:
+        journal, sensitivity = self._pass([*own, *onsets], own, beta, motion)
+        W, white = self._rows(sensitivity, journal, fit.part)
+        width = sum(entry.size for entry in own)
+        event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]
+        return Rows(W[:, :width], W[:, width:], white, np.array(journal.sensors)[journal.sensor[event]])
 
     def _outliers(self, state: _State) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""
@@ -350,7 +394,7 @@ def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Re
     found: dict[str, tuple[int, int]] = {}
     for _ in range(2):  # what a gross one hides shows when it is gone
         current = recording.replace(streams=streams)
-        journal = run_filter(current, model, {}, engine="numba", stride=0)
+        journal = run_filter(current, model.replace(relinearise=False), {}, engine="numba", stride=0)
         more = False
         for name in model.sensors:
             if name not in streams:

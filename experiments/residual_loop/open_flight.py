@@ -9,9 +9,13 @@ from sensors.recording import Recording
 def flight_source(recording: Recording) -> FlightSource:
     """The source of a flight; what the recording does not declare of noise, field and heading is taken from the log.
 
-    The preparation is that of `sinan estimate`; what it took is in the notes of the source's recording.
+    The preparation is that of `sinan estimate`; what it took is in the notes of the source's recording. From a coarse
+    first attitude readings are linear about the smoothed motion: a filter that linearises at its own estimates would
+    blame `mag.declination` (docs/notes/filter_consistency.md).
     """
+    from estimator.relinearise import has_coarse_start
     from experiments.measured.preparation import prepared
 
     ready = prepared(recording)
-    return FlightSource(ready.recording, ready.model)
+    coarse = has_coarse_start(ready.recording, ready.model)
+    return FlightSource(ready.recording, ready.model.replace(relinearise=coarse))
