@@ -10,7 +10,7 @@ from estimator.filter import Engine
 from experiments.datasets import reference_of, resolve
 from experiments.estimate import bias_courses, estimated
 from experiments.measured.preparation import prepared
-from experiments.report.console import tell_notes
+from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.words import BIAS_UNITS, SENSORS, number, reference_name, reference_value, with_sigma
 from experiments.residual_loop.open_source import require_kind
@@ -35,10 +35,11 @@ def run(
     require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
     if engine not in get_args(Engine):
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
-    ready = prepared(recording)
-    truth = reference_of(input, map_file)
-    model = ready.model.replace(relinearise=relinearise)
-    journal, document = estimated(ready.recording, engine, model=model, truth=truth, states=states)  # type: ignore[arg-type]
+    with working("running the filter", flies=True):
+        ready = prepared(recording)
+        truth = reference_of(input, map_file)
+        model = ready.model.replace(relinearise=relinearise)
+        journal, document = estimated(ready.recording, engine, model=model, truth=truth, states=states)  # type: ignore[arg-type]
     document["noise"] = list(ready.notes)
     document["warnings"] = warnings_of(document, input)
     if json is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.gnss import run as solve
+from experiments.report.console import working
 from experiments.report.files import write_json
 from experiments.report.words import length, number, shown_stages, stage_names
 
@@ -25,7 +26,8 @@ def run(
     html: Path | None,
 ) -> str:
     """Solve and trace, write what is asked for, return the summary for the terminal."""
-    document = solve(observation, navigation, systems, mask, position, reference, base, base_position, solution)
+    with working("solving and tracing the ranges"):
+        document = solve(observation, navigation, systems, mask, position, reference, base, base_position, solution)
     if json is not None:
         write_json(json, document)
     if html is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.datasets import reference_of, resolve
-from experiments.report.console import tell_notes
+from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
 from experiments.residual_loop.run import trace_recording
@@ -27,7 +27,8 @@ def run(
     recording = resolve(input, map_file)
     tell_notes(recording)
     reference = reference_of(input, map_file) if recording.kind == "flight" else None
-    source, result = trace_recording(recording, sensor, alpha, gravity, reference)
+    with working("tracing", flies=recording.kind == "flight"):
+        source, result = trace_recording(recording, sensor, alpha, gravity, reference)
     document = report(source, result)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
@@ -36,7 +37,8 @@ def run(
     if html is not None:
         from experiments.report.trace_page import trace_page
 
-        trace_page(html, source, result, document)
+        with working("drawing"):
+            trace_page(html, source, result, document)
     return "\n".join([trace_summary(document), *(f"  note: {note}" for note in notes)])
 
 

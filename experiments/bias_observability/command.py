@@ -7,19 +7,22 @@ from pathlib import Path
 from experiments.bias_observability.case import Case, case_of_recording, case_of_scenario
 from experiments.bias_observability.document import document, summary
 from experiments.bias_observability.study import study
+from experiments.report.console import working
 from experiments.report.files import write_json
 from sensors.errors import InputError
 
 
 def run(input: str, map_file: Path | None, json: Path | None, html: Path | None) -> str:
     """Study a scenario or a recording, write what is asked for, return the summary for the terminal."""
-    result = study(case_of(input, map_file))
+    with working("following what every set of sensors shows"):
+        result = study(case_of(input, map_file))
     if json is not None:
         write_json(json, document(result))
     if html is not None:
         from experiments.report.observability_page import observability_page
 
-        observability_page(html, result)
+        with working("drawing"):
+            observability_page(html, result)
     return summary(result)
 
 

@@ -61,11 +61,24 @@ def _download(dataset: Dataset, file: DataFile, path: Path) -> None:
         got = Path(pooch.retrieve(url, known_hash=known, fname=name, path=path.parent, progressbar=False))
         if file.packed_from:
             _pack(got, path)
-    except (
-        OSError,
-        ValueError,
-    ) as error:  # no network, no such file, another checksum, a folder that cannot be written
+    except (OSError, ValueError) as error:  # no such file, another checksum, a folder that cannot be written
+        if _is_offline(error):
+            raise _offline(dataset, url) from None
         raise InputError(url, str(error).split("\n")[0], "the file that the registry of data sets describes") from None
+
+
+def _is_offline(error: Exception) -> bool:
+    """Whether it is the network that failed: the errors of requests are OSErrors, with a response if there was one."""
+    ours = isinstance(error, ConnectionError | TimeoutError) or type(error).__module__.startswith("requests")
+    return ours and getattr(error, "response", None) is None
+
+
+def _offline(dataset: Dataset, url: str) -> InputError:
+    return InputError(
+        f"sinan fetch {dataset.name}",
+        f"no connection to {url.split('/')[2]}",
+        f"a network, or {DATA_VARIABLE}=FOLDER where FOLDER/{dataset.folder} holds the files already",
+    )
 
 
 def _pack(original: Path, path: Path) -> None:

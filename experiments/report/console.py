@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Timer
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,9 +23,56 @@ def tell_notes(recording: Recording) -> None:
         note(text)
 
 
+#: Work that is done by then needs no word [s].
+_PATIENCE = 1.5
+
+
+def first_run_note() -> str:
+    """What a first run waits for: a remark where the filter's kernels are not compiled yet, else nothing."""
+    from estimator.compiled import is_compiled
+
+    return "" if is_compiled() else " (first run: compiling, once, 10 to 20 s)"
+
+
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[str, int, int], None]]:
-    """A progress line on stderr; the callable says what is being done, how much is done, and how much there is."""
+def working(what: str, flies: bool = False) -> Iterator[None]:
+    """On a terminal, a line on stderr with the time that passes, once the work takes longer than a moment.
+
+    Parameters
+    ----------
+    flies : whether the work runs the compiled filter
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    text = what + (first_run_note() if flies else "")
+    line = Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=Console(stderr=True),
+        transient=True,
+    )  # fmt: skip
+    line.add_task(text, total=None)
+    begin = Timer(_PATIENCE, line.start)
+    begin.daemon = True
+    begin.start()
+    try:
+        yield
+    finally:
+        begin.cancel()
+        begin.join()
+        line.stop()
+
+
+@contextmanager
+def progress(what: str, flies: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+    """On a terminal, a progress line on stderr; the callable says what is being done, how much of how much is done.
+
+    Parameters
+    ----------
+    flies : whether the work runs the compiled filter
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -35,10 +83,13 @@ def progress(what: str) -> Iterator[Callable[[str, int, int], None]]:
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     ]
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        waits = first_run_note() if flies and sys.stderr.isatty() else ""
+        task = bar.add_task(what + waits, total=None)
 
         def step(description: str, done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total, description=f"{what} {description}".strip())
+            bar.update(
+                task, completed=done, total=total, description=f"{what} {description}".strip() + ("" if done else waits)
+            )
 
         yield step

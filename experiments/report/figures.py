@@ -12,7 +12,7 @@ from experiments.estimate import BiasCourse
 from experiments.report.words import BIAS_UNITS, component_name, stage_names
 from sensors.arrays import FloatArray
 
-BEFORE, AFTER, SOFT, BAND = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3"
+BEFORE, AFTER, SOFT, BAND, CHANCE = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3", "#d98c2b"
 
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple[Figure, Any]:
@@ -109,10 +109,13 @@ def averages_with_intervals(entries: Mapping[str, Mapping[str, Any]]) -> Figure:
         low, high = entry["interval"]
         one.plot([low, high], [y, y], color=BAND, lw=9, solid_capstyle="butt")
         inside = low <= entry["mean_per_dof"] <= high
-        one.plot(entry["mean_per_dof"], y, "o", color=AFTER if inside else BEFORE, ms=6)
+        widest = entry.get("family_interval") or entry["interval"]
+        chance = widest[0] <= entry["mean_per_dof"] <= widest[1]
+        one.plot(entry["mean_per_dof"], y, "o", color=AFTER if inside else CHANCE if chance else BEFORE, ms=6)
     one.axvline(1.0, color=SOFT, lw=0.9)
     one.set_yticks(range(len(known)), list(reversed(known)))
-    one.set_xlabel("average per degree of freedom (grey: 95 % interval about 1; red: outside)", fontsize=9)
+    one.set_ylim(-0.6, len(known) - 0.4)
+    one.set_xlabel("average a degree of freedom (grey: 95 % interval about 1)", fontsize=9)
     return figure
 
 

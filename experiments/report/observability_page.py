@@ -36,11 +36,6 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
             "Uncertainty of every bias over time; above, what is flown. A fall is information, a rise is the bias's "
             "own random walk. The dashed line is half of what was known before the flight.",
         ),
-        "gains": (
-            figures.gain_map(study),
-            "What each manoeuvre brought: one bit halves a sigma. Roll, pitch and heading are angles about the body's "
-            "axes, so a turn passes their uncertainty from one to the other.",
-        ),
         "singular values": (
             figures.singular_values(study),
             "What the readings alone know of each direction of the first state. On the dashed line they know three "
@@ -51,6 +46,12 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
             "Every set of the sensors, those that know least on the left: what it leaves of each bias's sigma.",
         ),
     }
+    if len(study.case.segments) > 1:
+        made["gains"] = (
+            figures.gain_map(study),
+            "What each manoeuvre brought: one bit halves a sigma. Roll, pitch and heading are angles about the body's "
+            "axes, so a turn passes their uncertainty from one to the other.",
+        )
     if any(weakness.sensors == study.case.aboard for weakness in study.weaknesses):
         made["weak directions"] = (
             figures.weak_parts(study),
@@ -77,6 +78,12 @@ def observability_page(path: Path, study: Study) -> None:
     sensors = ", ".join(NAMES[name] for name in case.aboard)
     duration = found.t[-1] - found.t[0]
     page = Page(f"{case.name}: {headline(study)}", f"{duration:.0f} s along the {case.along} motion with {sensors}.")
+    page.text(
+        "A state is seen if some reading changes with it. What changes no reading alone or only together with others "
+        "is a direction that is not seen: a filter cannot find it, however long it runs. Sigma is the uncertainty of a "
+        "state as the filter would state it; prior is what it knew before the flight.",
+        note=True,
+    )
     page.numbers(
         [
             (f"{study.rank} of {len(found.labels)}", "directions of which the readings say anything (rank)"),
@@ -92,8 +99,9 @@ def observability_page(path: Path, study: Study) -> None:
     page.heading("What each bias learns, and when")
     page.figure(*made["curves"])
     _bias_table(page, study)
-    page.heading("Which manoeuvre brought it")
-    page.figure(*made["gains"])
+    if "gains" in made:
+        page.heading("Which manoeuvre brought it")
+        page.figure(*made["gains"])
     if "catalogue" in made:
         page.heading("Which manoeuvre to fly")
         page.figure(*made["catalogue"])

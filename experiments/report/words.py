@@ -121,6 +121,19 @@ def reference_name(name: str) -> str:
 BIAS_UNITS = {"accel": "m/s²", "gyro": "rad/s", "mag": "field"}
 
 
+#: block of states -> unit in which people read it, and the factor from SI
+_STATE_UNITS = {
+    "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29577951308232), "accel bias": ("m/s²", 1.0),
+    "gyro bias": ("deg/s", 57.29577951308232), "mag bias": ("of the field", 1.0),
+}  # fmt: skip
+
+
+def state_size(block: str, value: float) -> str:
+    """The size of an error of a block of states, with its unit; positions and other biases are in metres."""
+    unit, factor = _STATE_UNITS.get(block, ("m", 1.0))
+    return f"{number(factor * value)} {unit}"
+
+
 def component_name(sensor: str, k: int, size: int) -> str:
     """What the k-th component of a bias is called."""
     if size == 1:

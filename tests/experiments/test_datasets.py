@@ -123,6 +123,18 @@ def test_fetch_of_another_content_is_refused(origin: Path) -> None:
         fetch(["demo"])
 
 
+def test_fetch_without_a_network_says_what_else_would_do(origin: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pooch
+    import requests
+
+    def unreachable(*args: object, **options: object) -> None:
+        raise requests.exceptions.ConnectionError("Max retries exceeded")
+
+    monkeypatch.setattr(pooch, "retrieve", unreachable)
+    with pytest.raises(InputError, match=r"no connection .* SINAN_DATA=FOLDER"):
+        fetch(["demo"])
+
+
 def test_fetch_of_a_missing_file(origin: Path) -> None:
     (origin / "a.txt").unlink()
     with pytest.raises(InputError, match="404"):
@@ -304,6 +316,15 @@ def test_reference_attitude_turns_the_mean_force_upright(measured: Path, log: st
     q = quaternion_interpolate(imu.t[inside], reference.t, reference.array(("qw", "qx", "qy", "qz")))
     mean_force = rotate(q, imu.array(ACCEL)[inside]).mean(axis=0)
     np.testing.assert_allclose(mean_force, [0.0, 0.0, -GRAVITY], atol=UNCALIBRATED)
+
+
+@pytest.mark.measured
+def test_quaternions_interpolated_through_their_change_of_sign_are_left_out(measured: Path) -> None:
+    """The robot's pose is interpolated component by component to the sensor's stamps: 18 rows are no attitude."""
+    name = "robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat"
+    reference = reference_of(name)
+    assert reference is not None
+    assert len(reference) == len(resolve(name).streams["imu"]) + 1 - 18
 
 
 @pytest.mark.measured

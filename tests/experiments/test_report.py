@@ -13,6 +13,8 @@ from experiments.calibrate import calibrate_triad
 from experiments.calibrate import warnings_of as calibration_warnings
 from experiments.demo import HIDDEN, hidden_and_found
 from experiments.estimate_command import warnings_of as innovation_warnings
+from experiments.monte_carlo_command import remark
+from experiments.report.console import progress, working
 from experiments.report.trace_page import evidence, trace_page
 from experiments.report.trace_words import effect_line, interval_words, title, trace_summary
 from experiments.report.words import change, per_unit, with_sigma
@@ -152,3 +154,19 @@ def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, re
     assert len(warnings) == remarks
     if nis is not None and nis > 1.5:
         assert "`sinan trace run1`" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("mean", "said"), [(1.0, ""), (1.15, "one in twenty"), (1.5, "not by chance"), (0.5, "not by chance")]
+)
+def test_an_average_outside_its_interval_is_weighed_against_chance(mean: float, said: str) -> None:
+    text = remark({"mean_per_dof": mean, "interval": [0.9, 1.1], "family_interval": [0.8, 1.2]})
+    assert said in text
+    assert bool(text) == bool(said)
+
+
+def test_progress_is_for_a_terminal_only(capsys: pytest.CaptureFixture[str]) -> None:
+    with working("tracing"), progress("flying") as step:
+        step("", 1, 2)
+    captured = capsys.readouterr()
+    assert captured.out + captured.err == ""
