@@ -113,6 +113,7 @@ def run_with_effects(
     passes: int = 6,
     tolerance: float = 1e-3,
     motion: Motion | None = None,
+    first: tuple[FloatArray, FloatArray] | None = None,
 ) -> Journal:
     """Filter, smooth, evaluate the effects along the smoothed motion, filter again, until the innovations settle.
 
@@ -120,15 +121,16 @@ def run_with_effects(
     ----------
     motion : the reference of the first evaluation, at the samples of the IMU table; default: from a plain pass
     passes, tolerance : see `run_filter`
+    first : state and covariance to start from; default: those of `first_state`
     """
     table, model = imu_table(recording, model), _checked(recording, model, terms)
     if motion is None:
         judged = model.replace(gate_level=None) if model.relinearise else model  # a coarse start is no outlier
-        journal = run(prepare(recording, judged, imu=table), engine, 0)
+        journal = run(prepare(recording, judged, imu=table, first=first), engine, 0)
         motion = reference_motion(recording, journal, terms, table)
     white: FloatArray | None = None
     for count in range(1, passes + 1):
-        journal = run(inputs_with(recording, model, terms, motion, table), engine, stride)
+        journal = run(inputs_with(recording, model, terms, motion, table, first), engine, stride)
         change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
         if change < tolerance or count == passes:
             break
@@ -180,6 +182,7 @@ def inputs_with(
     terms: Terms,
     motion: Motion,
     table: ImuTable,
+    first: tuple[FloatArray, FloatArray] | None = None,
 ) -> RunInputs:
     """Prepared inputs with the effects in them, evaluated along the motion; the first attitude is that without them."""
     shifts = {name: terms.lateness(name) for name in model.sensors}
@@ -188,8 +191,8 @@ def inputs_with(
     if model.relinearise:
         forms = {n: linear_form(recording, model, n, motion, terms, added.get(n)) for n in model.sensors}
     corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
-    seen = _without_effects(recording, corrected, added) if terms else recording
-    first = first_state(seen, model)
+    if first is None:
+        first = first_state(_without_effects(recording, corrected, added) if terms else recording, model)
     return prepare(recording, model, imu=corrected, events=collect(recording, model, forms, shifts), first=first)
 
 

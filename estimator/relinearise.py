@@ -17,6 +17,7 @@ from estimator.effect_forms import Terms, declared_terms, linear_form, run_with_
 from estimator.filter import Engine
 from estimator.flight_model import FlightModel
 from estimator.journal import Journal
+from sensors.arrays import FloatArray
 from sensors.recording import Recording
 
 __all__ = ["has_coarse_start", "linear_form", "run_relinearised"]
@@ -42,6 +43,7 @@ def run_relinearised(
     engine: Engine = "auto",
     stride: int = 1,
     passes: int = PASSES,
+    first: tuple[FloatArray, FloatArray] | None = None,
 ) -> Journal:
     """Filter, smooth, and filter again about the smoothed motion until the innovations settle.
 
@@ -50,7 +52,10 @@ def run_relinearised(
     recording, model, engine, stride : as for `run_filter`; the gate judges the last passes, not the first
     betas : effects in the model, in their exact form; what the recording declares is added
     passes : at most
+    first : state and covariance to start from; default: those of `first_state`
     """
     terms = (betas or Terms()).joined(declared_terms(recording))
     model = model.replace(relinearise=True)
-    return run_with_effects(recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=TOLERANCE)
+    return run_with_effects(
+        recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=TOLERANCE, first=first
+    )

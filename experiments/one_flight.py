@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from estimator.filter import RunInputs, prepare, run_filter
+from estimator.filter import RunInputs, prepare
 from estimator.flight_model import FlightModel, flight_model
 from estimator.layout import StateLayout
+from estimator.relinearise import run_relinearised
 from sensors.arrays import FloatArray
 from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sensors.scenario import Scenario
@@ -68,11 +69,11 @@ def fly(scenario: Scenario, seed: int, run: int, relinearise: bool = False) -> F
     return scored(prepared(recording, model), truth, run)
 
 
-def prepared(recording: Recording, model: FlightModel) -> RunInputs:
+def prepared(recording: Recording, model: FlightModel, first: tuple[FloatArray, FloatArray] | None = None) -> RunInputs:
     """What the filter's last pass runs on."""
     if not model.relinearise:
-        return prepare(recording, model)
-    inputs = run_filter(recording, model, engine="numba", stride=0).run
+        return prepare(recording, model, first=first)
+    inputs = run_relinearised(recording, model, engine="numba", stride=0, first=first).run
     assert isinstance(inputs, RunInputs)
     return inputs
 

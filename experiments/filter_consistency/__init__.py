@@ -1,0 +1,8 @@
+"""Whether the filter tells the truth about itself, on simulated flights with nothing missing.
+
+    python -m experiments.filter_consistency errors      NEES of every scenario and block
+    python -m experiments.filter_consistency flights     NIS of every sensor, p-values of every candidate effect
+    python -m experiments.filter_consistency heading     where linearisation breaks, and the cure
+
+Results: docs/notes/filter_consistency.md.
+"""
