@@ -37,7 +37,6 @@ class Entry:
 
 
 _PHANTOM = "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv"
-_MPU6050 = "mpu6050_hmc5883l/set-2/full-sphere"
 LOGS: Mapping[str, Entry] = {
     "course, accelerometer": Entry("rfly_course/AccRaw.mat", about="Ten poses, each the mean of 100 readings."),
     "course, magnetometer": Entry("rfly_course/MagRaw.mat", about="Six faces, turned about the vertical on each."),
@@ -48,9 +47,8 @@ LOGS: Mapping[str, Entry] = {
         for k in range(3)
         for sensor, words in (("accel", "accelerometer"), ("gyro", "gyroscope"))
     },
-    "HMC5883L, sphere": Entry(f"{_MPU6050}/hmc5883l_compass.mat", about="Turned by hand through all directions."),
-    "MPU-6050, sphere": Entry(
-        f"{_MPU6050}/mpu6050_accelerometer.mat", about="The accelerometer of the same log: turned, never quite still."
+    "HMC5883L, sphere": Entry(
+        "mpu6050_hmc5883l/set-2/full-sphere/hmc5883l_compass.mat", about="Turned by hand through all directions."
     ),
     "QMC5883L, noisy": Entry("qmc5883l_mag_calib/noisy_raw_data.csv", about="Turned by hand."),
     "QMC5883L, filtered": Entry(

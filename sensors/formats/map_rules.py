@@ -50,7 +50,7 @@ REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
     "roll_pitch_yaw": (("roll", "pitch", "yaw"), "angle"),
     "roll_pitch": (("roll", "pitch"), "angle"),
 }
-DROPS = ("repeated time", "held value", "not finite", "zeros")
+DROPS = ("repeated time", "held value", "not finite", "zeros", "not unit")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,9 @@ from sensors.recording import GEODETIC, Recording, Stream, check_rows
 from sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
 
 Columns = Mapping[str, FloatArray]
+#: A quaternion whose norm is off one by more was interpolated, component by component, through its change of sign: from
+#: q to -q the norm falls to zero, where it may mean any attitude; between neighbours of one sign it stays nearer.
+_UNIT = 0.01
 #: NED axes of a vector given in east, north, up.
 _ENU_TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -167,6 +170,13 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
     n = lengths.pop()
     t = _time(log, rules.clock, file, n, place)
     keep, dropped = _rows(log, rules, file, t, np.concatenate(raw, axis=1), place)
+    if "not unit" in rules.drop:
+        unit = np.all(
+            [_is_unit(q) for x, q in zip(quantities, raw, strict=True) if x.outputs[0] == "qw"] or [keep], axis=0
+        )
+        if np.any(keep & ~unit):
+            dropped.append(f"{int(np.sum(keep & ~unit))} rows left out: the quaternion is not of norm 1")
+        keep = keep & unit
     return Stream(t[keep], {name: values[keep] for name, values in columns.items()}), dropped
 
 
@@ -191,6 +201,11 @@ def _value(quantity: Quantity, readings: FloatArray) -> FloatArray:
     if quantity.axes is not None:
         value = value @ quantity.axes.T
     return value @ _ENU_TO_NED.T if quantity.enu else value
+
+
+def _is_unit(q: FloatArray) -> BoolArray:
+    """(n,) rows whose quaternion has norm one."""
+    return np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < _UNIT)
 
 
 def _attitude(quantity: Quantity, q: FloatArray) -> FloatArray:
