@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.faults import Note, frozen_runs
+from estimator.faults import Note, frozen_runs, saturated_runs
 from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray, IntArray
 from sensors.atmosphere import height_from_pressure
@@ -167,6 +167,8 @@ def collect(
             for start, stop in frozen_runs(z):
                 status[start + 1 : stop] = FAULTY
                 notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
+            for start, stop in saturated_runs(z) if len(z) > 1 else []:
+                notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
         form = forms.get(name)
         if form is not None:
             there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import ACCEPTED, Events, collect
+from estimator.events import ACCEPTED, GATED, Events, collect
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
@@ -25,6 +25,8 @@ KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level
 BIAS_BLOCK = {"gps": "b_gps", "base": "b_gps", "level": "b_accel"}
 #: One IMU sample and its share of readings cost this long in the readable engine, compiling the other this long [s].
 READABLE_STEP, COMPILATION = 150e-6, 10.0
+#: Share of a sensor's readings that a gate may refuse before it is the gate that is doubted.
+LOCKED_OUT = 0.25
 
 
 @dataclass(frozen=True)
@@ -183,10 +185,35 @@ def run_filter(
 
         return run_relinearised(recording, model, terms, engine=engine, stride=stride)
     if not terms:
-        return run(prepare(recording, model), engine, stride)
+        return run_opened(prepare(recording, model), engine, stride)
     from estimator.effect_forms import run_with_effects
 
     return run_with_effects(recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance)
+
+
+def run_opened(inputs: RunInputs, engine: Engine = "auto", stride: int = 1) -> Journal:
+    """One pass; where the gate refuses a sensor for good, another one that weighs what the gate would refuse.
+
+    Readings that are wrong now and then are refused and done with. Readings that are refused for good may be those of
+    a sensor that is wrong, or right ones that a lost filter no longer believes, and it would stay lost. A weight of
+    threshold / NIS serves both: a hundred sigma off hardly move the state, ten sigma lead it back.
+    """
+    journal, model = run(inputs, engine, stride), inputs.model
+    shares = refused_shares(journal)
+    locked = {name: share for name, share in shares.items() if share > LOCKED_OUT}
+    if not locked or model.gate_level is None:
+        return journal
+    said = [f"{name}: the gate refused {100 * share:.0f} % of the readings" for name, share in locked.items()]
+    notes = (*model.notes, f"{', '.join(said)}; doubtful readings were given less weight instead")
+    opened = model.replace(gate_level=None, robust_level=model.robust_level or model.gate_level, notes=notes)
+    return run(replace(inputs, model=opened), engine, stride)
+
+
+def refused_shares(journal: Journal) -> dict[str, float]:
+    """Share of each sensor's judged readings that the gate refused."""
+    judged = {name: journal.stream(name).status for name in journal.sensors}
+    counts = {name: (np.sum(s == GATED), np.sum((s == GATED) | (s == ACCEPTED))) for name, s in judged.items()}
+    return {name: float(refused / total) if total else 0.0 for name, (refused, total) in counts.items()}
 
 
 def used(journal: Journal, sensor: str) -> IntArray:
