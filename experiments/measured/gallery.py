@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from experiments.datasets import reference_of, resolve
-from experiments.measured.published import published
+from experiments.measured.published import PARAMETERS, published
 from experiments.measured.scoring import AttitudeScore, withheld_errors
+from experiments.report.words import number
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.open_source import triad_readings
 from experiments.residual_loop.run import trace_recording
@@ -86,6 +87,7 @@ class Finding:
     notes : what was taken from the log
     references : label, before and after, words of the unit
     undecided : sentences
+    published : what others published of an effect's parameters, beside what was found
     seconds : of the trace
     failure : why it did not finish; empty where it did
     """
@@ -96,6 +98,7 @@ class Finding:
     notes: Sequence[str] = ()
     references: Sequence[tuple[str, float, float, str]] = ()
     undecided: Sequence[str] = ()
+    published: str = ""
     seconds: float = 0.0
     failure: str = ""
 
@@ -119,7 +122,21 @@ def find(name: str) -> Finding:
         return Finding(entry, name, seconds=perf_counter() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
-    return Finding(entry, name, document, notes, references, undecided, seconds, not_finite(document))
+    beside = published_words(entry, document)
+    return Finding(entry, name, document, notes, references, undecided, beside, seconds, not_finite(document))
+
+
+def published_words(entry: Entry, document: Mapping[str, Any]) -> str:
+    """Published parameters of an effect, and how many sigmas what was found is from them."""
+    if (entry.input, entry.sensor) not in PARAMETERS:
+        return ""
+    name, values, whose = PARAMETERS[entry.input, entry.sensor or ""]
+    shown = ", ".join(number(value) for value in values)
+    for effect in document["effects"]:
+        if effect["name"] == name:
+            apart = (np.array(effect["beta"]) - values) / np.array(effect["std"])
+            return f"{name} {shown} ({whose}): found {', '.join(f'{a:+.1f}' for a in apart)} sigma from it"
+    return f"{name} {shown} ({whose}): not found"
 
 
 def not_finite(document: Mapping[str, Any]) -> str:

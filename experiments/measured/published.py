@@ -71,6 +71,24 @@ PUBLISHED = {
     **{(f"qmc5883l_mag_calib/{name}_raw_data.csv", "mag"): _QMC for name in ("noisy", "filtered")},
 }
 
+#: By input and sensor: effect, published parameters in its order, whose. Non-orthogonalities of the MPU-9150 are
+#: printed in deg, scales in %. The norm sees the sum of a pair of off-diagonal elements: triangular matrices compare.
+_MPU9150 = "27th ICINS 2020, IEEE document 9133804"
+_DEG, _PERCENT = np.pi / 180.0, 0.01
+PARAMETERS: Mapping[tuple[str, str], tuple[str, FloatArray, str]] = {
+    ("xsens_mti_imu_tk/xsens_acc.mat.gz", "accel"): (
+        "accel.cross_axis", np.array([0.00354989, 0.00890444, 0.0213032]), "imu_tk, third party",
+    ),
+    **{
+        (f"mpu9150_imu_calib/imu{k}.log", "accel"): ("accel.cross_axis", _DEG * np.array(m), _MPU9150)
+        for k, m in enumerate(((0.02, 0.317, 0.123), (-0.01, 0.145, -0.284), (-0.012, 0.282, 0.26)))
+    },
+    **{
+        (f"mpu9150_imu_calib/imu{k}.log", "gyro"): ("gyro.scale", _PERCENT * np.array(s), _MPU9150)
+        for k, s in enumerate(((0.041, 0.457, 0.826), (0.007, 0.26, -0.179), (-0.058, 0.277, 0.242)))
+    },
+}  # fmt: skip
+
 
 def published(name: str, sensor: str) -> tuple[Published, ...]:
     """What is published for a log's sensor; none for most."""
