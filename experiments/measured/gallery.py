@@ -16,6 +16,7 @@ import numpy as np
 
 from experiments.datasets import reference_of, resolve
 from experiments.measured.published import PARAMETERS, published
+from experiments.measured.reference import QUATERNION, gyro_error, mounted
 from experiments.measured.scoring import AttitudeScore, withheld_errors
 from experiments.report.words import number
 from experiments.residual_loop.flight import FlightSource
@@ -87,7 +88,7 @@ class Finding:
     notes : what was taken from the log
     references : label, before and after, words of the unit
     undecided : sentences
-    published : what others published of an effect's parameters, beside what was found
+    beside : what others published of an effect's parameters, or the reference's rates show of the gyroscope
     seconds : of the trace
     failure : why it did not finish; empty where it did
     """
@@ -98,7 +99,7 @@ class Finding:
     notes: Sequence[str] = ()
     references: Sequence[tuple[str, float, float, str]] = ()
     undecided: Sequence[str] = ()
-    published: str = ""
+    beside: str = ""
     seconds: float = 0.0
     failure: str = ""
 
@@ -122,8 +123,18 @@ def find(name: str) -> Finding:
         return Finding(entry, name, seconds=perf_counter() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
-    beside = published_words(entry, document)
+    beside = published_words(entry, document) or gyro_words(entry, source)
     return Finding(entry, name, document, notes, references, undecided, beside, seconds, not_finite(document))
+
+
+def gyro_words(entry: Entry, source: Source) -> str:
+    """What the rates of a reference on the same body say of the gyroscope."""
+    reference = reference_of(entry.input) if isinstance(source, FlightSource) else None
+    if reference is None or not reference.has(QUATERNION) or not isinstance(source, FlightSource):
+        return ""
+    found = gyro_error(source.recording, mounted(source.recording, reference))
+    scale, cross = (", ".join(f"{value:.3f}" for value in part) for part in (found.scale, found.cross_axis))
+    return f"gyro.scale {scale} and crookedness {cross}, by the rates of the reference to {number(found.rms)} rad/s"
 
 
 def published_words(entry: Entry, document: Mapping[str, Any]) -> str:

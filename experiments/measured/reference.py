@@ -71,16 +71,11 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
     if not reference.has(QUATERNION):
         return Mounted(reference, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
     reference = without_jumps(reference)
-    imu, q = recording.streams["imu"], reference.array(QUATERNION)
-    t = np.arange(max(imu.t[0], reference.t[0]) + 0.5, min(imu.t[-1], reference.t[-1]) - 0.5, GRID)
-    at = quaternion_interpolate(t, reference.t, q)
-    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(at[:-1]), at[1:])) / GRID
-    w_reference = _averaged(turn)
-    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(_steps(imu.t, imu.array(GYRO)), axis=0)])
+    t, w_reference = _rates_of(reference, recording.streams["imu"])
+    integral = _integral(recording.streams["imu"])
     best, found = np.inf, (np.eye(3), 0.0)
     for delay in np.arange(-LARGEST_DELAY, LARGEST_DELAY + 1e-9, DELAY_STEP):
-        ends = np.stack([np.interp(t + delay, imu.t, column) for column in integral.T], axis=-1)
-        w_gyro = _averaged(np.diff(ends, axis=0) / GRID)
+        w_gyro = _rates(t + delay, *integral)
         u, _, vt = np.linalg.svd(w_gyro.T @ w_reference)
         C = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
         miss = float(np.sum((w_gyro - w_reference @ C.T) ** 2))
@@ -88,6 +83,39 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
             best, found = miss, (C, float(delay))
     C, delay = found
     return Mounted(Stream(reference.t + delay, reference.columns), quaternion_from_matrix(C.T), delay)
+
+
+@dataclass(frozen=True)
+class GyroError:
+    """A gyroscope against the rates of a reference, whatever the estimator.
+
+    Attributes
+    ----------
+    scale : (3,) w_i += scale_i w_i
+    cross_axis : (3,) symmetric part xy, xz, yz; the rest is the mounting
+    rms : of the rate that neither explains [rad/s]
+    """
+
+    scale: FloatArray
+    cross_axis: FloatArray
+    rms: float
+
+
+def gyro_error(recording: Recording, target: Mounted) -> GyroError:
+    """Scale and crookedness of a gyroscope from a reference with attitude.
+
+    w_gyro = G w_reference + bias by least squares; G = K R with K symmetric (polar decomposition), R the mounting.
+    The reference's own noise takes a little off the scale.
+    """
+    imu = recording.streams["imu"]
+    t, w_reference = _rates_of(target.reference, imu)
+    w_gyro = _rates(t, *_integral(imu))
+    A = np.hstack([w_reference, np.ones((len(w_reference), 1))])
+    x = np.linalg.lstsq(A, w_gyro, rcond=None)[0]
+    u, size, _ = np.linalg.svd(x[:3].T)
+    K = u @ np.diag(size) @ u.T
+    left = w_gyro - A @ x
+    return GyroError(np.diag(K) - 1.0, np.array([K[0, 1], K[0, 2], K[1, 2]]), float(np.sqrt(np.mean(left**2))))
 
 
 def without_jumps(reference: Stream) -> Stream:
@@ -137,6 +165,25 @@ def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Attitude
 def _down(roll: FloatArray, pitch: FloatArray) -> FloatArray:
     """(n, 3) down in the body."""
     return np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=-1)
+
+
+def _rates_of(reference: Stream, imu: Stream) -> tuple[FloatArray, FloatArray]:
+    """A grid of instants that both cover, and the averaged rates of the reference between them."""
+    t = np.arange(max(imu.t[0], reference.t[0]) + 0.5, min(imu.t[-1], reference.t[-1]) - 0.5, GRID)
+    at = quaternion_interpolate(t, reference.t, reference.array(QUATERNION))
+    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(at[:-1]), at[1:])) / GRID
+    return t, _averaged(turn)
+
+
+def _integral(imu: Stream) -> tuple[FloatArray, FloatArray]:
+    """Instants of the IMU and the integral of the gyroscope's readings to each."""
+    return imu.t, np.concatenate([np.zeros((1, 3)), np.cumsum(_steps(imu.t, imu.array(GYRO)), axis=0)])
+
+
+def _rates(t: FloatArray, at: FloatArray, integral: FloatArray) -> FloatArray:
+    """Averaged rates between the instants t of readings whose integral is known."""
+    ends = np.stack([np.interp(t, at, column) for column in integral.T], axis=-1)
+    return _averaged(np.diff(ends, axis=0) / GRID)
 
 
 def _steps(t: FloatArray, values: FloatArray) -> FloatArray:

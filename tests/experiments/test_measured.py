@@ -12,10 +12,17 @@ from estimator.flight_model import FlightModel, flight_model
 from experiments.benchmarks.attitude import LOGS, OURS, compare, in_ned, paired
 from experiments.measured import flights
 from experiments.measured.preparation import prepared
-from experiments.measured.reference import AttitudeError, Mounted, attitude_error, mounted, without_jumps
+from experiments.measured.reference import (
+    AttitudeError,
+    Mounted,
+    attitude_error,
+    gyro_error,
+    mounted,
+    without_jumps,
+)
 from experiments.residual_loop.open_flight import flight_source
 from experiments.scenarios import load_scenario
-from sensors.recording import Environment, Recording, Stream
+from sensors.recording import GYRO, Environment, Recording, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
 from sensors.simulate import simulate
 
@@ -73,6 +80,19 @@ def test_mounting_and_delay_come_from_the_rates(handheld: tuple[Recording, Strea
     assert found.delay == pytest.approx(0.08, abs=0.011)
     error = quaternion_log(quaternion_multiply(quaternion_conjugate(mounting), found.mounting))
     assert np.linalg.norm(error) < 0.5 * DEGREE
+
+
+def test_scale_and_crookedness_of_a_gyroscope_come_from_the_rates(handheld: tuple[Recording, Stream]) -> None:
+    """A per cent of scale is seen to a tenth of it."""
+    recording, truth = handheld
+    imu = recording.streams["imu"]
+    K = np.array([[1.02, 0.005, 0.0], [0.005, 0.97, 0.0], [0.0, 0.0, 1.0]])
+    wrong = {**imu.columns, **dict(zip(GYRO, (imu.array(GYRO) @ K.T).T, strict=True))}
+    recording = recording.replace(streams={**recording.streams, "imu": Stream(imu.t, wrong)})
+    mounting = quaternion_exp(np.array([0.1, -0.2, 0.3]))
+    found = gyro_error(recording, mounted(recording, turned(truth, mounting, 0.0)))
+    assert found.scale == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
+    assert found.cross_axis == pytest.approx([0.005, 0.0, 0.0], abs=1e-3)
 
 
 def test_error_of_the_truth_is_none_but_a_north(handheld: tuple[Recording, Stream]) -> None:

@@ -64,7 +64,7 @@ def test_withheld_fixes_of_a_source_are_those_of_a_thinned_log() -> None:
 def test_gallery_finds_what_was_published(data: Path) -> None:
     found = gallery.find("MPU-9150 0, accelerometer")
     assert [effect["name"] for effect in found.document["effects"]] == ["accel.cross_axis"]
-    apart = [float(word) for word in found.published.split("found ")[1].split(" sigma")[0].split(", ")]
+    apart = [float(word) for word in found.beside.split("found ")[1].split(" sigma")[0].split(", ")]
     assert max(abs(a) for a in apart) < 4.0
     text = page([found])
     assert "`sinan trace mpu9150_imu_calib/imu0.log --sensor accel`" in text
