@@ -142,11 +142,15 @@ def measure(name: str) -> dict[str, Any]:
     Where the likelihood asks for a delay of GPS, the log is prepared and predicted again with it taken off the stamps.
     """
     recording = resolve(LOGS[name])
-    return measured(name, recording, reference_of(LOGS[name]), prepared(recording))
+    reference, ready = reference_of(LOGS[name]), prepared(recording)
+    entry = measured(name, reference, ready)
+    if "gps" in ready.recording.streams:
+        entry |= with_delay(recording, reference, ready)
+    return entry
 
 
-def measured(name: str, recording: Recording, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
-    """The same of a log that is read and prepared already."""
+def measured(name: str, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
+    """The same of a log that is read and prepared already, but for the delay."""
     journal = ready.run()
     entry: dict[str, Any] = {
         "log": name, "levels": list(ready.noise.notes), "nis": dict(journal.nis_per_dof()),
@@ -154,15 +158,19 @@ def measured(name: str, recording: Recording, reference: Stream | None, ready: P
     }  # fmt: skip
     if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
         entry["attitude"] = attitude_of(journal, ready, reference)
-    if "gps" not in ready.recording.streams:
-        return entry
-    entry["withheld"] = [asdict(prediction) for prediction in predictions(ready)]
+    if "gps" in ready.recording.streams:
+        entry["withheld"] = [asdict(prediction) for prediction in predictions(ready)]
+    return entry
+
+
+def with_delay(recording: Recording, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
+    """Delay of GPS by the likelihood, and the errors with it taken off the stamps."""
     delay, gain = likeliest_delay(ready)
-    entry["gps_delay"], entry["gps_delay_gain"] = delay, gain
+    entry: dict[str, Any] = {"gps_delay": delay, "gps_delay_gain": gain}
     if gain > CONVINCING:
         again = prepared(earlier(recording, "gps", delay))
         entry["withheld_without_delay"] = [asdict(prediction) for prediction in predictions(again)]
-        if reference is not None and "attitude" in entry:
+        if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
             entry["attitude_without_delay"] = attitude_of(again.run(), again, reference)
     return entry
 

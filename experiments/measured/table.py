@@ -16,7 +16,7 @@ import numpy as np
 from estimator.journal import Journal
 from experiments.datasets import reference_of, resolve
 from experiments.measured.engines import AGREEMENT, Agreement, agreement
-from experiments.measured.flights import CONVINCING, LOGS, measured
+from experiments.measured.flights import LOGS, measured
 from experiments.measured.preparation import Prepared, prepared
 from experiments.report.words import number
 
@@ -32,7 +32,7 @@ log where its map declares none (`docs/notes/noise_levels.md`).
 - **attitude**: RMS of tilt and heading [deg] against cameras, a robot or an autopilot's own estimate; mounting, delay
   and one constant heading taken off.
 - **position**: RMS [m] of what the filter predicts 1, 5 and 10 s after the last fix, where ten seconds of fixes are
-  withheld in every thirty. In brackets the same with the delay of GPS that the log asks for taken off its stamps.
+  withheld in every thirty. Some logs ask for a delay of their GPS: `python -m experiments.measured.flights` says which.
 - **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
 - **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
   reading, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used and the other refused.
@@ -79,7 +79,7 @@ def row_of(name: str) -> Row:
     return Row(
         name, LOGS[name], journal.t_end - journal.t_start,
         {n: 1.0 / float(np.median(np.diff(s.t))) for n, s in streams.items()}, ", ".join(words) or "none",
-        measured(name, recording, reference, ready), agreement(ready), undecided(ready, journal, recording.notes),
+        measured(name, reference, ready), agreement(ready), undecided(ready, journal, recording.notes),
     )  # fmt: skip
 
 
@@ -121,7 +121,6 @@ def page(rows: Sequence[Row]) -> str:
         quoted = f"'{row.input}'" if " " in row.input else row.input
         lines.append(f"- **{row.name}**: `sinan estimate {quoted}`")
         lines += [f"  - {sentence}" for sentence in row.undecided]
-        lines += [f"  - {sentence}" for sentence in delay_words(row.entry)]
     return "\n".join([*lines, ""])
 
 
@@ -136,31 +135,21 @@ def cells(row: Row) -> list[str]:
                     for n, v in row.entry["nis"].items())  # fmt: skip
     rates = ", ".join(f"{n} {number(rate)}" for n, rate in row.rates.items())
     engines = f"{row.engines.difference:.0e}, {row.engines.gates}"
-    return [row.name, f"{row.duration:.0f} s", rates, row.reference, tilt, position_words(row.entry), nis, engines]
-
-
-def position_words(entry: Mapping[str, Any]) -> str:
-    """Errors 1, 5 and 10 s after the last fix, and again without the delay."""
-    if "withheld" not in entry:
-        return "-"
-    shown = [at_ages(entry["withheld"])]
-    if "withheld_without_delay" in entry:
-        shown.append(f"({at_ages(entry['withheld_without_delay'])})")
-    return " ".join(shown)
+    return [
+        row.name,
+        f"{row.duration:.0f} s",
+        rates,
+        row.reference,
+        tilt,
+        at_ages(row.entry.get("withheld", ())),
+        nis,
+        engines,
+    ]
 
 
 def at_ages(predictions: Sequence[Mapping[str, float]]) -> str:
-    """The errors of a run of withheld fixes."""
-    return ", ".join(f"{p['rms']:.2g}" for p in predictions if p["age"] != 2.0)
-
-
-def delay_words(entry: Mapping[str, Any]) -> list[str]:
-    """The delay of GPS that a log asks for, where it does."""
-    if entry.get("gps_delay_gain", 0.0) < CONVINCING:
-        return []
-    return [
-        f"its GPS is late by {entry['gps_delay']:.2f} s by the likelihood (2 log L + {entry['gps_delay_gain']:.0f})"
-    ]
+    """The errors 1, 5 and 10 s after the last fix."""
+    return ", ".join(f"{p['rms']:.2g}" for p in predictions if p["age"] != 2.0) or "-"
 
 
 def main(arguments: Sequence[str]) -> int:
