@@ -156,6 +156,21 @@ def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording,
     assert fit_noise_levels(longer).specs == fit.specs
 
 
+def test_zero_of_a_barometer_is_a_bias_and_no_height(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
+    """Height above the sea beside a GPS that counts from the first fix."""
+    recording = bare(flight[0])
+    baro = recording.streams["baro"]
+    above_sea = Stream(baro.t, {**baro.columns, "height": baro["height"] + 1800.0})
+    recording = recording.replace(streams={**recording.streams, "baro": above_sea})
+    found = fit_noise_levels(recording)
+    assert found.specs["baro"].bias_std == pytest.approx(1800.0, rel=0.01)
+    assert found.specs["baro"].noise_std == pytest.approx(fit.specs["baro"].noise_std, rel=0.1)
+    journal = run_filter(recording, flight_model(recording, specs=found.specs), engine="numba")
+    truth = np.interp(journal.imu_t, flight[1].t, flight[1]["down"])
+    assert np.sqrt(np.mean((journal.imu_x[:, 2] - truth) ** 2)) < 1.5
+    assert journal.x_end[journal.model.layout.nominal("b_baro")] == pytest.approx(1800.0, abs=5.0)
+
+
 def test_a_stream_on_another_clock_is_an_error(flight: tuple[Recording, Stream]) -> None:
     recording = bare(flight[0])
     baro = recording.streams["baro"]
