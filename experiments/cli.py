@@ -20,6 +20,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
+    epilog="Begin with `sinan demo`; `sinan COMMAND --help` says more.",
 )
 
 
@@ -44,13 +45,15 @@ class AxesForm(StrEnum):
 
 
 Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
-Map = Annotated[Path | None, typer.Option("--map", help="TOML file that says how to read the log")]
-Json = Annotated[Path | None, typer.Option("--json", help="write the result as JSON")]
+Map = Annotated[
+    Path | None, typer.Option("--map", help="TOML file that says how to read the log (README)", metavar="FILE")
+]
+Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
 ]
-Html = Annotated[Path | None, typer.Option("--html", help="write a self-contained page")]
-Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2")]
+Html = Annotated[Path | None, typer.Option("--html", help="file for a self-contained page", metavar="FILE")]
+Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2; else as declared, else 9.80665")]
 Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
 Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
 
@@ -96,7 +99,7 @@ def fetch(
         list[str] | None, typer.Argument(help="data sets; all if none is named", metavar="[NAME]...")
     ] = None,
 ) -> None:
-    """Get measured data sets into the cache, checksummed; SINAN_DATA=DIR reads a local mirror."""
+    """Get measured data sets into the cache, checksummed; with SINAN_DATA=DIR, check a local mirror of them."""
     from experiments.datasets.fetch import fetch as fetch_sets
     from experiments.report.console import progress
 
@@ -119,7 +122,7 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
-    seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+    seed: Annotated[int, typer.Option(help="of the random numbers: the same seed gives the same result")] = 0,
     force: Force = False,
 ) -> None:
     """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
@@ -141,9 +144,11 @@ def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> No
 
 @app.command()
 def calibrate(
-    sensor: Annotated[Sensor, typer.Argument()],
+    sensor: Annotated[Sensor, typer.Argument(help="which sensor of the log")],
     input: Input,
-    axes: Annotated[AxesForm | None, typer.Option(help="form of T; default none, gyro full")] = None,
+    axes: Annotated[
+        AxesForm | None, typer.Option(help="form of T, which turns and skews the axes; default none, gyro full")
+    ] = None,
     gravity: Gravity = None,
     map: Map = None,
     json: Json = None,
@@ -158,17 +163,35 @@ def calibrate(
 @app.command()
 def estimate(
     input: Input,
-    engine: Annotated[str, typer.Option(help="numba, filterpy or auto")] = "auto",
-    states: Annotated[Path | None, typer.Option(help="write the states as CSV")] = None,
+    engine: Annotated[str, typer.Option(help="numba (compiled), filterpy (readable, slow) or auto")] = "auto",
+    states: Annotated[Path | None, typer.Option(help="file for the states over time, as CSV", metavar="FILE")] = None,
     map: Map = None,
     relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Run the filter on a flight."""
+    """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a truth."""
     from experiments.estimate_command import run
 
     _say(run(input, engine, states, map, json, html, relinearise), json, html, states=states)
+
+
+@app.command()
+def trace(
+    input: Input,
+    sensor: Annotated[Sensor | None, typer.Option(help="which one, of a poses recording with several")] = None,
+    alpha: Annotated[
+        float, typer.Option(help="risk of any false alarm, over all candidates together", min=1e-6, max=0.5)
+    ] = 0.01,
+    gravity: Gravity = None,
+    map: Map = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Find the effect that the model lacks, add it, and report the error before and after."""
+    from experiments.trace_command import run
+
+    _say(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
 
 
 @app.command()
@@ -184,9 +207,9 @@ def gnss(
     reference: Annotated[Path | None, typer.Option(help="known positions of a moving receiver")] = None,
     base: Annotated[Path | None, typer.Option(help="RINEX observation file of a base receiver")] = None,
     base_position: Annotated[
-        tuple[float, float, float] | None, typer.Option(help="of the base, ECEF, m", metavar="X Y Z")
+        tuple[float, float, float] | None, typer.Option(help="known position of the base, ECEF, m", metavar="X Y Z")
     ] = None,
-    solution: Annotated[Path | None, typer.Option(help="write the fixes as CSV")] = None,
+    solution: Annotated[Path | None, typer.Option(help="file for the fixes, as CSV", metavar="FILE")] = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
@@ -217,7 +240,7 @@ def montecarlo(
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
     resume: Annotated[Path | None, typer.Option(help="folder that keeps finished runs")] = None,
-    seed: Annotated[int, typer.Option(help="of the random numbers")] = 0,
+    seed: Annotated[int, typer.Option(help="of the random numbers: the same seed gives the same result")] = 0,
     relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
@@ -230,7 +253,9 @@ def montecarlo(
 
 @app.command()
 def lab(
-    name: Annotated[str | None, typer.Argument(help="of the experiment; without one, the list")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="accelerometer, gravity, magnetometer or scan_height; none: the list")
+    ] = None,
     out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
 ) -> None:
     """The course's experiments."""
@@ -240,22 +265,6 @@ def lab(
         typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))
     else:
         run(name, out)
-
-
-@app.command()
-def trace(
-    input: Input,
-    sensor: Annotated[Sensor | None, typer.Option(help="of a poses recording with several")] = None,
-    alpha: Annotated[float, typer.Option(help="family-wise error", min=1e-6, max=0.5)] = 0.01,
-    gravity: Gravity = None,
-    map: Map = None,
-    json: Json = None,
-    html: Html = None,
-) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after."""
-    from experiments.trace_command import run
-
-    _say(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
 
 
 @app.command()

@@ -30,8 +30,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     after = np.linalg.norm(result.apply(readings.reading), axis=1)
     page.figure(norm_before_after(before, after, 9.8, "m/s²"), "Norm of each reading; the line is gravity.")
     rows = [
-        ["K", numbers(result.K), numbers(PRINTED[0])],
-        ["b", numbers(result.offset), numbers(PRINTED[1])],
+        ["K (ratio)", numbers(result.K), numbers(PRINTED[0])],
+        ["b / (m/s²)", numbers(result.offset), numbers(PRINTED[1])],
     ]
     page.table(["", "found", "printed in the course"], rows)
     page.write(out / "accelerometer.html")

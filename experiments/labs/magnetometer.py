@@ -20,17 +20,17 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     readings, result = calibrated("MagRaw.mat", "mag")
     other = (*PRINTED[:5], -PRINTED[5])
     costs = [float(np.sum(norm_residual(np.array(x), readings.reading, 1.0) ** 2)) for x in (PRINTED, other)]
-    say(f"K = diag({numbers(result.K)}), b = ({numbers(result.offset)}), cost {result.fit.sse:.3f}")
-    say(f"b_z = -0.0898 as printed costs {costs[0]:.2f}, b_z = +0.0898 costs {costs[1]:.2f}: the data say plus")
+    say(f"K = diag({numbers(result.K)}), b = ({numbers(result.offset)}), sum of squares {result.fit.sse:.3f}")
+    say(f"b_z = -0.0898 as printed: sum of squares {costs[0]:.2f}; b_z = +0.0898: {costs[1]:.2f}; the data say plus")
     page = Page(
         "A magnetometer turned on six faces",
         "The field has the same length in every direction. The printed sign of one offset does not fit the data.",
     )
     page.numbers(
         [
-            (f"{result.fit.sse:.2f}", "cost at the minimum"),
-            (f"{costs[0]:.2f}", "cost with the printed b_z = -0.0898"),
-            (f"{costs[1]:.2f}", "cost with b_z = +0.0898"),
+            (f"{result.fit.sse:.2f}", "sum of squared residuals at the minimum"),
+            (f"{costs[0]:.2f}", "the same with the printed b_z = -0.0898"),
+            (f"{costs[1]:.2f}", "the same with b_z = +0.0898"),
         ]
     )
     before = np.linalg.norm(readings.reading, axis=1)

@@ -32,9 +32,14 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     say(f"formula and simulation agree to {worst:.0e}; 20 deg of roll, a ±30 deg scan: {too_long:.1f} % too long")
     page = Page(
         "Height from a scan",
-        "mean(ρ cos φ) equals the slant range only without roll in the scan's plane; beam by beam the height is exact.",
+        "A laser sweeps from side to side: the beam at angle φ returns the range ρ. The course takes mean(ρ cos φ) for "
+        "the range straight down in the body; over flat ground that holds without roll alone. With every beam taken at "
+        "its own angle to the vertical, φ plus roll, the height is exact.",
     )
     figure = lines(np.rad2deg(roll), curves, "roll / deg", "error of the mean / %")
-    caption = "Error of the course's mean over roll; pitch makes none. The least-squares height has no such error."
+    caption = (
+        "How much too long the course's mean is, over roll, for scans of several widths; pitch makes no such error, and "
+        "the least-squares height of all beams has none."
+    )
     page.figure(figure, caption)
     page.write(out / "scan_height.html")

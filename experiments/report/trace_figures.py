@@ -88,8 +88,8 @@ def error_bars(all_data: tuple[Errors, Errors], held_out: tuple[Errors, Errors],
     one.set_xlim(0.0, 1.25 * longest)
     unit = all_data[0].unit
     one.set_xlabel(axis_label(f"RMS of the {SENSORS.get(stream, stream)} residual", unit), fontsize=9)
-    one.legend(*_legend(one, (("plain model", BEFORE), ("with the effects found", AFTER))), frameon=False, fontsize=9,
-               loc="lower right")  # fmt: skip
+    handles, labels = _legend((("plain model", BEFORE), ("with the effects found", AFTER)))
+    one.legend(handles, labels, frameon=False, fontsize=9, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
 
 
@@ -188,7 +188,7 @@ def error_change(before: Errors, after: Errors) -> str:
     return f"{change(before.rms, after.rms)} {unit_words(before.unit)}".strip()
 
 
-def _legend(one: Axes, entries: Sequence[tuple[str, str]]) -> tuple[list[object], list[str]]:
+def _legend(entries: Sequence[tuple[str, str]]) -> tuple[list[object], list[str]]:
     from matplotlib.patches import Patch
 
     return [Patch(color=colour) for _, colour in entries], [label for label, _ in entries]

@@ -82,8 +82,10 @@ def trace_page(
         page.figure(*made["candidates"])
         _candidate_tables(page, result, document)
     _honesty(page, document)
-    for note in document.get("notes", []):
-        page.text(str(note), note=True)
+    if document.get("notes"):
+        page.heading("Not declared, and taken from the log")
+        for note in document["notes"]:
+            page.text(str(note), note=True)
     page.write(path)
 
 
@@ -108,13 +110,13 @@ def _residual_figures(source: Source, result: Trace, document: Mapping[str, Any]
         return {r.stream: r for r in source.residuals(fit)}
 
     before, after = of(result.selection.plain), of(result.selection.final)
-    streams = [source.effect(finding.term).stream for finding in result.selection.findings]
+    streams = [_stream_of(source, result, finding) for finding in result.selection.findings]
     part = document["error"]["held_out_part"]
     made = {}
     for stream in dict.fromkeys([result.proof.stream, *streams]):
         if stream not in before:
             continue
-        terms = [f.term for f in result.selection.findings if source.effect(f.term).stream == stream]
+        terms = [f.term for f, s in zip(result.selection.findings, streams, strict=True) if s == stream]
         intervals = [term.interval for term in terms if term.interval is not None]
         name = "residuals" if stream == result.proof.stream else f"residuals_{stream}"
         caption = f"Residual of the {words.SENSORS.get(stream, stream)}, each model fitted to all data." + (
@@ -122,6 +124,15 @@ def _residual_figures(source: Source, result: Trace, document: Mapping[str, Any]
         )
         made[name] = figures.residuals_over_time(before[stream], after[stream], part, intervals), caption
     return made
+
+
+def _stream_of(source: Source, result: Trace, finding: Finding) -> str:
+    """The stream in whose residuals an effect shows: its own, or for an IMU the one that sees most of it."""
+    own = source.effect(finding.term).stream
+    if any(r.stream == own for r in source.residuals(result.selection.plain)):
+        return own
+    signature = source.signature(result.selection.plain, finding.term, finding.beta)
+    return own if signature is None else signature.stream
 
 
 def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Figure, str] | None:

@@ -46,10 +46,12 @@ def title(document: Mapping[str, Any]) -> str:
         others = ", or ".join(_clause(CATALOGUE[name].summary) for name in first["confused_with"])
         return f"{_sentence(first['summary'])}, or {others}: these data cannot tell"
     if len(effects) == 1:
-        return f"{_sentence(first['summary'])}: {size_words(first)}; {headline_error(document)}"
+        rest = ", and something without a name" if document["verdict"] == "unexplained" else ""
+        return f"{_sentence(first['summary'])}: {size_words(first)}{rest}; {headline_error(document)}"
     parts = [f"{_clause(e['summary'])} ({size_words(e)})" for e in effects[:_MOST_IN_TITLE]]
     more = len(effects) - _MOST_IN_TITLE
     parts += [f"{more} more {'effects' if more > 1 else 'effect'}"] if more > 0 else []
+    parts += ["something without a name"] if document["verdict"] == "unexplained" else []
     text = ", ".join(parts[:-1]) + ", and " + parts[-1]
     return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
 
@@ -80,6 +82,8 @@ def lead(document: Mapping[str, Any]) -> str:
         text += f" What would decide: {document['separates']}."
     if document["verdict"] == "unexplained":
         text += " Something remains that no effect of the catalogue explains: see the end."
+    if document["effects"] and not document["error"]["same_names_on_fitting_part"]:
+        text += " The part that was used for fitting, taken alone, chooses other effects: take the names with care."
     return text
 
 
@@ -140,7 +144,10 @@ def interval_words(effect: Mapping[str, Any]) -> str:
 def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Name, value with its sigma, and unit of every parameter of an effect, as `simulate --effect` takes them."""
     columns = zip(effect["parameters"], effect["beta"], effect["std"], effect["unit"], strict=True)
-    return [(_parameter(effect, name), with_sigma(b, s), _unit(effect, unit)) for name, b, s, unit in columns]
+    return [
+        (_parameter(effect, name), "not seen" if b == s == 0.0 else with_sigma(b, s), _unit(effect, unit))
+        for name, b, s, unit in columns
+    ]
 
 
 def _parameter(effect: Mapping[str, Any], name: str) -> str:
@@ -165,11 +172,8 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     """The trace in a few lines for the terminal."""
     lines = [f"{document['recording']}: {document['verdict']}", f"  {title(document)}.", f"  {lead(document)}"]
     lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
-    if document["effects"]:
-        same = (
-            "chooses the same effects" if document["error"]["same_names_on_fitting_part"] else "chooses other effects"
-        )
-        lines.append(f"  The part that was used for fitting, taken alone, {same}.")
+    if document["effects"] and document["error"]["same_names_on_fitting_part"]:
+        lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
     truth = document["error"].get("truth") or {"before": {}, "after": {}}
     for name, before in truth["before"].items():
         if document["effects"]:
@@ -187,7 +191,7 @@ def remaining_sentence(item: Mapping[str, Any]) -> str:
     sensor, size = SENSORS.get(item["stream"], item["stream"]), item["excess"]
     if item["kind"] == "variance":
         relation = "larger" if size > 0 else "smaller"
-        return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than declared"
+        return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than expected"
     if item["kind"] == "colour":
         return f"neighbouring {sensor} residuals are correlated ({number(size)}; 0 would be white noise)"
     return f"an offset of {number(size)} sigma in a stretch of the {sensor} residual"
