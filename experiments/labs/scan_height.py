@@ -38,8 +38,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     )
     figure = lines(np.rad2deg(roll), curves, "roll / deg", "error of the mean / %")
     caption = (
-        "How much too long the course's mean is, over roll, for scans of several widths; pitch makes no such error, and "
-        "the least-squares height of all beams has none."
+        "How much too long the course's mean is, over roll, for scans of several widths; pitch makes no such error, "
+        "and the least-squares height of all beams has none."
     )
     page.figure(figure, caption)
     page.write(out / "scan_height.html")
