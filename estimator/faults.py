@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 
 #: False-alarm rate per stream of calling a run of equal readings frozen.
 FROZEN_LEVEL = 1e-6
@@ -28,7 +28,7 @@ class Note:
         return f"{self.stream}: {self.kind} from {self.start:.3f} to {self.stop:.3f} s, {self.action}"
 
 
-def _equal_runs(same: FloatArray) -> list[tuple[int, int]]:
+def _equal_runs(same: BoolArray) -> list[tuple[int, int]]:
     """[start, stop) of runs of rows that equal their predecessor; `same` (n - 1,) bool."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
     return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -47,7 +47,32 @@ def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:
     n = len(readings)
     if n < 4:
         return []
-    same = np.all(readings[1:] == readings[:-1], axis=1)
+    return _unusual_runs(np.all(readings[1:] == readings[:-1], axis=1))
+
+
+def stuck_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which one component is frozen, as `frozen_runs` has it, while another moves as usual.
+
+    At rest a coarse converter repeats all of them: there nothing is stuck.
+    """
+    n, size = readings.shape
+    if n < 4 or size < 2:
+        return []
+    moves = np.abs(np.diff(readings, axis=0))
+    usual = np.median(moves, axis=0)
+    found = []
+    for k in range(size):
+        others = np.delete(np.arange(size), k)
+        for start, stop in _unusual_runs(moves[:, k] == 0.0):
+            here = np.median(moves[start : stop - 1][:, others], axis=0)
+            if usual[k] > 0.0 and np.any((here >= 0.5 * usual[others]) & (usual[others] > 0.0)):
+                found.append((start, stop))
+    return sorted(found)
+
+
+def _unusual_runs(same: BoolArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) of the runs of repeats longer than the habit of the stream explains; `same` (n - 1,)."""
+    n = len(same) + 1
     runs = _equal_runs(same)
     if not runs:
         return []

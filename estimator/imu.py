@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.faults import Note, frozen_runs, saturated_runs
+from estimator.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from estimator.flight_model import FlightModel
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.recording import ACCEL, GYRO, Recording
@@ -27,6 +27,12 @@ from sensors.recording import ACCEL, GYRO, Recording
 GAP = 2.5
 #: Windows from which the unseen motion inside a gap is estimated, at least this many.
 GAP_WINDOWS = 8
+_ACCEL, _GYRO = slice(0, 3), slice(3, 6)
+#: Samples over which the slope into and out of a saturated stretch is taken.
+_SLOPE = 3
+#: A saturated stretch is noted where it lacks this many of the usual steps between samples: a coarse converter also
+#: stays at its largest value for some samples.
+_SEEN = 3.0
 
 
 @dataclass(frozen=True)
@@ -63,13 +69,20 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
         keep[start + 1 : stop] = False
         notes.append(Note("imu", "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
     for name, columns in (("accel", u[:, :3]), ("gyro", u[:, 3:])):
-        for start, stop in saturated_runs(columns):
-            notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
+        for start, stop in stuck_runs(columns):
+            keep[start + 1 : stop] = False
+            notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
+    excess, found = beyond_the_range(t, u)
+    notes += found
     row = np.flatnonzero(keep)
-    t, u = t[row], u[row]
+    t, u, excess = t[row], u[row] + excess[row], excess[row]
     nominal = 1.0 / model.rate
     q_accel, q_gyro = _sample_noise(t, nominal, model)
     h = np.diff(t)
+    if np.any(excess):
+        q_accel, q_gyro = (
+            q + _unseen(np.max(np.abs(excess[:, part]), axis=1), t) for q, part in ((q_accel, _ACCEL), (q_gyro, _GYRO))
+        )
     gaps = np.flatnonzero(h > GAP * nominal)
     for k in gaps:
         motion = unseen_motion(t, u, float(h[k]), nominal)
@@ -81,6 +94,40 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     if len(gaps):
         t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, gaps, nominal)
     return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes))
+
+
+def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Note]]:
+    """(n, 6) what a saturated sample lacks on average, and a note on each stretch where that is more than its steps.
+
+    While a reading stays at its limit for a time T, the true value goes on with the slope s that it came with and comes
+    back: an arc over the limit of mean height s T / 6, as a parabola has it.
+    """
+    excess, notes = np.zeros_like(u), []
+    for name, part in (("accel", _ACCEL), ("gyro", _GYRO)):
+        for k in range(part.start, part.stop):
+            column = u[:, k]
+            usual = float(np.median(np.abs(np.diff(column)))) if len(t) > 1 else 0.0
+            for start, stop in saturated_runs(column[:, None]):
+                before, after = max(start - _SLOPE, 0), min(stop - 1 + _SLOPE, len(t) - 1)
+                slopes = [abs(column[start] - column[before]) / max(t[start] - t[before], 1e-9),
+                          abs(column[after] - column[stop - 1]) / max(t[after] - t[stop - 1], 1e-9)]  # fmt: skip
+                height = max(slopes) * (t[stop - 1] - t[start]) / 6.0
+                excess[start:stop, k] = np.copysign(height, column[start] - np.median(column))
+                if height > _SEEN * usual:
+                    action = "taken as an arc over the limit"
+                    notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), action))
+    return excess, notes
+
+
+def _unseen(height: FloatArray, t: FloatArray) -> FloatArray:
+    """(n - 1,) variance rate whose integral over each stretch of heights e is (e T)^2: e as uncertain as itself."""
+    on = height > 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
+    rate = np.zeros(len(t) - 1)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        last = min(stop, len(t) - 1)
+        rate[start:last] = float(np.max(height[start:stop])) ** 2 * (t[last] - t[start])
+    return rate
 
 
 def _sample_noise(t: FloatArray, nominal: float, model: FlightModel) -> tuple[FloatArray, FloatArray]:

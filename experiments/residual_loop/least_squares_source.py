@@ -311,7 +311,7 @@ class LeastSquaresSource:
                 first, last = refine(whole, *ends, to_the_end, _SHORTEST, _ENDS_WITHIN, len(t))
                 end = float(t[last]) if last < len(t) else float(t[-1]) + _after(t)
                 term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
-                findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta))
+                findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched))
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
@@ -336,6 +336,10 @@ class LeastSquaresSource:
         return LocalFinding(term, statistic, 1, log_p, np.array([count / self._n]))
 
     # ---- residuals
+
+    def relocated(self, fit: Fit, term: Term) -> Term:
+        """The term itself: its interval was searched reading by reading."""
+        return term
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all measured rows; wrong readings that the model names are left out."""

@@ -31,6 +31,7 @@ class Interval:
     statistic : the same as a likelihood ratio
     dof : directions of the offset that are seen
     log_p : corrected for the search and for the colour of the residual
+    searched : logarithm of the number of intervals searched, which is in `log_p`
     beta : (size,) offset
     """
 
@@ -40,6 +41,7 @@ class Interval:
     statistic: float
     dof: int
     log_p: float
+    searched: float
     beta: FloatArray
 
 
@@ -131,7 +133,9 @@ def find_interval(scan: OffsetScan, to_the_end: bool, noise_dof: float, shortest
         log_p = min(log_p + float(np.log(searched)), 0.0)
         if best is None or log_p < best.log_p:
             statistic = likelihood_ratio(float(one_gain[0]), noise_dof)
-            best = Interval(a, b, float(one_gain[0]), statistic, int(one_dof[0]), log_p, beta[0])
+            best = Interval(
+                a, b, float(one_gain[0]), statistic, int(one_dof[0]), log_p, float(np.log(searched)), beta[0]
+            )
     return best
 
 

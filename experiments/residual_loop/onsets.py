@@ -115,19 +115,27 @@ def _of_stream(
             continue
         gain, dof, beta = joint.gain(pairs)
         k = int(np.argmax(gain - 2.0 * dof))
+        best = _Best(_times(grid, pairs[k], end), float(gain[k]), int(dof[k]), beta[k], joint.column(pairs[k]))
         searched = float(np.log(len(pairs) * _FINER))
-        log_p = log_p_value(float(gain[k]), int(dof[k]))
-        coloured = log_p + searched < refine_below and joint.is_coloured(stream, pairs[k], beta[k])
-        log_p = (_log_p_among_peers(joint, pairs, k, gain, dof) if coloured else log_p) + searched
-        interval = _times(grid, pairs[k], end)
-        statistic, size = float(gain[k]), int(dof[k])
-        offset = beta[k]
-        if log_p < refine_below:
-            spacing = float(grid[1] - grid[0])
-            interval, statistic, offset, finer = _refined(rows_of, step, interval, spacing, stamps, start, end)
-            log_p = min(log_p, log_p - 0.5 * max(finer - float(gain[k]), 0.0)) if not coloured else log_p
-        found.append(LocalFinding(Term(f"{stream}.{family}", interval), statistic, size, min(log_p, 0.0), offset))
+        if log_p_value(best.gain, best.dof) + searched < refine_below:
+            best = refined(rows_of, step, best.interval, float(grid[1] - grid[0]), stamps, start, end)
+        log_p = log_p_value(best.gain, best.dof)
+        if log_p + searched < refine_below and joint.is_coloured_without(stream, best):
+            log_p = _log_p_among_peers(joint, best, end)
+        term = Term(f"{stream}.{family}", best.interval)
+        found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
+
+
+@dataclass(frozen=True)
+class _Best:
+    """An interval: its gain, the directions that are seen, the offset, and its (r, size) sensitivities."""
+
+    interval: tuple[float, float]
+    gain: float
+    dof: int
+    beta: FloatArray
+    column: FloatArray
 
 
 class _Joint:
@@ -144,13 +152,15 @@ class _Joint:
         self.b = (W.T @ white).reshape(m, size)
         self.W, self.white, self.sensor = W, white, rows.sensor
 
-    def is_coloured(self, stream: str, pair: IntArray, offset: FloatArray) -> bool:
-        """Whether the innovations stay coloured once the offset is taken off: those of the stream, of an IMU all."""
+    def column(self, pair: IntArray) -> FloatArray:
+        """(r, size) sensitivities to an offset in an interval."""
         n = self.size
-        explained = self.W[:, pair[0] * n : pair[0] * n + n] @ offset
-        if pair[1] >= 0:
-            explained = explained - self.W[:, pair[1] * n : pair[1] * n + n] @ offset
-        left = self.white - explained
+        first = self.W[:, pair[0] * n : pair[0] * n + n]
+        return first - self.W[:, pair[1] * n : pair[1] * n + n] if pair[1] >= 0 else first
+
+    def is_coloured_without(self, stream: str, found: _Best) -> bool:
+        """Whether the innovations stay coloured once the offset is taken off: those of the stream, of an IMU all."""
+        left = self.white - found.column @ found.beta
         names = [stream] if stream in self.sensor else list(np.unique(self.sensor))
         results = [whiteness(left[self.sensor == name][:, None]) for name in names]
         return any(r is not None and r[1] < _COLOURED / len(names) for r in results)
@@ -189,49 +199,45 @@ class _Joint:
             np.einsum("mij,mj->mi", vectors, projected * inverse),
         )
 
-    def without(self, pair: IntArray) -> _Joint:
-        """What is left once an offset in this interval is fitted."""
+    def without(self, column: FloatArray) -> _Joint:
+        """What is left once an offset with these sensitivities is fitted."""
         other = object.__new__(_Joint)
         other.onsets, other.size = self.onsets, self.size
         other.W, other.white, other.sensor = self.W, self.white, self.sensor
         m, n = len(self.onsets), self.size
         flat = self.L.transpose(0, 2, 1, 3).reshape(m * n, m * n)
-        select = np.zeros((m * n, n))
-        select[pair[0] * n : pair[0] * n + n] = np.eye(n)
-        if pair[1] >= 0:
-            select[pair[1] * n : pair[1] * n + n] = -np.eye(n)
-        column = flat @ select
-        A = np.linalg.pinv(select.T @ column, rcond=1e-9, hermitian=True)
-        b = self.b.reshape(-1)
-        other.L = (flat - column @ A @ column.T).reshape(m, n, m, n).transpose(0, 2, 1, 3)
-        other.b = (b - column @ (A @ (select.T @ b))).reshape(m, n)
+        cross = self.W.T @ column
+        A = np.linalg.pinv(column.T @ column, rcond=1e-9, hermitian=True)
+        other.L = (flat - cross @ A @ cross.T).reshape(m, n, m, n).transpose(0, 2, 1, 3)
+        other.b = (self.b.reshape(-1) - cross @ (A @ (column.T @ self.white))).reshape(m, n)
         return other
 
 
-def _log_p_among_peers(joint: _Joint, pairs: IntArray, k: int, gain: FloatArray, dof: IntArray) -> float:
+def _log_p_among_peers(joint: _Joint, found: _Best, end: float) -> float:
     """Log p of one interval among coloured innovations, by comparison with others of about its length."""
-    log_p = log_p_value(float(gain[k]), int(dof[k]))
-    if dof[k] == 0:
+    log_p = log_p_value(found.gain, found.dof)
+    if found.dof == 0:
         return log_p
-    m = len(joint.onsets)
-    length = (pairs[k, 1] if pairs[k, 1] >= 0 else m) - pairs[k, 0]
+    m, spacing = len(joint.onsets), float(joint.onsets[1] - joint.onsets[0])
+    length = (min(found.interval[1], end) - found.interval[0]) / spacing
     all_pairs = joint.transients()
     lengths = all_pairs[:, 1] - all_pairs[:, 0]
-    near = np.abs(lengths - min(length, m // 3)) <= 1
-    left, left_dof, _ = joint.without(pairs[k]).gain(all_pairs[near])
+    near = np.abs(lengths - max(round(min(length, m // 3)), 1)) <= 1
+    left, left_dof, _ = joint.without(found.column).gain(all_pairs[near])
     seen = left_dof > 0
     if np.sum(seen) < _LEAST_PEERS:
         return log_p
     factor = max(float(np.median(left[seen] / stats.chi2.median(left_dof[seen]))), 1.0)
-    independent = max(m / max(min(length, m - length), 1) - 1.0, 1.0)
-    return max(log_p, float(stats.f.logsf(gain[k] / dof[k] / factor, dof[k], dof[k] * independent)))
+    independent = max(m / max(min(length, m - length), 1.0) - 1.0, 1.0)
+    F = found.gain / found.dof / factor
+    return max(log_p, float(stats.f.logsf(F, found.dof, found.dof * independent)))
 
 
 def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
     return float(grid[pair[0]]), float(grid[pair[1]]) if pair[1] >= 0 else end
 
 
-def _refined(
+def refined(
     rows_of: Pass,
     step: Effect,
     interval: tuple[float, float],
@@ -239,11 +245,20 @@ def _refined(
     stamps: FloatArray,
     start: float,
     end: float,
-) -> tuple[tuple[float, float], float, FloatArray, float]:
-    """The interval on finer and finer grids, at last on the stamps of the readings themselves; its gain and offset."""
+) -> _Best:
+    """The interval on finer and finer grids, at last on the stamps of the readings themselves.
+
+    Parameters
+    ----------
+    rows_of : the sensitivity pass
+    step : the step of the stream
+    interval : to begin with [s]; to the end of the data: only the onset is searched
+    spacing : how far the ends may be off [s]
+    stamps : of the stream's readings [s]
+    start, end : of the data [s]
+    """
     a, b = interval
     to_the_end = b >= end
-    best = (interval, 0.0, np.zeros(step.size), 0.0)
     for last_round in (False, False, True):
         near = _stamps_near if last_round else _grid_near
         first = near(a, spacing, stamps, start, end)
@@ -256,10 +271,10 @@ def _refined(
         else:
             j = np.searchsorted(onsets, last)
             pairs = np.array([(p, q) for p in i for q in j if q > p])
-        gain, _, beta = joint.gain(pairs)
+        gain, dof, beta = joint.gain(pairs)
         k = int(np.argmax(gain))
         a, b = _times(onsets, pairs[k], end)
-        best = ((a, b), float(gain[k]), beta[k], float(gain[k]))
+        best = _Best((a, b), float(gain[k]), int(dof[k]), beta[k], joint.column(pairs[k]))
         spacing /= _FINER
     return best
 

@@ -24,6 +24,8 @@ CONFUSED = 10.0
 IMPLAUSIBLE = 10.0
 
 
+#: A localised effect is looked for again about its own fit, so often at most.
+_RELOCATIONS = 3
 #: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
 AGREEMENT = 2.0
 
@@ -37,7 +39,7 @@ class Option:
     term : the effect
     statistic, dof : chi-square and its degrees of freedom
     log_p : corrected for colour and search; `log_p_raw` without the scatter
-    search : what the search over intervals and the colour add to the logarithm of the p-value
+    search, search_raw : what the search over intervals adds to the logarithm of the p-value, with and without colour
     beta : first-order estimate
     """
 
@@ -47,6 +49,7 @@ class Option:
     log_p: float
     log_p_raw: float
     search: float
+    search_raw: float
     beta: FloatArray
 
 
@@ -175,7 +178,7 @@ def _options(
     for entry in source.candidates:
         if entry.name not in names:
             s = statistic_of(evidence, entry.name, given)
-            options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, s.beta))
+            options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta))
             settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT
     if settled:
         return options, ()
@@ -188,8 +191,9 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
     if np.isfinite(noise_dof):
         gain = noise_dof * (1.0 - np.exp(-found.statistic / noise_dof))
     plain = log_p_value(gain, found.dof, noise_dof)
+    raw = min(plain + found.searched, found.log_p)
     return Option(
-        found.term, found.statistic, found.dof, found.log_p, found.log_p, found.log_p - max(plain, -1e300), found.beta
+        found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta
     )
 
 
@@ -228,6 +232,15 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     """Refit with one more effect; None where the estimate is far outside its plausible size or nothing is gained."""
     term = option.term
     refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+    for _ in range(_RELOCATIONS if term.interval is not None else 0):
+        moved = source.relocated(refit, term)
+        if moved == term:
+            break
+        start = {**fit.beta, moved: refit.beta[term]}
+        again = source.fit((*fit.terms, moved), start, fit.part)
+        if again.deviance >= refit.deviance:
+            break
+        refit, term = again, moved
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
         return refit, Finding(
@@ -240,9 +253,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
     scatter = statistic_of(evidence, term.key, others).scatter
-    log_p_raw = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0) + option.search, 0.0)
-    log_p = log_p_raw
-    if option.search == 0.0:
+    plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
+    log_p_raw, log_p = min(plain + option.search_raw, 0.0), min(plain + option.search, 0.0)
+    if term.interval is None:
         log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter), 0.0)
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, _lambda(evidence, term, others, beta), ())
     return refit, finding

@@ -51,6 +51,7 @@ class LocalFinding:
     statistic, dof : of that interval
     log_p : logarithm of the p-value, corrected for the search over intervals and for the colour of the residual
     beta : (size,) first-order estimate
+    searched : logarithm of the number of intervals among which it is the best, which is in `log_p`
     """
 
     term: Term
@@ -58,6 +59,7 @@ class LocalFinding:
     dof: int
     log_p: float
     beta: FloatArray
+    searched: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,9 @@ class Source(Protocol):
 
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best interval of each time-localised family, about the fit."""
+
+    def relocated(self, fit: Fit, term: Term) -> Term:
+        """A time-localised term of the fit with the interval that suits the fit best, near its own."""
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""
