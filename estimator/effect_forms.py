@@ -247,10 +247,11 @@ def linear_form(
     """Prediction and Jacobian of one sensor along a motion; `added` is what the effects of its stream add."""
     at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
     z_pred, D = sensor.predict(at), np.zeros((len(at), sensor.size, 9))
-    jacobian = sensor.jacobian(at)
+    with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, and the reading is left out
+        jacobian = sensor.jacobian(at)
     for place, block in enumerate(("position", "velocity", "attitude")):
         if block in jacobian:
-            D[:, :, 3 * place : 3 * place + 3] = jacobian[block]
+            D[:, :, 3 * place : 3 * place + 3] = np.nan_to_num(jacobian[block], posinf=0.0, neginf=0.0)
     if added is not None:
         z_pred, D = z_pred + added.offset, D + added.D
     return StreamForm(z_pred, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1), replaces=True)

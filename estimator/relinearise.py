@@ -12,27 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimator.alignment import first_state
 from estimator.effect_forms import Terms, declared_terms, linear_form, run_with_effects
-from estimator.filter import Engine
+from estimator.filter import Engine, prepare, run
 from estimator.flight_model import FlightModel
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.recording import Recording
 
-__all__ = ["has_coarse_start", "linear_form", "run_relinearised"]
+__all__ = ["is_coarse", "linear_form", "run_relinearised"]
 
 PASSES = 6
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end
-#: 1-sigma of the first attitude about its worst axis above which the plain filter's covariance is not to be trusted
+#: 1-sigma of the attitude about its worst axis above which the plain filter's covariance is not to be trusted
 #: [rad]; docs/notes/filter_consistency.md has the study.
 COARSE_ATTITUDE = 0.03
 
 
-def has_coarse_start(recording: Recording, model: FlightModel) -> bool:
-    """Whether the first attitude is known too coarsely for a filter that linearises at its estimates."""
-    _, P = first_state(recording, model)
-    return bool(np.sqrt(np.max(np.linalg.eigvalsh(P[6:9, 6:9]))) > COARSE_ATTITUDE)
+def is_coarse(recording: Recording, model: FlightModel) -> bool:
+    """Whether the plain filter knows the attitude too coarsely to linearise, at its start or later on, after a gap."""
+    inputs = prepare(recording, model.replace(gate_level=None, relinearise=False))
+    worst = float(np.max(np.linalg.eigvalsh(inputs.P[6:9, 6:9])))
+    journal = run(inputs, stride=0)
+    return max(worst, float(np.max(journal.var[journal.accepted, 6:9], initial=0.0))) > COARSE_ATTITUDE**2
 
 
 def run_relinearised(

@@ -1,4 +1,4 @@
-"""python -m experiments.filter_consistency errors|flights|heading [--runs N] [--seed S] [--json FILE]"""
+"""python -m experiments.filter_consistency errors|flights|heading|hover [--runs N] [--seed S] [--json FILE]"""
 
 from __future__ import annotations
 
@@ -29,14 +29,19 @@ def _heading(runs: int, seed: int, step: Progress) -> tuple[dict[str, Any], str]
     return document, heading.table(document)
 
 
-STUDIES = {"errors": (_errors, 100), "flights": (_flights, 200), "heading": (_heading, 40)}
+def _hover(runs: int, seed: int, step: Progress) -> tuple[dict[str, Any], str]:
+    document = heading.hover_study(runs, seed, step)
+    return document, heading.table(document)
+
+
+STUDIES = {"errors": (_errors, 100), "flights": (_flights, 200), "heading": (_heading, 40), "hover": (_hover, 40)}
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run one study and print its table."""
     parser = argparse.ArgumentParser(prog="python -m experiments.filter_consistency", description=__doc__)
     parser.add_argument("study", choices=list(STUDIES))
-    parser.add_argument("--runs", type=int, help="flights: in all; errors, heading: of each row")
+    parser.add_argument("--runs", type=int, help="flights: in all; others: of each row")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args(arguments)

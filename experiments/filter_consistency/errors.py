@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from estimator.flight_model import flight_model
-from estimator.relinearise import has_coarse_start
+from estimator.relinearise import is_coarse
 from experiments.filter_consistency.scenarios import why_not
 from experiments.monte_carlo import MonteCarlo, averaged, label
 from experiments.one_flight import cramer_rao, fly, rng_of
@@ -26,10 +26,10 @@ FAMILY_LEVEL = 0.99
 PER_STATE = (0.942, 1.060)
 
 
-def is_coarse(scenario: Scenario) -> bool:
+def from_coarse(scenario: Scenario) -> bool:
     """Whether the scenario's first attitude calls for readings linear about the smoothed motion."""
     recording, _ = simulate(scenario, rng_of(0, 0))
-    return has_coarse_start(recording, flight_model(recording))
+    return is_coarse(recording, flight_model(recording))
 
 
 def study(
@@ -38,7 +38,7 @@ def study(
     """Every flight scenario with the plain filter, and with the cure where its first attitude is coarse."""
     scenarios = {name: load_scenario(name) for name in scenario_names()}
     scenarios = {name: scenario for name, scenario in scenarios.items() if scenario.kind == "flight"}
-    coarse = {name: is_coarse(scenario) for name, scenario in scenarios.items()}
+    coarse = {name: from_coarse(scenario) for name, scenario in scenarios.items()}
     rows = [(name, cured) for name in scenarios for cured in ((False, True) if coarse[name] else (False,))]
     done, entries = 0, []
     for name, cured in rows:

@@ -10,7 +10,7 @@ import numpy as np
 from estimator.filter import prepare
 from estimator.flight_model import FlightModel, flight_model
 from experiments.monte_carlo import averaged
-from experiments.one_flight import Flight, prepared, rng_of, scored
+from experiments.one_flight import Flight, fly, prepared, rng_of, scored
 from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
 from sensors.recording import Recording
@@ -19,6 +19,7 @@ from sensors.simulate import simulate
 
 RUNS = 40
 SIGMAS = (2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 90.0)  # deg
+HOVER_SIGMAS = (0.3, 0.6, 1.1, 1.7, 3.0, 6.0)  # deg
 FAMILY_LEVEL = 0.99
 BLOCKS = ("overall", "attitude", "b_accel", "b_gyro", "b_mag")
 
@@ -65,6 +66,27 @@ def study(
     return {"format": 1, "scenario": scenario, "runs": runs, "seed": seed, "rows": rows}
 
 
+def hover_study(
+    runs: int = RUNS,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    sigmas: tuple[float, ...] = HOVER_SIGMAS,
+) -> dict[str, Any]:
+    """A hover, which nothing moves on from, from first attitudes of several 1-sigma about every axis."""
+    base = load_scenario("hover").replace(truth_rate=0.0)
+    rows, done = [], 0
+    for sigma in sigmas:
+        scenario = base.replace(initial=(1.0, 0.2, float(np.deg2rad(sigma))))
+        for cured in (False, True):
+            flights = []
+            for run in range(runs):
+                flights.append(fly(scenario, seed, run, cured))
+                done += 1
+                progress(done, 2 * runs * len(sigmas))
+            rows.append({"sigma": sigma, "relinearised": cured, **_averages(flights)})
+    return {"format": 1, "scenario": "hover", "runs": runs, "seed": seed, "rows": rows}
+
+
 def _averages(flights: list[Flight]) -> dict[str, Any]:
     """By block: mean NEES a dof at the end, its interval, and the median."""
     found = {}
@@ -82,7 +104,7 @@ def table(document: Mapping[str, Any]) -> str:
     """The study as Markdown."""
     heads = {"overall": "all states", "attitude": "attitude", "b_accel": "accel bias", "b_gyro": "gyro bias"}
     heads["b_mag"] = "mag bias"
-    lines = ["| heading sigma | filter | " + " | ".join(heads.values()) + " |", "| --- " * (2 + len(heads)) + "|"]
+    lines = ["| sigma | filter | " + " | ".join(heads.values()) + " |", "| --- " * (2 + len(heads)) + "|"]
     for row in document["rows"]:
         name = "relinearised" if row["relinearised"] else "plain"
         cells = []

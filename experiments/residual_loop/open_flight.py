@@ -13,9 +13,9 @@ def flight_source(recording: Recording) -> FlightSource:
     first attitude readings are linear about the smoothed motion: a filter that linearises at its own estimates would
     blame `mag.declination` (docs/notes/filter_consistency.md).
     """
-    from estimator.relinearise import has_coarse_start
+    from estimator.relinearise import is_coarse
     from experiments.measured.preparation import prepared
 
     ready = prepared(recording)
-    coarse = has_coarse_start(ready.recording, ready.model)
+    coarse = is_coarse(ready.recording, ready.model)
     return FlightSource(ready.recording, ready.model.replace(relinearise=coarse))

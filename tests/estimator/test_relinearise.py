@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from estimator.consistency import nees
-from estimator.effect_forms import Terms, reference_motion
+from estimator.effect_forms import Terms, inputs_with, reference_motion
 from estimator.events import collect
 from estimator.filter import prepare, run, run_filter
 from estimator.flight_model import flight_model
+from estimator.imu import imu_table
 from estimator.layout import StateLayout
-from estimator.relinearise import linear_form, run_relinearised
+from estimator.relinearise import is_coarse, linear_form, run_relinearised
+from estimator.sensitivity import sensitivity_pass
 from experiments.scenarios.loader import load_scenario
 from sensors.arrays import FloatArray
+from sensors.effects import effect
 from sensors.recording import Stream
 from sensors.simulate import simulate
 from tests.estimator.analytic_flight import fly
@@ -59,3 +64,57 @@ def test_a_good_start_needs_no_cure() -> None:
     plain, again = (runner(recording, model, engine="numba") for runner in (run_filter, run_relinearised))
     sigma = np.sqrt(np.diag(plain.P_end))
     assert np.max(np.abs(model.layout.difference(again.x_end[None], plain.x_end[None])[0]) / sigma) < 0.5
+
+
+def test_it_holds_declared_effects() -> None:
+    """The same flight with and without a current's field, the field declared: the same states."""
+    scenario = load_scenario("hover_rough_start").replace(truth_rate=0.0)
+    plain, _ = simulate(scenario, np.random.default_rng(7))
+    field = {"mag.current": (0.002, -0.001, 0.003), "gps.latency": (0.1,)}
+    declared, _ = simulate(scenario, np.random.default_rng(7), field, declare=True)
+    ends = [run_relinearised(r, flight_model(r), engine="numba", stride=0) for r in (plain, declared)]
+    sigma = np.sqrt(np.diag(ends[0].P_end))
+    moved = ends[0].model.layout.difference(ends[1].x_end[None], ends[0].x_end[None])[0] / sigma
+    assert np.max(np.abs(moved)) < 0.2
+
+
+def test_sensitivities_are_those_of_the_relinearised_filter() -> None:
+    """Innovations with and without a small effect in the model, along one motion, differ by S_beta beta."""
+    recording, _ = simulate(load_scenario("no_aiding"), np.random.default_rng(101))
+    model = flight_model(recording, gate_level=None, relinearise=True)
+    journal = run_relinearised(recording, model, engine="numba", stride=0)
+    motion = reference_motion(recording, journal, Terms(), imu_table(recording, model))
+    names, beta = ("mag.declination", "mag.cross_axis", "gyro.temperature"), 1e-5
+    _, found = sensitivity_pass(recording, model, names, motion=motion, keep_rows=1, stride=0)
+    for name in names:
+        step = np.full(effect(name).size, beta)
+        ends = []
+        for sign in (1.0, -1.0):
+            terms = Terms.of({name: sign * step})
+            first = (journal.run.x, journal.run.P)
+            inputs = inputs_with(recording, model, terms, motion, imu_table(recording, model), first)
+            ends.append(run(inputs, "numba", 0).white)
+        slope = (ends[1] - ends[0]) / 2.0
+        predicted = found.rows[:, found.of(name)] @ step
+        assert np.max(np.abs(slope - predicted)) < 0.05 * np.max(np.abs(predicted))
+
+
+def test_a_long_gap_makes_the_attitude_coarse() -> None:
+    recording, _ = fly(8, duration=20.0)
+    imu = recording.streams["imu"]
+    holed = recording.replace(streams={**recording.streams, "imu": imu.rows((imu.t < 6.0) | (imu.t > 14.0))})
+    assert not is_coarse(recording, flight_model(recording))
+    assert is_coarse(holed, flight_model(holed))
+
+
+def test_a_beam_above_the_horizon_has_no_prediction() -> None:
+    recording, _ = fly(9, duration=3.0)
+    model = flight_model(recording, relinearise=True)
+    journal = run_filter(recording, model.replace(relinearise=False), engine="numba")
+    table = imu_table(recording, model)
+    motion = reference_motion(recording, journal, Terms(), table)
+    over = (motion.t > 1.0) & (motion.t < 2.0)
+    motion = replace(motion, q_nb=np.where(over[:, None], np.array([0.0, 1.0, 0.0, 0.0]), motion.q_nb))
+    after = run(inputs_with(recording, model, Terms(), motion, table), "numba")
+    assert np.all(np.isfinite(after.x_end))
+    assert after.counts()["laser"]["no prediction"] >= 18

@@ -1,0 +1,31 @@
+"""P-values of divided evidence: exact where nothing is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from estimator.score import log_p_of_divided, log_p_value
+
+DRAWS = 4000
+
+
+@pytest.mark.parametrize(("dof", "scatter_dof"), [(1, 19), (3, 57), (2, 5)])
+def test_uniform_where_nothing_is_missing(dof: int, scatter_dof: int) -> None:
+    """False alarm one in a thousand, with a fixed seed."""
+    rng = np.random.default_rng(4)
+    gain, scatter = rng.chisquare(dof, DRAWS), rng.chisquare(scatter_dof, DRAWS) / scatter_dof
+    log_p = [log_p_of_divided(g, dof, s, scatter_dof) for g, s in zip(gain, scatter, strict=True)]
+    assert stats.kstest(np.exp(log_p), "uniform").pvalue > 1e-3
+
+
+def test_the_tail_is_that_of_chi_square_times_a_share() -> None:
+    """However strong: at most the scatter's chance to lie below one is gained."""
+    for gain in (30.0, 3e2, 3e4):
+        gained = log_p_value(gain, 3, np.inf, 1.2) - log_p_of_divided(gain, 3, 1.2, 57)
+        assert 0.0 < gained < 0.7
+
+
+def test_without_scatter_it_is_chi_square() -> None:
+    assert log_p_of_divided(7.0, 2, 1.0, 0) == log_p_value(7.0, 2)
