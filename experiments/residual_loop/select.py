@@ -207,7 +207,9 @@ def _best(
     """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
     if not passing:
-        passing = [o for o in options if o.log_p_raw < threshold and o.term.key not in refused]
+        passing = [
+            o for o in options if o.log_p_raw < threshold and o.term.interval is None and o.term.key not in refused
+        ]
     if not passing:
         return None
     passing.sort(key=lambda o: o.log_p_raw)
