@@ -93,23 +93,21 @@ def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
 def case_of_recording(recording: Recording) -> Case:
     """A recording along the motion that all its readings together give; readings that the filter refused do not count.
 
-    Noise that the recording does not declare is estimated from it.
+    Noise, field and heading that the recording does not declare are taken from it, as `sinan estimate` does.
 
     Raises
     ------
     InputError : not a flight, or what the noise cannot be estimated from
     """
-    from calibration.noise_levels import fit_noise_levels
-    from estimator.filter import run_filter
     from estimator.smoother import estimated_motion
+    from experiments.measured.preparation import prepared
 
     if recording.kind != "flight" or "imu" not in recording.streams:
         found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
         raise InputError(recording.where, found, "a flight with an imu stream, whose filter has biases to see")
     recording, notes = _shortened(recording)
-    fit = fit_noise_levels(recording)
-    model = flight_model(recording, specs=fit.specs)
-    journal = run_filter(recording, model, engine="numba")
+    ready = prepared(recording)
+    recording, model, journal = ready.recording, ready.model, ready.run()
     motion = estimated_motion(journal)
     used = {
         name: journal.t[(journal.sensor == s) & (journal.status == ACCEPTED)] for s, name in enumerate(journal.sensors)
@@ -120,7 +118,7 @@ def case_of_recording(recording: Recording) -> Case:
         column = stream["range"] if "range" in stream else stream["range_0"]
         heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
     case = _case(recording, model, used, lambda t: motion, (), heard)
-    return replace(case, along="smoothed", notes=(*case.notes, *fit.notes, *notes))
+    return replace(case, along="smoothed", notes=(*case.notes, *ready.notes, *notes))
 
 
 def _case(
