@@ -215,6 +215,8 @@ def _limit(one: Axes, values: FloatArray) -> None:
 
 
 def _shade(one: Axes, t: FloatArray, mask: BoolArray, colour: str) -> None:
+    order = np.argsort(t, kind="stable")
+    t, mask = t[order], mask[order]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         one.axvspan(t[first], t[min(last, len(t) - 1)], color=colour, lw=0)

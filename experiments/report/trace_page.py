@@ -195,6 +195,9 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
         caption = caption.split(": nothing")[0].split(": none")[0].rstrip(".") + (
             ". Orange: passes the line, but no effect of that name and a plausible size explains it."
         )
+    for effect in document["effects"]:
+        if effect["confused_with"]:
+            caption += f" {', '.join(effect['confused_with'])} would have done as well in place of {effect['name']}."
     hidden = len(bars) - len(shown)
     if hidden:
         caption += f" The {hidden} weakest are in the list below."

@@ -78,8 +78,9 @@ def residual_change(error: Mapping[str, Any]) -> str:
 def lead(document: Mapping[str, Any]) -> str:
     """What stands under the title: the proof on held-out data, or how near the strongest candidate came."""
     text = _proof(document) if document["effects"] else _strongest(document)
-    if document["verdict"] == "ambiguous" and document.get("separates"):
-        text += f" What would decide: {document['separates']}."
+    if document["verdict"] == "ambiguous":
+        text += f" That is with {document['effects'][0]['name']} in the model; the others named do as well."
+        text += f" What would decide: {document['separates']}." if document.get("separates") else ""
     if document["verdict"] == "unexplained":
         text += " Something remains that no effect of the catalogue explains: see the end."
     if document["effects"] and not document["error"]["same_names_on_fitting_part"]:

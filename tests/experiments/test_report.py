@@ -16,7 +16,7 @@ from experiments.estimate_command import warnings_of as innovation_warnings
 from experiments.monte_carlo_command import remark
 from experiments.report.console import progress, working
 from experiments.report.trace_page import evidence, trace_page
-from experiments.report.trace_words import effect_line, interval_words, title, trace_summary
+from experiments.report.trace_words import effect_line, interval_words, lead, title, trace_summary
 from experiments.report.words import change, per_unit, with_sigma
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.source import Source
@@ -170,3 +170,44 @@ def test_progress_is_for_a_terminal_only(capsys: pytest.CaptureFixture[str]) -> 
         step("", 1, 2)
     captured = capsys.readouterr()
     assert captured.out + captured.err == ""
+
+
+def a_document(**changes: Any) -> dict[str, Any]:
+    effect = {
+        "name": "sonar.mount_offset", "summary": "The sonar counts its range from another point.", "beta": [0.2],
+        "std": [0.01], "unit": ["m"], "parameters": ["b"], "confused_with": [], "interval": None,
+        "log10_p_value": -20.0,
+    }  # fmt: skip
+    error = {
+        "stream": "sonar", "held_out_part": "last third", "same_names_on_fitting_part": True,
+        "before": {"rms": 0.2, "unit": "m"}, "after": {"rms": 0.05, "unit": "m", "interval": [0.04, 0.06]},
+    }  # fmt: skip
+    document = {"recording": "x", "verdict": "effects", "effects": [effect], "error": error, "remaining": []}
+    return {**document, **changes}
+
+
+def test_title_of_one_effect() -> None:
+    text = title(a_document())
+    assert text == "The sonar counts its range from another point: 0.20 m; residual 0.200 → 0.050 m on the last third"
+
+
+def test_title_prefers_the_error_of_the_states_where_it_is_known_and_telling() -> None:
+    document = a_document()
+    document["error"]["truth_held_out"] = {"before": {"height_rms": 0.4}, "after": {"height_rms": 0.1}}
+    assert title(document).endswith("height error 0.40 → 0.10 m on the last third")
+    document["error"]["truth_held_out"]["after"]["height_rms"] = 0.39
+    assert title(document).endswith("residual 0.200 → 0.050 m on the last third")
+
+
+def test_title_of_what_cannot_be_told_apart_names_every_candidate() -> None:
+    document = a_document(verdict="ambiguous", separates="several heights")
+    document["effects"][0]["confused_with"] = ["laser.mount_offset"]
+    assert "or the laser counts its range from another point: these data cannot tell" in title(document)
+    assert "several heights" in lead(document)
+
+
+def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:
+    document = a_document()
+    assert "with care" not in lead(document)
+    document["error"]["same_names_on_fitting_part"] = False
+    assert "with care" in lead(document)
