@@ -126,10 +126,11 @@ def simulate(
     force: Force = False,
 ) -> None:
     """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
-    from experiments.report.console import note
+    from experiments.report.console import note, working
     from experiments.scenarios import simulate_to_folder
 
-    answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
+    with working("simulating"):
+        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
     typer.echo(f"recording: {out}\nanswer: {answer}")
 
 
@@ -137,8 +138,10 @@ def simulate(
 def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> None:
     """Any readable log -> plain recording."""
     from experiments.datasets import convert as convert_log
+    from experiments.report.console import working
 
-    recording = convert_log(input, out, map, force)
+    with working("converting"):
+        recording = convert_log(input, out, map, force)
     typer.echo(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
 
 
@@ -156,8 +159,11 @@ def calibrate(
 ) -> None:
     """Calibrate a three-axis sensor from poses: T K (reading + b)."""
     from experiments.calibrate import run
+    from experiments.report.console import working
 
-    _say(run(sensor.value, input, axes.value if axes else None, gravity, map, json, html), json, html)
+    with working("calibrating"):
+        text = run(sensor.value, input, axes.value if axes else None, gravity, map, json, html)
+    _say(text, json, html)
 
 
 @app.command()
