@@ -17,6 +17,7 @@ from experiments.measured.preparation import prepared
 from experiments.measured.published import PUBLISHED
 from experiments.measured.scoring import withheld_errors
 from experiments.residual_loop.open_flight import flight_source
+from experiments.residual_loop.term import Term
 from experiments.scenarios import load_scenario
 from sensors.simulate import simulate
 
@@ -58,6 +59,15 @@ def test_withheld_fixes_of_a_source_are_those_of_a_thinned_log() -> None:
     thinned = {p.age: p.rms for p in predictions(prepared(source.recording))}
     assert thinned.keys() == plain.keys()
     assert all(plain[age] == pytest.approx(thinned[age], rel=PER_CENT) for age in plain)
+
+
+def test_the_right_effect_predicts_withheld_fixes() -> None:
+    """A GPS that is 0.3 s late: with its delay in the model, what is left is the noise of the fixes, 0.9 m."""
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(3), {"gps.latency": [0.3]})
+    source = flight_source(recording)
+    plain, known = (withheld_errors(source, source.fit(terms)) for terms in ((), [Term("gps.latency")]))
+    assert plain[10.0] > 3.0
+    assert known[10.0] < 1.5
 
 
 @pytest.mark.measured
