@@ -1,6 +1,6 @@
 """CPU seconds of one and of two workers for the same Monte Carlo runs, in turns.
 
-    python -m experiments.benchmarks.monte_carlo_workers [--runs 150] [--rounds 2]
+python -m experiments.benchmarks.monte_carlo_workers [--runs 150] [--rounds 2]
 """
 
 from __future__ import annotations
@@ -9,21 +9,45 @@ import argparse
 import os
 import subprocess
 import sys
-from time import perf_counter
+from pathlib import Path
+from time import perf_counter, sleep
 
 SCENARIO = "square"
 RUNS = 150
 ROUNDS = 2
+LOOK = 0.1  # s between two looks at the processes
 
 
 def cpu_seconds(workers: int, runs: int) -> tuple[float, float]:
-    """CPU seconds of `sinan montecarlo` and of all its processes, and seconds by the clock."""
+    """CPU seconds of `sinan montecarlo` and of all processes of its session, and seconds by the clock.
+
+    The workers are children of a server of their own, whose times reach no parent: they are read while they live.
+    """
     command = [sys.executable, "-m", "experiments", "montecarlo", SCENARIO, "--runs", str(runs)]
-    before, start = os.times(), perf_counter()
-    subprocess.run([*command, "--workers", str(workers)], check=True, stdout=subprocess.DEVNULL)
-    after = os.times()
-    used = after.children_user + after.children_system - before.children_user - before.children_system
-    return used, perf_counter() - start
+    start, used = perf_counter(), dict[int, float]()
+    process = subprocess.Popen(
+        [*command, "--workers", str(workers)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    while process.poll() is None:
+        used |= _times(process.pid)
+        sleep(LOOK)
+    return sum(used.values()), perf_counter() - start
+
+
+def _times(session: int) -> dict[int, float]:
+    """CPU seconds of every living process of a session, by its number (Linux)."""
+    tick, found = os.sysconf("SC_CLK_TCK"), {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session:
+            found[int(stat.parent.name)] = (int(fields[11]) + int(fields[12])) / tick
+    return found
 
 
 def main(runs: int = RUNS, rounds: int = ROUNDS) -> float:

@@ -49,8 +49,8 @@ def study(
             progress(done, runs * len(rows))
         result = MonteCarlo(name, seed, tuple(flown), cramer_rao(scenarios[name], seed))
         reason = why_not(scenarios[name])
-        if reason is None and coarse[name] and not cured:
-            reason = "the first attitude is too coarse for the plain filter"
+        if reason is None and coarse[name]:
+            reason = "flown from an attitude too coarse to linearise about: shows where that breaks"
         entries.append(_entry(result, cured, reason))
     return judged({"format": 1, "runs": runs, "seed": seed, "rows": entries})
 
