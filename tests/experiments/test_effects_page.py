@@ -19,7 +19,8 @@ HEAVY = ("numba", "scipy", "pandas", "matplotlib")
 
 
 def test_the_page_is_what_its_script_makes() -> None:
-    assert effects_page.PAGE.read_text(encoding="utf-8") == effects_page.page()
+    kept = effects_page.PAGE.read_text(encoding="utf-8")
+    assert kept == effects_page.page(), "a declaration has changed: python -m experiments.effects_page"
 
 
 @pytest.mark.parametrize("name", CATALOGUE)

@@ -81,7 +81,8 @@ def test_the_table_is_what_its_script_makes(scenario: str) -> None:
 
 
 def test_the_page_is_what_its_script_makes() -> None:
-    assert separation_page.PAGE.read_text(encoding="utf-8") == separation_page.page()
+    kept = separation_page.PAGE.read_text(encoding="utf-8")
+    assert kept == separation_page.page(), "the table has changed: python -m experiments.separation_page"
 
 
 def test_what_decides_sees_both_and_correlates_less() -> None:
