@@ -54,7 +54,7 @@ class Scene:
         changed = self.key.removeprefix(self.scenario)
         acronym = self.summary[1:2].isupper()
         summary = self.summary if acronym else self.summary[:1].lower() + self.summary[1:]
-        return f"{verb} `{self.scenario}`{changed} ({summary})"
+        return f"{verb} {self.scenario}{changed} ({summary})"
 
 
 @dataclass(frozen=True)
