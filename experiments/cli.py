@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -58,12 +59,16 @@ Force = Annotated[bool, typer.Option("--force", help="replace a recording that s
 Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
 
 
-def _say(text: str, json: Path | None, html: Path | None, **written: Path | None) -> None:
-    """The result, and every file that was written."""
-    typer.echo(text)
-    for what, path in {**written, "JSON": json, "page": html}.items():
-        if path is not None:
-            typer.echo(f"{what}: {path}")
+def _say(work: Callable[[], str], json: Path | None, html: Path | None, **written: Path | None) -> None:
+    """Work whose files have a place to go; then the result, and every file that was written."""
+    from experiments.report.files import require_place
+
+    files = {what: path for what, path in {**written, "JSON": json, "page": html}.items() if path is not None}
+    for path in files.values():
+        require_place(path)
+    typer.echo(work())
+    for what, path in files.items():
+        typer.echo(f"{what}: {path}")
 
 
 def _version(wanted: bool) -> None:
@@ -161,9 +166,11 @@ def calibrate(
     from experiments.calibrate import run
     from experiments.report.console import working
 
-    with working("calibrating"):
-        text = run(sensor.value, input, axes.value if axes else None, gravity, map, json, html)
-    _say(text, json, html)
+    def work() -> str:
+        with working("calibrating"):
+            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html)
+
+    _say(work, json, html)
 
 
 @app.command()
@@ -179,7 +186,7 @@ def estimate(
     """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a truth."""
     from experiments.estimate_command import run
 
-    _say(run(input, engine, states, map, json, html, relinearise), json, html, states=states)
+    _say(lambda: run(input, engine, states, map, json, html, relinearise), json, html, states=states)
 
 
 @app.command()
@@ -197,7 +204,7 @@ def trace(
     """Find the effect that the model lacks, add it, and report the error before and after."""
     from experiments.trace_command import run
 
-    _say(run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
+    _say(lambda: run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
 
 
 @app.command()
@@ -222,8 +229,8 @@ def gnss(
     """Positions from pseudoranges, and which effects the ranges call for."""
     from experiments.gnss_command import run
 
-    text = run(observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html)
-    _say(text, json, html, fixes=solution)
+    files = observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html
+    _say(lambda: run(*files), json, html, fixes=solution)
 
 
 @app.command()
@@ -236,7 +243,7 @@ def observability(
     """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
     from experiments.bias_observability.command import run
 
-    _say(run(input, map, json, html), json, html)
+    _say(lambda: run(input, map, json, html), json, html)
 
 
 @app.command()
@@ -254,7 +261,7 @@ def montecarlo(
     """Fly a scenario many times and check the filter's errors against its own prediction."""
     from experiments.monte_carlo_command import run
 
-    _say(run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
+    _say(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
 
 
 @app.command()

@@ -10,6 +10,23 @@ from pathlib import Path
 from sensors.errors import InputError
 
 
+def require_place(path: Path) -> None:
+    """Raise if a file cannot be written, before the work whose result it is to hold.
+
+    Raises
+    ------
+    InputError : it is a folder; its folder cannot be made or written
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None
+    if path.is_dir():
+        raise InputError(path, "a folder", "a file that can be written")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(path, "a folder without permission to write", "a file that can be written")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file, UTF-8, whole or not at all."""
     write_bytes(path, text.encode("utf-8"))

@@ -156,3 +156,10 @@ def test_what_was_written_is_said(poses: Path, tmp_path: Path) -> None:
     files = ("--json", str(tmp_path / "a.json"), "--html", str(tmp_path / "a.html"))
     lines = sinan("calibrate", "mag", str(poses), *files).stdout.splitlines()
     assert lines[-2:] == [f"JSON: {tmp_path / 'a.json'}", f"page: {tmp_path / 'a.html'}"]
+
+
+def test_a_file_without_a_place_is_refused_before_the_work(poses: Path, tmp_path: Path) -> None:
+    result = sinan("trace", str(poses), "--json", str(tmp_path / "a.json"), "--html", str(tmp_path))
+    assert result.returncode == 1
+    assert "a folder; expected a file that can be written" in result.stderr
+    assert not (tmp_path / "a.json").exists()
