@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from estimator.filter import Engine
-from experiments.datasets import reference_of, resolve
-from experiments.estimate import bias_courses, estimated
+from experiments.datasets import has_truth, reference_of, resolve
+from experiments.estimate import bias_courses, estimated, score
 from experiments.measured.preparation import prepared
+from experiments.measured.reference import in_frame, mounted
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.words import BIAS_UNITS, SENSORS, number, reference_name, reference_value, with_sigma
@@ -39,7 +40,12 @@ def run(
         ready = prepared(recording)
         truth = reference_of(input, map_file)
         model = ready.model.replace(relinearise=relinearise)
-        journal, document = estimated(ready.recording, engine, model=model, truth=truth, states=states)  # type: ignore[arg-type]
+        journal, document = estimated(ready.recording, engine, model=model, states=states)  # type: ignore[arg-type]
+    if truth is not None:
+        truth = (
+            truth if has_truth(input) else in_frame(mounted(recording, truth), journal.imu_t, journal.imu_x[:, 6:10])
+        )
+        document["truth"] = score(journal, truth)
     document["noise"] = list(ready.notes)
     document["warnings"] = warnings_of(document, input)
     if json is not None:

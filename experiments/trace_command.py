@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.datasets import reference_of, resolve
-from experiments.report.console import tell_notes, working
+from experiments.datasets import has_truth, reference_of, resolve
+from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
 from experiments.residual_loop.run import trace_recording
@@ -26,9 +26,11 @@ def run(
     """Trace, write what is asked for, return the summary for the terminal."""
     recording = resolve(input, map_file)
     tell_notes(recording)
+    if recording.kind == "flight" and sensor is not None:
+        note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     reference = reference_of(input, map_file) if recording.kind == "flight" else None
     with working("tracing", flies=recording.kind == "flight"):
-        source, result = trace_recording(recording, sensor, alpha, gravity, reference)
+        source, result = trace_recording(recording, sensor, alpha, gravity, reference, not has_truth(input))
     document = report(source, result)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes

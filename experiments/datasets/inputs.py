@@ -61,6 +61,12 @@ def reference_of(text: str, map_file: Path | None = None) -> Stream | None:
     return None
 
 
+def has_truth(text: str) -> bool:
+    """Whether the reference of a log is the truth of the recording itself, in its own axes, and not another body's."""
+    path = Path(text)
+    return path.is_dir() and (path / "truth.csv").is_file()
+
+
 def convert(text: str, folder: Path, map_file: Path | None = None, force: bool = False) -> Recording:
     """Write any readable log as a plain recording; the truth of a plain one goes with it.
 

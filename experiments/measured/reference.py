@@ -11,6 +11,7 @@ from sensors.recording import GYRO, Recording, Stream
 from sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_matrix,
+    quaternion_from_rpy,
     quaternion_interpolate,
     quaternion_log,
     quaternion_multiply,
@@ -160,6 +161,30 @@ def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Attitude
     heading = np.angle(np.exp(2j * np.arctan2(d[:, 3], d[:, 0])))
     tilt = 2.0 * np.arcsin(np.clip(np.hypot(d[:, 1], d[:, 2]), 0.0, 1.0))
     return AttitudeError(reference.t, np.linalg.norm(quaternion_log(d), axis=1), tilt, heading, north)
+
+
+def in_frame(target: Mounted, t: FloatArray, q_nb: FloatArray) -> Stream:
+    """A mounted reference as if it were the truth of the recording: its axes, its clock, the north of an estimate.
+
+    A reference of roll and pitch is given the heading of the estimate, so that its attitude error is that of the tilt.
+
+    Parameters
+    ----------
+    t, q_nb : (n,), (n, 4) the estimate
+    """
+    reference = target.reference.rows((target.reference.t >= t[0]) & (target.reference.t <= t[-1]))
+    if reference.has(("roll", "pitch")) and len(reference):
+        yaw = rpy_from_quaternion(quaternion_interpolate(reference.t, t, q_nb))[:, 2]
+        q = quaternion_from_rpy(np.stack([reference["roll"], reference["pitch"], yaw], axis=-1))
+    elif reference.has(QUATERNION) and len(reference):
+        north = attitude_error(t, q_nb, target).north
+        turn = np.array([np.cos(0.5 * north), 0.0, 0.0, np.sin(0.5 * north)])
+        q = quaternion_multiply(reference.array(QUATERNION), np.broadcast_to(target.mounting, (len(reference), 4)))
+        q = quaternion_multiply(np.broadcast_to(turn, q.shape), q)
+    else:
+        return reference
+    rest = {name: values for name, values in reference.columns.items() if name not in ("roll", "pitch")}
+    return Stream(reference.t, {**rest, **dict(zip(QUATERNION, q.T, strict=True))})
 
 
 def _down(roll: FloatArray, pitch: FloatArray) -> FloatArray:

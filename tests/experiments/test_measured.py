@@ -17,13 +17,21 @@ from experiments.measured.reference import (
     Mounted,
     attitude_error,
     gyro_error,
+    in_frame,
     mounted,
     without_jumps,
 )
 from experiments.residual_loop.open_flight import flight_source
 from experiments.scenarios import load_scenario
 from sensors.recording import GYRO, Environment, Recording, Stream
-from sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
+from sensors.rotation import (
+    quaternion_conjugate,
+    quaternion_exp,
+    quaternion_interpolate,
+    quaternion_log,
+    quaternion_multiply,
+    rpy_from_quaternion,
+)
 from sensors.simulate import simulate
 
 DEGREE = np.deg2rad(1.0)
@@ -93,6 +101,29 @@ def test_scale_and_crookedness_of_a_gyroscope_come_from_the_rates(handheld: tupl
     found = gyro_error(recording, mounted(recording, turned(truth, mounting, 0.0)))
     assert found.scale == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
     assert found.cross_axis == pytest.approx([0.005, 0.0, 0.0], abs=1e-3)
+
+
+def test_a_reference_on_another_body_becomes_one_of_this_recording(handheld: tuple[Recording, Stream]) -> None:
+    recording, truth = handheld
+    estimate = truth.array(QUATERNION)
+    other = turned(truth, quaternion_exp(np.array([0.1, -0.2, 0.3])), 0.08)
+    north = np.array([np.cos(0.4), 0.0, 0.0, np.sin(0.4)])
+    away = quaternion_multiply(np.broadcast_to(north, (len(other), 4)), other.array(QUATERNION))
+    other = Stream(other.t, dict(zip(QUATERNION, away.T, strict=True)))
+    found = in_frame(mounted(recording, other), truth.t, estimate)
+    q = quaternion_interpolate(found.t, truth.t, estimate)
+    error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), found.array(QUATERNION)))
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < 1.0 * DEGREE
+
+
+def test_roll_and_pitch_score_the_tilt_alone(handheld: tuple[Recording, Stream]) -> None:
+    truth = handheld[1]
+    q = truth.array(QUATERNION)
+    rpy = rpy_from_quaternion(q)
+    level = Stream(truth.t, {"roll": rpy[:, 0] + 0.01, "pitch": rpy[:, 1]})
+    found = in_frame(mounted(handheld[0], level), truth.t, q)
+    error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), found.array(QUATERNION)))
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1))) == pytest.approx(0.01, rel=0.05)
 
 
 def test_error_of_the_truth_is_none_but_a_north(handheld: tuple[Recording, Stream]) -> None:
