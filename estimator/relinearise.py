@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from estimator.effect_forms import Terms, declared_terms, linear_form, run_with_effects
-from estimator.filter import Engine, prepare, run
+from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import FlightModel
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.recording import Recording
 
-__all__ = ["is_coarse", "linear_form", "run_relinearised"]
+__all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "linear_form", "run_relinearised"]
 
 PASSES = 6
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end
@@ -31,9 +31,15 @@ COARSE_ATTITUDE = 0.03
 def is_coarse(recording: Recording, model: FlightModel) -> bool:
     """Whether the plain filter knows the attitude too coarsely to linearise, at its start or later on, after a gap."""
     inputs = prepare(recording, model.replace(gate_level=None, relinearise=False))
-    worst = float(np.max(np.linalg.eigvalsh(inputs.P[6:9, 6:9])))
-    journal = run(inputs, stride=0)
-    return max(worst, float(np.max(journal.var[journal.accepted, 6:9], initial=0.0))) > COARSE_ATTITUDE**2
+    return coarsest_attitude(run(inputs, stride=0)) > COARSE_ATTITUDE
+
+
+def coarsest_attitude(journal: Journal) -> float:
+    """Largest 1-sigma of the attitude about an axis, of the first state or after a reading [rad]."""
+    inputs = journal.run
+    assert isinstance(inputs, RunInputs)
+    first = float(np.max(np.linalg.eigvalsh(inputs.P[6:9, 6:9])))
+    return float(np.sqrt(max(first, np.max(journal.var[journal.accepted, 6:9], initial=0.0))))
 
 
 def run_relinearised(

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
+
 from estimator.filter import Engine
+from estimator.journal import Journal
 from experiments.datasets import has_truth, reference_of, resolve
 from experiments.estimate import bias_courses, estimated, score
 from experiments.measured.preparation import prepared
@@ -47,6 +50,7 @@ def run(
         )
         document["truth"] = score(journal, truth)
     document["noise"] = list(ready.notes)
+    document["notes"] += coarse_note(journal)
     document["warnings"] = warnings_of(document, input)
     if json is not None:
         write_json(json, document)
@@ -80,6 +84,16 @@ def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
             f"not 1): its model {why} than declared{next_step}"
         )
     return found
+
+
+def coarse_note(journal: Journal) -> list[str]:
+    """What to do where the attitude was known too coarsely for a filter that linearises at its estimates."""
+    from estimator.relinearise import COARSE_ATTITUDE, coarsest_attitude
+
+    worst = coarsest_attitude(journal)
+    if journal.model.relinearise or worst < COARSE_ATTITUDE:
+        return []
+    return [f"attitude at its worst known to {np.rad2deg(worst):.0f} deg: --relinearise gives sigmas that hold then"]
 
 
 def summary(name: str, document: Mapping[str, Any]) -> str:

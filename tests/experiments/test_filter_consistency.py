@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from experiments.estimate_command import run as estimate
 from experiments.filter_consistency import errors, flights, heading
 from experiments.filter_consistency.__main__ import main
 from experiments.filter_consistency.scenarios import matched_scenarios, other_scenarios, why_not
-from experiments.scenarios import load_scenario, scenario_names
+from experiments.monte_carlo import run
+from experiments.one_flight import fly
+from experiments.scenarios import load_scenario, scenario_names, simulate_to_folder
+from sensors.errors import InputError
 from sensors.manoeuvres import Manoeuvre
 from sensors.recording import Recording, Stream
 from sensors.scenario import Scenario
@@ -121,3 +126,19 @@ def test_the_command_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     document = main(["flights", "--runs", "1"])
     assert "| mag | 1 |" in capsys.readouterr().out
     assert document["flights"] == 1
+
+
+def test_estimate_offers_the_cure_and_takes_it(tmp_path: Path) -> None:
+    simulate_to_folder("no_aiding", tmp_path / "log", seed=3)
+    plain, cured = (
+        estimate(str(tmp_path / "log"), "numba", None, None, None, None, option) for option in (False, True)
+    )
+    assert "--relinearise gives sigmas that hold" in plain
+    assert "--relinearise" not in cured
+
+
+def test_monte_carlo_takes_the_cure_and_keeps_its_runs_apart(tmp_path: Path) -> None:
+    result = run(short(seconds=6.0), 2, workers=1, resume=tmp_path, relinearise=True)
+    assert result.flights[1] == fly(short(seconds=6.0), 0, 1, relinearise=True)
+    with pytest.raises(InputError, match="another relinearise"):
+        run(short(seconds=6.0), 2, workers=1, resume=tmp_path)
