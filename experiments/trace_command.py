@@ -29,7 +29,7 @@ def run(
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     reference = reference_of(input, map_file) if recording.kind == "flight" else None
-    with working("tracing", flies=recording.kind == "flight"):
+    with working(_what(recording), flies=recording.kind == "flight"):
         source, result = trace_recording(recording, sensor, alpha, gravity, reference, not has_truth(input))
     document = report(source, result)
     notes = taken_from_the_log(recording, source)
@@ -42,6 +42,14 @@ def run(
         with working("drawing"):
             trace_page(html, source, result, document)
     return "\n".join([trace_summary(document), *(f"  note: {note}" for note in notes)])
+
+
+def _what(recording: Recording) -> str:
+    """What is being done: how long the flight is tells how long that takes."""
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        return "tracing"
+    t = recording.streams["imu"].t
+    return f"tracing {t[-1] - t[0]:.0f} s of flight, {len(t)} IMU samples"
 
 
 def taken_from_the_log(recording: Recording, source: Source) -> list[str]:

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments import trace_command
 from experiments.cli import _spread
+from experiments.scenarios import simulate_to_folder
 from sensors.errors import InputError
 
 
@@ -163,3 +165,16 @@ def test_a_file_without_a_place_is_refused_before_the_work(poses: Path, tmp_path
     assert result.returncode == 1
     assert "a folder; expected a file that can be written" in result.stderr
     assert not (tmp_path / "a.json").exists()
+
+
+def test_a_sensor_named_for_a_flight_is_remarked_upon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(*arguments: object) -> None:
+        raise InputError("test", "enough", "nothing")
+
+    simulate_to_folder("hover", tmp_path / "flight", seed=3)
+    monkeypatch.setattr(trace_command, "trace_recording", stop)
+    with pytest.raises(InputError, match="enough"):
+        trace_command.run(str(tmp_path / "flight"), "mag", 0.01, None, None, None, None)
+    assert "--sensor mag is for poses" in capsys.readouterr().err
