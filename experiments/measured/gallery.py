@@ -1,6 +1,6 @@
 """The loop on every measured log that bears it, written as a page of the documentation.
 
-python -m experiments.measured.gallery OUT.md [NAME ...]
+python -m experiments.measured.gallery OUT.md [NAME ...]    (with names: those alone, the rest of the page stays)
 """
 
 from __future__ import annotations
@@ -229,20 +229,24 @@ def _implausible(source: Source, candidate: Mapping[str, Any]) -> bool:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write the page after every log, so that an interruption leaves what was done."""
-    from experiments.measured.gallery_page import page
+    """Write the page after every log, so that an interruption leaves what was done.
+
+    With names, the sections of all other logs that the page has already stay as they are.
+    """
+    from experiments.measured.gallery_page import block, blocks_of, page
 
     if not arguments or any(name not in LOGS for name in arguments[1:]):
         sys.stderr.write(f"usage: OUT.md [NAME ...] with names of {', '.join(LOGS)}\n")
         return 2
-    out, findings = Path(arguments[0]), list[Finding]()
+    out, failed = Path(arguments[0]), False
+    blocks = blocks_of(out.read_text(encoding="utf-8")) if arguments[1:] and out.is_file() else {}
     for name in arguments[1:] or LOGS:
         found = find(name)
-        findings.append(found)
-        out.write_text(page(findings), encoding="utf-8")
-        verdict = found.failure or found.document["verdict"]
-        sys.stderr.write(f"{name}: {verdict}, {found.seconds:.0f} s\n")
-    return int(any(found.failure for found in findings))
+        blocks[name] = block(found)
+        out.write_text(page(blocks[known] for known in LOGS if known in blocks), encoding="utf-8")
+        sys.stderr.write(f"{name}: {found.failure or found.document['verdict']}, {found.seconds:.0f} s\n")
+        failed = failed or bool(found.failure)
+    return int(failed)
 
 
 if __name__ == "__main__":

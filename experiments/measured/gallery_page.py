@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from experiments.measured.gallery import Finding
 from experiments.report.trace_words import effect_line, remaining_sentence
@@ -28,29 +29,42 @@ How to read it:
 """
 
 
-def page(findings: Sequence[Finding]) -> str:
+@dataclass(frozen=True)
+class Block:
+    """What a page says of one log: its row of the table, and its section."""
+
+    row: str
+    section: tuple[str, ...]
+
+
+def block(one: Finding) -> Block:
+    """The block of a log."""
+    return Block(row(one), tuple(section(one)))
+
+
+def blocks_of(text: str) -> dict[str, Block]:
+    """The blocks of a page that was written before, by the name of the log."""
+    rows = {line[2:].split(" | ")[0]: line for line in text.splitlines() if line.startswith("| ")}
+    parts = [part.splitlines() for part in text.split("\n## ")[1:]]
+    return {lines[0]: Block(rows[lines[0]], (f"## {lines[0]}", *lines[1:], "")) for lines in parts if lines[0] in rows}
+
+
+def page(blocks: Iterable[Block]) -> str:
     """The whole page."""
-    return "\n".join([HEAD, *table(findings), "", *(line for one in findings for line in section(one))])
+    known = list(blocks)
+    table = ["| log | verdict | effects | held out | reference, last third | time |", "| --- " * 6 + "|"]
+    table += [one.row for one in known]
+    text = "\n".join([HEAD, *table, "", *(line for one in known for line in one.section)])
+    return text.rstrip("\n") + "\n"
 
 
-def table(findings: Sequence[Finding]) -> list[str]:
-    """A row a log."""
-    lines = ["| log | verdict | effects | held out | reference, last third | time |", "| --- " * 6 + "|"]
-    for one in findings:
-        if not one.document:
-            lines.append(f"| {one.name} | did not finish: {one.failure} | | | | {one.seconds:.0f} s |")
-            continue
-        effects = ", ".join(effect["name"] for effect in one.document["effects"]) or "-"
-        cells = [
-            one.name,
-            one.document["verdict"],
-            effects,
-            held_out(one),
-            first_reference(one),
-            f"{one.seconds:.0f} s",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
+def row(one: Finding) -> str:
+    """A row of the table."""
+    if not one.document:
+        return f"| {one.name} | did not finish: {one.failure} | | | | {one.seconds:.0f} s |"
+    effects = ", ".join(effect["name"] for effect in one.document["effects"]) or "-"
+    cells = [one.name, one.document["verdict"], effects, held_out(one), first_reference(one), f"{one.seconds:.0f} s"]
+    return "| " + " | ".join(cells) + " |"
 
 
 def held_out(one: Finding) -> str:

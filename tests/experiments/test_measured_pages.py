@@ -12,7 +12,7 @@ from experiments.datasets import resolve
 from experiments.measured import gallery, table
 from experiments.measured.engines import AGREEMENT, Agreement, agreement, difference, shortened
 from experiments.measured.flights import LOGS, predictions
-from experiments.measured.gallery_page import page
+from experiments.measured.gallery_page import block, blocks_of, page
 from experiments.measured.preparation import prepared
 from experiments.measured.published import PUBLISHED
 from experiments.measured.scoring import withheld_errors
@@ -76,7 +76,9 @@ def test_gallery_finds_what_was_published(data: Path) -> None:
     assert [effect["name"] for effect in found.document["effects"]] == ["accel.cross_axis"]
     apart = [float(word) for word in found.beside.split("found ")[1].split(" sigma")[0].split(", ")]
     assert max(abs(a) for a in apart) < 4.0
-    text = page([found])
+    text = page([block(found)])
+    assert blocks_of(text) == {found.name: block(found)}
+    assert page(blocks_of(text).values()) == text
     assert "`sinan trace mpu9150_imu_calib/imu0.log --sensor accel`" in text
     assert "| MPU-9150 0, accelerometer | effects | accel.cross_axis |" in text
 
