@@ -14,17 +14,20 @@ import numpy as np
 
 from estimator.effect_forms import Terms, declared_terms, reference_motion, stream_motion, with_covariates
 from estimator.events import ACCEPTED
+from estimator.faults import Note
 from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
-from estimator.score import Evidence
+from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.onsets import Rows, best_onsets, refined
+from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect, effects_for
 from sensors.effects.streams import STREAMS
 from sensors.motion import Motion
@@ -73,6 +76,7 @@ class FlightSource:
         self._start, self._end = float(t[0]), float(t[-1])
         self._split = self._start + _FITTING_SHARE * (self._end - self._start)
         journal = run_filter(self.recording, self.model, {}, engine="numba", stride=0)
+        self._notes = journal.notes
         self._plain_motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
         self._start_std = self._attitude_std_at_start(journal)
         self._candidates = self._possible()
@@ -235,6 +239,12 @@ class FlightSource:
         columns = [*own, *others]
         if not columns:
             return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
+        return self._evidence_of(columns, fit, names)
+
+    def _evidence_of(self, columns: Sequence[Effect], fit: Fit, names: Sequence[str]) -> Evidence:
+        """Of effects, the first of which are the fit's own with these names."""
+        state = _state(fit)
+        own = [effect for effect, _ in state.betas]
         journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion)
         W, white = self._rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._in_part(journal.t[sensitivity.event], fit.part)]
@@ -247,7 +257,7 @@ class FlightSource:
             score[k] = W[inside].T @ white[inside]
         plausible = [entry.plausible_in(self._plain_motion) for entry in columns]
         return Evidence(
-            (*names, *(entry.name for entry in others)),
+            (*names, *(entry.name for entry in columns[len(own) :])),
             tuple(entry.size for entry in columns),
             information,
             score,
@@ -333,6 +343,30 @@ class FlightSource:
         wrong, count = self.wrong[term.name.split(".")[0]]
         share = wrong / count
         return np.array([share]), np.array([np.sqrt(max(share * (1 - share), 1e-12) / count)])
+
+    # ---- what is in no catalogue
+
+    def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
+        """Every probe and the evidence for it about the fit, the fit's own terms projected out."""
+        state = _state(fit)
+        streams = [s for s in candidate_streams(self.model) if s in STREAMS]
+        own = [e for e, _ in state.betas]
+        here = {e.name for e in own}
+        covariates = {s: covariates_for(self.recording, s, state.motion.t) for s in streams}
+        probes = [e for e in probes_for(streams, state.motion, covariates, self.model.sensors) if e.name not in here]
+        if not probes:
+            return ()
+        evidence = self._evidence_of([*own, *probes], fit, [t.key for t in fit.terms if t.in_mean])
+        given = list(evidence.names[: len(own)])
+        return [(Term(e.name, probe=e), statistic_of(evidence, e.name, given)) for e in probes]
+
+    def faults(self) -> Sequence[tuple[str, str, float, float]]:
+        """Stretches that the filter found frozen or saturated."""
+        return [
+            (note.stream, note.kind, note.start, note.stop)
+            for note in self._notes
+            if isinstance(note, Note) and note.kind in ("frozen", "saturated")
+        ]
 
     # ---- residuals and states
 

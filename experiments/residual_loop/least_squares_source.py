@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from scipy import stats
 
-from estimator.score import Evidence
+from estimator.score import Evidence, Statistic
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
@@ -336,6 +336,14 @@ class LeastSquaresSource:
         return LocalFinding(term, statistic, 1, log_p, np.array([count / self._n]))
 
     # ---- residuals
+
+    def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
+        """None: of poses nothing is known besides the readings."""
+        return ()
+
+    def faults(self) -> Sequence[tuple[str, str, float, float]]:
+        """None."""
+        return ()
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term itself: its interval was searched reading by reading."""

@@ -22,6 +22,9 @@ from sensors.effects import Effect, effect
 
 _ONSETS = 25
 _FINER = 5
+#: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
+#: strongest of all streams nothing would come first.
+_WORTH_REFINING = 0.05
 _LEAST_PEERS = 6
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
@@ -70,7 +73,7 @@ def best_onsets(
     refine_below : logarithm of the p-value below which an interval is worth a finer grid
     """
     grid = np.linspace(start, end, _ONSETS + 1)[:-1]
-    found: list[LocalFinding] = []
+    coarse: list[tuple[str, str, _Joint, _Best, float]] = []
     for group in _groups(streams, readings):
         steps = {stream: effect(f"{stream}.step") for stream in group}
         columns = [step.over(float(t), np.inf) for step in steps.values() for t in grid]
@@ -80,7 +83,19 @@ def best_onsets(
             width = step.size * len(grid)
             joint = _Joint(replace(rows, wanted=rows.wanted[:, at : at + width]), step.size, grid)
             at += width
-            found += _of_stream(stream, step, joint, start, end, rows_of, streams[stream], refine_below)
+            coarse += [(stream, family, joint, *best) for family, best in _on_the_grid(joint, end)]
+    strongest = max((best.gain for _, _, _, best, _ in coarse), default=0.0)
+    found: list[LocalFinding] = []
+    for stream, family, joint, best, searched in coarse:
+        worth = log_p_value(best.gain, best.dof) + searched < refine_below
+        if worth and best.gain > _WORTH_REFINING * strongest:
+            step, spacing = effect(f"{stream}.step"), float(grid[1] - grid[0])
+            best = refined(rows_of, step, best.interval, spacing, streams[stream], start, end)
+        log_p = log_p_value(best.gain, best.dof)
+        if worth and joint.is_coloured_without(stream, best):
+            log_p = _log_p_among_peers(joint, best, end)
+        term = Term(f"{stream}.{family}", best.interval)
+        found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
 
 
@@ -98,32 +113,16 @@ def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:
     return groups
 
 
-def _of_stream(
-    stream: str,
-    step: Effect,
-    joint: _Joint,
-    start: float,
-    end: float,
-    rows_of: Pass,
-    stamps: FloatArray,
-    refine_below: float,
-) -> list[LocalFinding]:
-    """The best step and the best transient of one stream."""
-    grid, found = joint.onsets, []
+def _on_the_grid(joint: _Joint, end: float) -> list[tuple[str, tuple[_Best, float]]]:
+    """By family, the best interval of the grid and the logarithm of the number searched."""
+    found = []
     for family, pairs in (("step", joint.steps()), ("transient", joint.transients())):
-        if len(pairs) == 0:
-            continue
-        gain, dof, beta = joint.gain(pairs)
-        k = int(np.argmax(gain - 2.0 * dof))
-        best = _Best(_times(grid, pairs[k], end), float(gain[k]), int(dof[k]), beta[k], joint.column(pairs[k]))
-        searched = float(np.log(len(pairs) * _FINER))
-        if log_p_value(best.gain, best.dof) + searched < refine_below:
-            best = refined(rows_of, step, best.interval, float(grid[1] - grid[0]), stamps, start, end)
-        log_p = log_p_value(best.gain, best.dof)
-        if log_p + searched < refine_below and joint.is_coloured_without(stream, best):
-            log_p = _log_p_among_peers(joint, best, end)
-        term = Term(f"{stream}.{family}", best.interval)
-        found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
+        if len(pairs):
+            gain, dof, beta = joint.gain(pairs)
+            k = int(np.argmax(gain - 2.0 * dof))
+            best = _Best(_times(joint.onsets, pairs[k], end), float(gain[k]), int(dof[k]), beta[k],
+                         joint.column(pairs[k]))  # fmt: skip
+            found.append((family, (best, float(np.log(len(pairs) * _FINER)))))
     return found
 
 

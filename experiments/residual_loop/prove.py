@@ -1,4 +1,4 @@
-"""Prove a selection: errors on data that took no part in the fit, rollback, and what remains."""
+"""Prove a selection: errors on data that took no part in the fit, and rollback."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
-from estimator.whiteness import whiteness
-from experiments.residual_loop.select import Option, Selection
+from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
@@ -35,26 +33,6 @@ class Errors:
     nis_per_dof: float
     interval: tuple[float, float]
     sse: float
-
-
-@dataclass(frozen=True)
-class Remaining:
-    """Something left in the residual.
-
-    Attributes
-    ----------
-    kind : "variance", "colour" or "local"
-    excess : relative size: of the variance over 1, largest autocorrelation, or offset over sigma
-    follows : "time", "place" or the name of a covariate
-    in_mean : whether it is structure of the mean, which the catalogue should explain
-    """
-
-    stream: str
-    kind: str
-    excess: float
-    follows: str
-    p_value: float
-    in_mean: bool
 
 
 @dataclass(frozen=True)
@@ -179,31 +157,3 @@ def _noise(source: Source, fit: Fit) -> float:
     if np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof):
         return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
     return 1.0
-
-
-def remaining(source: Source, fit: Fit, left: Sequence[Option], alpha: float) -> list[Remaining]:
-    """What the final model leaves, by stream: variance off the declared noise, colour, local offsets, covariates
-    followed.
-
-    Structure in the mean is what passes the same tests as an effect would; variance and stationary colour do not count
-    as such.
-    """
-    found: list[Remaining] = []
-    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
-    for r in source.residuals(fit):
-        z = r.whitened
-        if known:
-            n = z.size
-            total = float(np.sum(z**2))
-            p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
-            if p < alpha:
-                found.append(Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), False))
-        colour = whiteness(z)
-        if colour is not None and colour[1] < alpha:
-            found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
-    for option in left:
-        if option.term.interval is not None:
-            p = float(np.exp(option.log_p))
-            size = float(np.sqrt(option.statistic / max(option.dof, 1)))
-            found.append(Remaining(source.effect(option.term).stream, "local", size, "time", p, True))
-    return found

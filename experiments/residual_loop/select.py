@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from sensors.arrays import FloatArray
 MOST_EFFECTS = 6
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
+MOST_BESIDE = 3  # beside an error that is in no catalogue
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
 CONFUSED = 10.0
@@ -117,7 +118,9 @@ class Selection:
         return tuple(dict.fromkeys(finding.term.name for finding in self.findings))
 
 
-def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection:
+def select(
+    source: Source, alpha: float = 0.01, part: Part = "all", given: Mapping[Term, FloatArray] | None = None
+) -> Selection:
     """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
 
     1. All candidates are scored about the present fit, the effects already in it projected out.
@@ -131,12 +134,14 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     ----------
     alpha : family-wise error over all candidates
     part : the data that may be used
+    given : terms that are in the model from the start and stay there, with a first estimate
     """
     threshold = float(np.log(alpha / max(source.families, 1)))
-    fit = source.fit((), part=part)
+    fit = source.fit(tuple(given or ()), given, part)
     plain = fit
     evidence = source.evidence(fit)
-    plain_statistics = tuple(statistic_of(evidence, entry.name) for entry in source.candidates)
+    stay = [term.key for term in fit.terms]
+    plain_statistics = tuple(statistic_of(evidence, entry.name, stay) for entry in source.candidates)
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: set[str] = set()
@@ -145,7 +150,7 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
     while True:
         options, local = _options(source, fit, evidence, threshold)
         plain_local = local if fit is plain else plain_local
-        if len(findings) >= MOST_EFFECTS:
+        if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
             break
         accepted = _best(source, fit, options, threshold, refused)
         if accepted is None:
@@ -156,10 +161,10 @@ def select(source: Source, alpha: float = 0.01, part: Part = "all") -> Selection
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
     findings = [_updated(finding, fit, evidence) for finding in findings]
-    given = [term.key for term in fit.terms if term.in_mean]
+    present = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
     final_statistics = tuple(
-        statistic_of(evidence, entry.name, given) for entry in source.candidates if entry.name not in names
+        statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names
     )
     left = tuple(sorted((o for o in options if o.log_p < threshold), key=lambda o: o.log_p))
     path = tuple(steps), tuple(options)

@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from estimator.score import Evidence
+from estimator.score import Evidence, Statistic
 from experiments.residual_loop.term import Term
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
@@ -155,6 +155,12 @@ class Source(Protocol):
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """A time-localised term of the fit with the interval that suits the fit best, near its own."""
+
+    def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
+        """What the errors might follow that is in no catalogue, and the evidence for each about the fit."""
+
+    def faults(self) -> Sequence[tuple[str, str, float, float]]:
+        """(stream, what, start [s], end [s]) of stretches in which a sensor has not measured: frozen, saturated."""
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""

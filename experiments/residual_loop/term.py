@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,11 +15,14 @@ from sensors.motion import Motion
 
 @dataclass(frozen=True)
 class Term:
-    """One effect in a model: its name; where it is time-localised its interval [s]; its satellite where it has one."""
+    """One effect in a model: its name; where it is time-localised its interval [s]; its satellite where it has one; a
+    probe, which the catalogue does not know, brings its own declaration.
+    """
 
     name: str
     interval: tuple[float, float] | None = None
     satellite: str | None = None
+    probe: Effect | None = field(default=None, compare=False, repr=False)
 
     @property
     def key(self) -> str:
@@ -39,7 +42,7 @@ Model = Mapping[Term, FloatArray]
 
 def declaration(term: Term) -> Effect:
     """The declaration behind a term, over its interval where it has one."""
-    entry = effect(term.name)
+    entry = term.probe or effect(term.name)
     return entry.over(*term.interval) if term.interval is not None and entry.localised is not None else entry
 
 

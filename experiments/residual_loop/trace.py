@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import Statistic
-from experiments.residual_loop.prove import Errors, Proof, Remaining, prove, remaining, rolled_back
+from estimator.score import DETECTABLE_LAMBDA, Statistic, log_p_value, statistic_of
+from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
+from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import Finding, Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
@@ -16,6 +17,8 @@ from experiments.residual_loop.term import Term
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
 Score = Callable[[Fit], Mapping[str, float]]
 
+#: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
+MOST_SUSPECTS, OBVIOUS = 3, 2.0
 _BOOTSTRAP_SEED = 20170707  # of the intervals' resampling; any other gives the same to a per cent
 
 
@@ -61,15 +64,16 @@ def trace(
     score : errors of a fit against a reference; called after the decision
     score_held_out : the same, counted on the held-out part alone
     """
-    selection = select(source, alpha)
+    selection, suspects = _select_beside_suspects(source, alpha)
     dropped: tuple[Term, ...] = ()
     if selection.findings:
         dropped = rolled_back(source, selection)
         if dropped:
             selection = _without(source, selection, dropped)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
-    on_fitting = select(source, alpha, "fitting")
-    left = remaining(source, selection.final, selection.left, alpha)
+    given = {term: s.beta for term, s in suspects}
+    on_fitting = select(source, alpha, "fitting", given) if selection.findings or not suspects else selection
+    left = remaining(source, selection.final, selection.left, suspects, alpha)
     truth = (score(selection.plain), score(selection.final)) if score is not None else None
     return Trace(
         source.name,
@@ -84,6 +88,97 @@ def trace(
         _separating_manoeuvre(source, selection),
         None if score_held_out is None else (score_held_out(proof.fits[0]), score_held_out(proof.fits[1])),
     )
+
+
+def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, list[tuple[Term, Statistic]]]:
+    """The selection; where something remains that follows a thing of no catalogue, the selection beside that.
+
+    An error that the catalogue does not know takes the shape of what it knows. Once a probe for it is in the model from
+    the start, only what the data call for besides is chosen. The final model has the effects alone, with the estimates
+    that they have beside the probe.
+    """
+    strongest = _passing(source, source.fit(()), alpha)[:1]
+    suspects = strongest if strongest and _is_obvious(source, strongest[0][1]) else []
+    selection = _beside(source, alpha, suspects)
+    if not suspects and strongest and _explains_more(strongest[0][1], selection):
+        suspects = strongest
+        selection = _beside(source, alpha, suspects)
+    while len(suspects) < MOST_SUSPECTS:
+        passing = _passing(source, selection.final, alpha)
+        if not passing:
+            break
+        suspects = [*suspects, passing[0]]
+        selection = _beside(source, alpha, suspects)
+    if not suspects:
+        return selection, suspects
+    suspects, joint = _needed(source, selection, suspects, alpha)
+    findings = selection.findings
+    if suspects:
+        findings = tuple(f for f in findings if stands_out(source, joint, f, suspects, alpha))
+    plain = source.fit(())
+    evidence, local = source.evidence(plain), tuple(source.local_findings(plain))
+    terms = [finding.term for finding in findings]
+    final = source.fit(terms, {term: joint.beta[term] for term in terms})
+    if suspects:
+        final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
+    beside = replace(
+        selection,
+        plain=plain,
+        final=final,
+        findings=tuple(replace(f, beta=final.beta[f.term], std=final.std[f.term]) for f in findings),
+        plain_statistics=tuple(statistic_of(evidence, entry.name) for entry in source.candidates),
+        plain_local=local,
+    )
+    return beside, suspects
+
+
+def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
+    return select(source, alpha, given={term: s.beta for term, s in suspects})
+
+
+def _is_obvious(source: Source, suspect: Statistic) -> bool:
+    """Whether a probe explains the plain residual far better than any effect of the catalogue."""
+    plain = source.fit(())
+    evidence = source.evidence(plain)
+    known = [statistic_of(evidence, entry.name).statistic for entry in source.candidates]
+    known += [found.statistic for found in source.local_findings(plain)]
+    return suspect.statistic > OBVIOUS * max(known, default=0.0)
+
+
+def _explains_more(suspect: Statistic, selection: Selection) -> bool:
+    """Whether a probe alone explains more than all effects found together, by so much that it would be found itself.
+
+    The true effects leave nothing that could be explained, so nothing explains more than they do.
+    """
+    gain = selection.plain.deviance - selection.final.deviance
+    parameters = sum(len(finding.beta) for finding in selection.findings)
+    return suspect.statistic - suspect.dof > gain - parameters + DETECTABLE_LAMBDA
+
+
+def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:
+    """Probes that pass their test about a fit and are strong enough to be seen by it always, the strongest first."""
+    found = source.suspects(fit)
+    passing = [
+        (term, s)
+        for term, s in found
+        if s.log_p_corrected < np.log(alpha / len(found))
+        and s.statistic / max(s.scatter, 1.0) - s.dof > DETECTABLE_LAMBDA
+    ]
+    return sorted(passing, key=lambda one: one[1].log_p)
+
+
+def _needed(
+    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
+) -> tuple[list[tuple[Term, Statistic]], Fit]:
+    """The probes that the data would miss beside the effects found, and the fit with those alone."""
+    fit = selection.final
+    for term, s in list(suspects):
+        rest = [other for other in fit.terms if other != term]
+        without = source.fit(rest, {other: fit.beta[other] for other in rest})
+        if log_p_value(without.deviance - fit.deviance, s.dof, scatter=s.scatter) > np.log(alpha / MOST_SUSPECTS):
+            suspects = [one for one in suspects if one[0] != term]
+            fit = without
+    return suspects, fit
 
 
 def verdict_of(selection: Selection, left: list[Remaining]) -> str:

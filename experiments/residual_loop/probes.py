@@ -1,0 +1,218 @@
+"""Suspects that are no effects: what a stream's error would follow if nothing in the catalogue explained it.
+
+Each is a block of generic functions of one thing (place, a covariate, the speed through the air, the rate), in the form
+of an effect, so that the filter's sensitivity pass scores it as it scores effects. A probe that passes has no name in
+the report: the verdict is `unexplained`, and what remains is said to follow that thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.effects.declaration import Effect, Parameter
+from sensors.effects.streams import STREAMS
+from sensors.effects.time_offset import RATES
+from sensors.motion import Motion
+from sensors.rotation import rotate_back
+
+#: Names of probes begin so: no effect of the catalogue does.
+PREFIX = "unexplained"
+#: Bumps over the horizontal track.
+_PLACES = 10
+#: Half widths of the play of a sticking instrument: shares of the range of what it measures.
+_PLAYS = (0.05, 0.15, 0.4)
+#: Plausible size of a probe's coefficient in plausible disturbances of its stream.
+_SIZE = 1.0
+_HEIGHTS, _RANGES = ("baro",), ("sonar", "laser")
+
+
+def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, Mapping[str, FloatArray]],
+               known: Iterable[str]) -> tuple[Effect, ...]:  # fmt: skip
+    """The probes of a flight's streams.
+
+    Parameters
+    ----------
+    streams : names of the streams that effects may enter
+    motion : estimated, at the samples of the IMU table
+    covariates : by stream, what the recording knows at those samples
+    known : streams with readings of their own (all but accel and gyro)
+    """
+    found: list[Effect] = []
+    for stream in streams:
+        if stream not in STREAMS or stream == "base":
+            continue
+        for name, values in covariates.get(stream, {}).items():
+            if values.ndim == 1 and np.ptp(values) > 1e-9 * (1.0 + np.max(np.abs(values))):
+                found.append(_of_covariate(stream, name, values))
+        if stream in ("accel", "gyro"):
+            found.append(_of_itself(stream))
+            continue
+        if stream not in known:
+            continue
+        if motion.has("p_n") and float(np.ptp(motion.p_n[:, :2])) > 0.0 and float(np.ptp(motion.v_n[:, :2])) > 0.0:
+            found.append(_of_place(stream, motion.p_n[:, :2]))
+        if stream in RATES:
+            found.append(_of_clock(stream, motion.t))
+        if stream in _HEIGHTS:
+            found += [_of_speed(stream), _of_play(stream, float(np.ptp(motion.p_n[:, 2])))]
+        if stream == "mag":
+            found.append(_of_field(stream))
+    return tuple(found)
+
+
+def what_it_follows(name: str) -> str:
+    """The last part of a probe's name."""
+    return name.split(".")[-1]
+
+
+def _probe(stream: str, follows: str, columns: int, shape: Callable[[Motion], FloatArray], memory: bool = False,
+           needs: tuple[str, ...] = (), plausible: float | None = None) -> Effect:  # fmt: skip
+    """An effect made of `shape`: motion -> (n, size, columns)."""
+    size = STREAMS[stream].plausible * _SIZE if plausible is None else plausible
+    return Effect(
+        name=f"{PREFIX}.{stream}.{follows}",
+        stream=stream,
+        summary=f"The error of the {STREAMS[stream].title} follows {follows}.",
+        enters="",
+        physics="No effect of the catalogue: generic functions of one thing.",
+        source="",
+        parameters=tuple(Parameter(f"b{k}", "1", size) for k in range(columns)),
+        needs=needs,
+        regressor=shape,
+        other_instants=memory,
+        in_field_units=stream == "mag",
+    )
+
+
+def _offsets(functions: FloatArray, size: int) -> FloatArray:
+    """(n, size, size k) a free offset of each component times each of k functions (n, k)."""
+    n, k = functions.shape
+    return np.asarray(np.einsum("nk,ij->nikj", functions, np.eye(size)).reshape(n, size, k * size))
+
+
+def _of_place(stream: str, track: FloatArray) -> Effect:
+    """Bumps centred on places of the track far from each other, as wide as the gaps between them."""
+    centres, width = _centres(track)
+    size = len(STREAMS[stream].components)
+
+    def shape(motion: Motion) -> FloatArray:
+        away = motion.p_n[:, None, :2] - centres
+        bumps = np.exp(-0.5 * np.sum(away**2, axis=2) / width**2)
+        G = _offsets(bumps, size)
+        if stream != "mag":
+            return G
+        columns = [rotate_back(motion.q_nb, G[:, :, k]) for k in range(G.shape[2])]
+        return np.stack(columns, axis=2)
+
+    return _probe(stream, "place", size * len(centres), shape, needs=("p_n", "q_nb"))
+
+
+def _centres(track: FloatArray) -> tuple[FloatArray, float]:
+    """(k, 2) places of the track, each as far as can be from those before it, and the distance of the last."""
+    chosen = [track[0]]
+    nearest = np.linalg.norm(track - track[0], axis=1)
+    for _ in range(_PLACES - 1):
+        far = int(np.argmax(nearest))
+        if nearest[far] <= 0.0:
+            break
+        chosen.append(track[far])
+        gap = float(nearest[far])
+        nearest = np.minimum(nearest, np.linalg.norm(track - track[far], axis=1))
+    return np.array(chosen), gap if len(chosen) > 1 else 1.0
+
+
+def _of_covariate(stream: str, name: str, values: FloatArray) -> Effect:
+    """Second and third power of what the catalogue has linear."""
+    middle, half = 0.5 * (np.max(values) + np.min(values)), 0.5 * np.ptp(values)
+    size = len(STREAMS[stream].components)
+
+    def shape(motion: Motion) -> FloatArray:
+        x = (motion.covariates[name] - middle) / half
+        return _offsets(np.stack([x**2, x**3], axis=1), size)
+
+    return _probe(stream, name, 2 * size, shape, needs=(name,))
+
+
+def _of_itself(stream: str) -> Effect:
+    """An axis that is not straight: c |u| u + d u^3 of its own reading u, in shares of its largest."""
+
+    def shape(motion: Motion) -> FloatArray:
+        u = motion.f_b if stream == "accel" else motion.w_ib_b
+        x = u / max(float(np.max(np.abs(u))), 1e-12)
+        axes = np.eye(3)
+        return np.concatenate([(x * np.abs(x))[:, :, None] * axes, (x**3)[:, :, None] * axes], axis=2)
+
+    return _probe(stream, "its own size", 6, shape, needs=("f_b" if stream == "accel" else "w_ib_b",))
+
+
+def _of_field(stream: str) -> Effect:
+    """A magnetometer's axes that are not straight, and what turns twice with the heading."""
+
+    def shape(motion: Motion) -> FloatArray:
+        m_n = np.broadcast_to(motion.m_n, (len(motion), 3))
+        x = rotate_back(motion.q_nb, m_n)
+        x = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+        axes = np.eye(3)
+        return np.concatenate([(x**2)[:, :, None] * axes, (x**3)[:, :, None] * axes], axis=2)
+
+    return _probe(stream, "direction", 6, shape, needs=("q_nb", "m_n"))
+
+
+def _of_clock(stream: str, t: FloatArray) -> Effect:
+    """Stamps that are late by more and more."""
+    begin, length = float(t[0]), float(t[-1] - t[0])
+
+    def shape(motion: Motion) -> FloatArray:
+        share = (motion.t - begin) / length
+        rate = RATES[stream](motion)[:, :, None]
+        return rate * np.stack([share, share**2], axis=1)[:, None, :]
+
+    return _probe(stream, "a drifting clock", 2, shape, plausible=0.3)
+
+
+def _of_speed(stream: str) -> Effect:
+    """Pressure of the air's flow: u |u| of each component of the velocity in the body."""
+
+    def shape(motion: Motion) -> FloatArray:
+        v = motion.v_n
+        if "wind" in motion.covariates:
+            v = v - np.pad(motion.covariates["wind"], ((0, 0), (0, 1)))
+        u = rotate_back(motion.q_nb, v)
+        largest = max(float(np.max(np.abs(u))), 1e-12)
+        return (u * np.abs(u) / largest**2)[:, None, :]
+
+    return _probe(stream, "the air's flow", 3, shape, needs=("v_n", "q_nb"))
+
+
+def _of_play(stream: str, spread: float) -> Effect:
+    """Hysteresis: the reading follows the height only when it has moved by a half width, for three half widths."""
+
+    def shape(motion: Motion) -> FloatArray:
+        height = -motion.p_n[:, 2]
+        columns = [play(height, share * max(spread, 1e-9)) - height for share in _PLAYS]
+        return np.stack(columns, axis=1)[:, None, :]
+
+    return _probe(stream, "hysteresis", len(_PLAYS), shape, memory=True, needs=("p_n",))
+
+
+def play(x: FloatArray, half: float) -> FloatArray:
+    """(n,) what follows x with a play of that half width."""
+    out = np.empty_like(x)
+    state = float(x[0])
+    for k, value in enumerate(x.tolist()):
+        state = min(max(state, value - half), value + half)
+        out[k] = state
+    return out
+
+
+def is_probe(name: str) -> bool:
+    """Whether a name is that of a probe."""
+    return name.startswith(PREFIX + ".")
+
+
+def followed(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """(stream, what its error follows) of the probes among names."""
+    return tuple((n.split(".")[1], what_it_follows(n)) for n in names if is_probe(n))

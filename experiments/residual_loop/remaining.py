@@ -1,0 +1,161 @@
+"""What a model leaves in the residual, by stream, kind and size; and which of it is structure of the mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from estimator.faults import FROZEN_LEVEL
+from estimator.score import Statistic, log_p_value
+from estimator.whiteness import whiteness
+from experiments.residual_loop.probes import followed
+from experiments.residual_loop.select import Finding, Option
+from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.term import Term
+
+#: A coloured residual whose variance is this many times the declared noise is an error that nobody declared, not noise
+#: that was declared badly: twice the standard deviation.
+GROSS = 4.0
+#: Blocks of a stream whose energy is compared, with at least so many readings each; what stands out has this many times
+#: the usual energy: twice the size.
+_BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
+_LEAST_BLOCKS, _LAGS = 5, 50
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """Something left in the residual.
+
+    Attributes
+    ----------
+    kind : "variance", "colour" or "local"
+    excess : relative size: of the variance over 1, largest autocorrelation, or offset over sigma
+    follows : "time", "place" or the name of a covariate
+    in_mean : whether it is structure of the mean, which the catalogue should explain
+    """
+
+    stream: str
+    kind: str
+    excess: float
+    follows: str
+    p_value: float
+    in_mean: bool
+
+
+def remaining(
+    source: Source, fit: Fit, left: Sequence[Option], suspects: Sequence[tuple[Term, Statistic]], alpha: float
+) -> list[Remaining]:
+    """What the final model leaves, by stream.
+
+    Variance off the declared noise and stationary colour are no structure of the mean. What is: time-localised offsets
+    that pass their test; what follows a place or a covariate; stretches in which a sensor did not measure; a burst, and
+    a coloured residual far larger than the declared noise.
+
+    Parameters
+    ----------
+    fit : the model with the effects found
+    left : options that pass their test about it but were not accepted
+    suspects : probes that pass theirs
+    alpha : level of each test
+    """
+    found: list[Remaining] = []
+    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    for r in source.residuals(fit):
+        colour = whiteness(r.whitened)
+        is_coloured = colour is not None and colour[1] < alpha
+        if known:
+            found += _variance(r, is_coloured, alpha)
+        if colour is not None and is_coloured:
+            found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
+        found += _bursts(r, alpha)
+    for option in left:
+        if option.term.interval is not None:
+            p = float(np.exp(option.log_p))
+            size = float(np.sqrt(option.statistic / max(option.dof, 1)))
+            found.append(Remaining(source.effect(option.term).stream, "local", size, "time", p, True))
+    for term, s in suspects:
+        stream, follows = followed([term.name])[0]
+        found.append(Remaining(stream, "local", float(np.sqrt(s.statistic / max(s.dof, 1))), follows, s.p_value, True))
+    return found + _faults(source)
+
+
+def stands_out(
+    source: Source, fit: Fit, finding: Finding, suspects: Sequence[tuple[Term, Statistic]], alpha: float
+) -> bool:
+    """Whether an effect found beside an error that nothing explains would still be found in what that error leaves.
+
+    Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
+    as slow, as the noise of that recording.
+    """
+    stream = source.effect(finding.term).stream
+    if not finding.term.in_mean:  # wrong readings are so against a mean that is known
+        return all(followed([term.name])[0][0] != stream for term, _ in suspects)
+    residuals = source.residuals(fit)
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
+    inflation = max((_long_run_variance(r) for r in mine), default=1.0)
+    threshold = float(np.log(alpha / max(source.families, 1)))
+    return log_p_value(finding.gain, len(finding.beta), scatter=max(inflation, 1.0)) < threshold
+
+
+def _long_run_variance(r: StreamResidual) -> float:
+    """Mean square of the whitened residual times 1 + 2 sum rho, over the lags before rho is first negative."""
+    z = r.whitened - r.whitened.mean(axis=0)
+    power, total = float(np.sum(z**2)), 1.0
+    for lag in range(1, min(_LAGS, len(z) // 4)):
+        rho = float(np.sum(z[lag:] * z[:-lag])) / max(power, 1e-300)
+        if rho <= 0.0:
+            break
+        total += 2.0 * rho
+    return float(np.mean(r.whitened**2)) * total
+
+
+def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remaining]:
+    n, total = r.whitened.size, float(np.sum(r.whitened**2))
+    p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
+    if p >= alpha:
+        return []
+    return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_coloured and total / n > GROSS)]
+
+
+def _bursts(r: StreamResidual, alpha: float) -> list[Remaining]:
+    """Blocks of time in which a stream's residual is far larger than usual.
+
+    Under stationary noise the energy of a block, over the median of all, is F with the block's degrees of freedom,
+    which correlation divides: n / (1 + 2 sum rho^2) for the energy of a Gaussian process.
+    """
+    blocks = min(_BLOCKS, len(r.t) // _LEAST_READINGS)
+    if blocks < _LEAST_BLOCKS or r.stream == "level":  # the level is an assumption that every acceleration breaks
+        return []
+    z2 = np.mean(r.whitened**2, axis=1)
+    energy = np.array([part.mean() for part in np.array_split(z2, blocks)])
+    usual = float(np.median(energy))
+    dof = max(len(r.t) / blocks * r.whitened.shape[1] / _repeats(r), 1.0)
+    usual /= float(stats.chi2.median(dof)) / dof
+    ratio = float(np.max(energy)) / max(usual, 1e-300)
+    p = min(blocks * float(stats.f.sf(ratio, dof, dof * (blocks - 1))), 1.0)
+    if ratio < _BURST or p >= alpha:
+        return []
+    return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, True)]
+
+
+def _repeats(r: StreamResidual) -> float:
+    """1 + 2 sum rho^2 over the first lags, by what one noise as large in every reading would have: z over its size."""
+    z = r.whitened - r.whitened.mean(axis=0)
+    z = np.sign(z) * np.sqrt(np.abs(z))  # a burst must not stand for the whole correlation
+    power = float(np.sum(z**2))
+    lags = min(_LAGS, len(z) // 4)
+    if power <= 0.0 or lags < 1:
+        return 1.0
+    rho = np.array([float(np.sum(z[k:] * z[:-k])) / power for k in range(1, lags + 1)])
+    return 1.0 + 2.0 * float(np.sum(rho**2))
+
+
+def _faults(source: Source) -> list[Remaining]:
+    """One entry a stream and kind: the share of the time in which it did not measure."""
+    lasted: dict[str, float] = {}
+    for stream, _, start, stop in source.faults():
+        lasted[stream] = lasted.get(stream, 0.0) + stop - start
+    return [Remaining(stream, "local", seconds, "time", FROZEN_LEVEL, True) for stream, seconds in lasted.items()]
