@@ -159,13 +159,17 @@ def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Fig
     )
 
 
+def step_of(result: Trace, finding: Finding) -> int:
+    """At which step an effect was chosen, from 1 on; its place among the findings where its interval was moved since."""
+    taken = [step.term for step in result.selection.steps]
+    present = [other.term for other in result.selection.findings]
+    return (taken if finding.term in taken else present).index(finding.term) + 1
+
+
 def evidence(result: Trace) -> list[Bar]:
     """Evidence for what was found at the step at which it was chosen, for all else about the last model."""
     selection = result.selection
-    steps = [s.term for s in selection.steps]
-    found = [
-        Bar(f"{f.term.name} (step {steps.index(f.term) + 1})", f.log_p / _LN10, "found") for f in selection.findings
-    ]
+    found = [Bar(f"{f.term.name} (step {step_of(result, f)})", f.log_p / _LN10, "found") for f in selection.findings]
     left = {option.term.key for option in selection.left}
     named = {f.term.name for f in selection.findings}
     others = [
@@ -237,7 +241,7 @@ def _effect_section(
         rows = [[*row, f"{value:g}"] for row, value in zip(rows, hidden[effect["name"]], strict=True)]
     page.table(head, rows, numeric=(1, 3))
     finding = result.selection.findings[k]
-    step = [s.term for s in result.selection.steps].index(finding.term) + 1
+    step = step_of(result, finding)
     text = f"Chosen at step {step}, {words.p_value_words(effect['log10_p_value'])} about the model before it"
     text += f" (needed: p < {document['p_value_needed']:.2g})."
     if effect.get("interval"):

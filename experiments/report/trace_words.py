@@ -195,6 +195,11 @@ def remaining_sentence(item: Mapping[str, Any]) -> str:
         return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than expected"
     if item["kind"] == "colour":
         return f"neighbouring {sensor} residuals are correlated ({number(size)}; 0 would be white noise)"
+    if item["follows"] != "time":
+        return (
+            f"the {sensor} residual follows the {item['follows'].replace('_', ' ')} in a way that no effect of the "
+            f"catalogue does ({number(size)} sigma in all)"
+        )
     return f"an offset of {number(size)} sigma in a stretch of the {sensor} residual"
 
 

@@ -16,7 +16,14 @@ from experiments.estimate_command import warnings_of as innovation_warnings
 from experiments.monte_carlo_command import remark
 from experiments.report.console import progress, working
 from experiments.report.trace_page import evidence, trace_page
-from experiments.report.trace_words import effect_line, interval_words, lead, title, trace_summary
+from experiments.report.trace_words import (
+    effect_line,
+    interval_words,
+    lead,
+    remaining_sentence,
+    title,
+    trace_summary,
+)
 from experiments.report.words import change, per_unit, with_sigma
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.source import Source
@@ -211,3 +218,16 @@ def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:
     assert "with care" not in lead(document)
     document["error"]["same_names_on_fitting_part"] = False
     assert "with care" in lead(document)
+
+
+@pytest.mark.parametrize(
+    ("kind", "follows", "said"),
+    [
+        ("variance", "time", "variance of the barometer residual is 50 % larger"),
+        ("colour", "time", "correlated (0.5"),
+        ("local", "time", "offset of 0.5 sigma in a stretch"),
+        ("local", "supply_current", "follows the supply current in a way that no effect"),
+    ],
+)
+def test_what_remains_is_said_in_words(kind: str, follows: str, said: str) -> None:
+    assert said in remaining_sentence({"stream": "baro", "kind": kind, "excess": 0.5, "follows": follows})
