@@ -45,6 +45,14 @@ class AxesForm(StrEnum):
     full = "full"
 
 
+class World(StrEnum):
+    """How much of a blind recording's noise is as it declares."""
+
+    declared = "declared"
+    rough = "rough"
+    mixed = "mixed"
+
+
 Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
 Map = Annotated[
     Path | None, typer.Option("--map", help="TOML file that says how to read the log (README)", metavar="FILE")
@@ -290,6 +298,21 @@ def effects(
     from experiments.effects_command import run
 
     typer.echo(run(name))
+
+
+@app.command()
+def blind(
+    out: Annotated[Path, typer.Argument(help="folder for recordings, answers, reports and rates", metavar="OUT")],
+    runs: Annotated[int, typer.Option(help="number of recordings", min=1)] = 100,
+    seed: Annotated[int, typer.Option(help="that draws them")] = 0,
+    world: Annotated[World, typer.Option(help="noise as declared, rough, or each half of the time")] = World.mixed,
+    workers: Annotated[int, typer.Option(help="processes", min=1)] = 1,
+    html: Html = None,
+) -> None:
+    """Trace recordings whose effects are sealed, then open the answers: rates with their intervals."""
+    from experiments.blind.command import run
+
+    _say(lambda: run(out, runs, seed, world.value, workers, html), None, html)
 
 
 def _require_whole_effects(arguments: list[str]) -> None:

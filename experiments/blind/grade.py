@@ -91,16 +91,15 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
     if outside is not None:
         allowed |= set(outside["acceptable"])
     information: tuple[float, ...] = ()
-    ratio, z = np.nan, ()
+    ratio = np.nan
+    z: tuple[float, ...] = ()
     wrong = tuple(n for n in names if n not in allowed)
     missing: tuple[str, ...] = ()
     wrong_outside, missing_outside = wrong, missing
     if hidden:
         truth = _Truth(runs / name, answer)
         information = truth.information()
-        missing = tuple(
-            n for n, x in zip(hidden, information, strict=True) if x > DETECTABLE_LAMBDA and n not in names
-        )
+        missing = tuple(n for n, x in zip(hidden, information, strict=True) if x > DETECTABLE_LAMBDA and n not in names)
         wrong_terms = [_term(e[0], e[1]) for e in named if e[0] in wrong]
         related = truth.related(wrong_terms)
         wrong_outside = tuple(n for n in wrong if not related.get(n))

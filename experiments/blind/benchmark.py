@@ -1,0 +1,88 @@
+"""The benchmark: make recordings, trace each without its answer, then open the answers and count."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, fields
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from experiments.blind.examine import examine, index_of
+from experiments.blind.grade import Grade, grade
+from experiments.blind.maker.make import make
+from sensors.errors import InputError
+
+REPORTS = "reports"
+
+
+def run(
+    out: Path,
+    runs: int,
+    seed: int,
+    world: str = "mixed",
+    classes: Sequence[str] | None = None,
+    kinds: Sequence[str] | None = None,
+    workers: int = 1,
+    tell: Callable[[str, int, int], None] | None = None,
+) -> list[Grade]:
+    """Recordings into `out`/recordings, sealed answers beside them, reports and grades into `out`/reports.
+
+    A recording whose grade is there already is not traced again: a run that was stopped goes on.
+
+    Parameters
+    ----------
+    runs, seed : number of recordings, and the seed that draws them
+    world : "declared", "rough" or "mixed"
+    classes, kinds : see `maker.make`
+    workers : processes; the result does not depend on it
+    tell : progress: (what, done, of how many)
+    """
+    recordings = out / "recordings"
+    make(recordings, seed, runs, kinds, world, classes)
+    (out / REPORTS).mkdir(parents=True, exist_ok=True)
+    names = sorted(index_of(recordings))[:runs]
+    work = partial(one, out)
+    found: dict[str, Grade] = {}
+    if workers == 1:
+        for name in names:
+            found[name] = work(name)
+            if tell:
+                tell("traced", len(found), len(names))
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            jobs = {pool.submit(work, name): name for name in names}
+            for job in as_completed(jobs):
+                found[jobs[job]] = job.result()
+                if tell:
+                    tell("traced", len(found), len(names))
+    return [found[name] for name in names]
+
+
+def one(out: Path, name: str) -> Grade:
+    """Trace one recording and grade the report; what is there already is read."""
+    recordings, path = out / "recordings", out / REPORTS / f"{name}.json"
+    if path.is_file():
+        return graded(json.loads(path.read_text(encoding="utf-8"))["grade"])
+    try:
+        document = examine(recordings / name, index_of(recordings)[name])
+    except InputError as error:  # a recording that the tracer refuses is one that it has not explained
+        document = refused(str(error))
+    result = grade(recordings, name, document)
+    path.write_text(json.dumps({"report": document, "grade": asdict(result)}, indent=1), encoding="utf-8")
+    return result
+
+
+def refused(why: str) -> dict[str, Any]:
+    """The report of a recording that could not be read."""
+    return {"verdict": "refused", "why": why, "effects": [], "remaining": [], "cpu_seconds": 0.0,
+            "error": {"stream": "", "after": {"rms": float("nan")}}}  # fmt: skip
+
+
+def graded(row: dict[str, Any]) -> Grade:
+    """A grade from its JSON."""
+    values: dict[str, Any] = {f.name: row[f.name] for f in fields(Grade)}
+    return Grade(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})

@@ -1,0 +1,28 @@
+"""`sinan blind`: recordings with sealed answers, traced and counted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.blind.benchmark import run as run_benchmark
+from experiments.blind.rates import as_json, text
+from experiments.report.console import progress
+from experiments.report.files import write_json
+
+
+def run(out: Path, runs: int, seed: int, world: str, workers: int | None, html: Path | None) -> str:
+    """Make, trace, count; the table for the terminal. Rates into `out`/rates.json.
+
+    Parameters
+    ----------
+    out : folder for recordings, reports and rates
+    html : page with the figures; default: `out`/blind.html
+    """
+    from experiments.report.blind_page import blind_page
+
+    with progress("recordings", flies=True) as tell:
+        grades = run_benchmark(out, runs, seed, world, workers=workers or 1, tell=tell)
+    document = as_json(grades)
+    write_json(out / "rates.json", document)
+    blind_page(html or out / "blind.html", grades, document)
+    return text(document["rates"])

@@ -1,0 +1,89 @@
+"""The page of the blind benchmark: rates, who is taken for whom, and how identification goes with lambda."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estimator.score import DETECTABLE_LAMBDA
+from experiments.blind.grade import Grade
+from experiments.blind.rates import clopper_pearson, shown
+from experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
+from experiments.report.page import Page
+
+_EDGES = (0.0, 3.0, 6.0, 12.0, 20.0, 30.0, 45.0, 100.0, 1000.0, np.inf)
+_WORLDS = {"declared": "noise as declared", "rough": "rough: noise off by a third, colour, outliers, jitter, gaps"}
+
+
+def blind_page(path: Path, grades: Sequence[Grade], document: Mapping[str, Any]) -> None:
+    """Write the page."""
+    page = Page(
+        f"{len(grades)} recordings with sealed answers",
+        "Each recording was traced by someone who could not see its answer; then the answers were opened.",
+    )
+    for world, rates in document["rates"].items():
+        page.heading(f"World: {_WORLDS[world]}")
+        page.table(["asked", "reached"], [[what, shown(entry)] for what, entry in rates.items()])
+    page.heading("An effect is found where its evidence allows it")
+    page.figure(identification(grades), "Share of hidden effects that were named, against the lambda that their size "
+                "and the flight give; bars are 95 % intervals.")  # fmt: skip
+    page.heading("What is named, by what is hidden")
+    page.figure(confusion(grades), "Recordings with one detectable effect. A right name lies on the diagonal.")
+    page.write(path)
+
+
+def identification(grades: Sequence[Grade]) -> Figure:
+    """Share of hidden effects named, by predicted lambda."""
+    pairs = [
+        (x, name in g.named)
+        for g in grades if g.what in ("one", "several")
+        for name, x in zip(g.hidden, g.information, strict=True)
+    ]  # fmt: skip
+    figure, axes = new_figure(1, 1, 3.4)
+    one = axes[0, 0]
+    labels = []
+    for k, (low, high) in enumerate(pairwise(_EDGES)):
+        inside = [named for x, named in pairs if low <= x < high]
+        labels.append(f"{low:g} to {high:g}" if np.isfinite(high) else f"above {low:g}")
+        if inside:
+            rate = np.mean(inside)
+            a, b = clopper_pearson(int(np.sum(inside)), len(inside))
+            one.errorbar(k, rate, [[rate - a], [b - rate]], fmt="o", color=AFTER, capsize=3)
+            one.annotate(f"{len(inside)}", (k, 1.04), ha="center", fontsize=8, color=SOFT)
+    one.axvline(_EDGES.index(DETECTABLE_LAMBDA) - 0.5, color=BEFORE, lw=1.0, ls="--")
+    one.annotate("detectable from here", (_EDGES.index(DETECTABLE_LAMBDA) - 0.45, 0.05), fontsize=9, color=BEFORE)
+    one.set_xticks(range(len(labels)), labels, fontsize=8, rotation=20)
+    one.set_ylim(-0.03, 1.12)
+    one.set_xlabel("predicted lambda of the hidden effect (grey: how many)", fontsize=9)
+    one.set_ylabel("share named", fontsize=9)
+    return figure
+
+
+def confusion(grades: Sequence[Grade]) -> Figure:
+    """Hidden against named, recordings with one detectable effect."""
+    clear = [g for g in grades if g.what == "one" and g.detectable]
+    rows = sorted({g.hidden[0] for g in clear})
+    columns = [*rows, *sorted({n for g in clear for n in g.named} - set(rows)), "nothing"]
+    counts = np.zeros((len(rows), len(columns)), dtype=int)
+    for g in clear:
+        for name in g.named or ("nothing",):
+            counts[rows.index(g.hidden[0]), columns.index(name)] += 1
+    figure, axes = new_figure(1, 1, max(3.0, 0.2 * len(rows) + 1.6))
+    one = axes[0, 0]
+    for i, j in zip(*np.nonzero(counts), strict=True):
+        right = columns[j] == rows[i]
+        one.text(j, i, counts[i, j], ha="center", va="center", fontsize=7, color="white",
+                 bbox={"boxstyle": "round,pad=0.25", "fc": AFTER if right else BEFORE, "lw": 0})  # fmt: skip
+    one.set_xlim(-0.7, len(columns) - 0.3)
+    one.set_ylim(len(rows) - 0.3, -0.7)
+    one.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    one.set_yticks(range(len(rows)), rows, fontsize=7)
+    one.grid(color=SOFT, lw=0.2)
+    one.set_xlabel("named", fontsize=9)
+    one.set_ylabel("hidden", fontsize=9)
+    return figure
