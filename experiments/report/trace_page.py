@@ -160,7 +160,7 @@ def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Fig
 
 
 def step_of(result: Trace, finding: Finding) -> int:
-    """At which step an effect was chosen, from 1 on; its place among the findings where its interval was moved since."""
+    """At which step an effect was chosen, from 1 on; its place among the findings where its interval has moved."""
     taken = [step.term for step in result.selection.steps]
     present = [other.term for other in result.selection.findings]
     return (taken if finding.term in taken else present).index(finding.term) + 1
