@@ -57,7 +57,7 @@ finite = st.floats(-1e12, 1e12, allow_subnormal=True)
     steps=arrays(np.float64, 5, elements=st.floats(1e-6, 1e3)),
     name=st.text(min_size=1, max_size=20),
     noise=st.floats(1e-9, 1e3),
-    effect=st.lists(finite, min_size=1, max_size=3),
+    effect=st.lists(finite, min_size=3, max_size=3),
 )
 def test_round_trip_is_exact(
     tmp_path_factory: pytest.TempPathFactory, field: object, steps: object, name: str, noise: float, effect: list[float]
