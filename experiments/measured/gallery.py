@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ class Finding:
     references : label, before and after, words of the unit
     undecided : sentences
     beside : what others published of an effect's parameters, or the reference's rates show of the gyroscope
-    seconds : of the trace
+    seconds : of the processor, for the trace
     failure : why it did not finish; empty where it did
     """
 
@@ -113,14 +113,14 @@ class Finding:
 def find(name: str) -> Finding:
     """Trace one log and score it; what goes wrong is part of what is found."""
     entry = LOGS[name]
-    recording, start = resolve(entry.input), perf_counter()
+    recording, start = resolve(entry.input), process_time()
     try:
         source, result = trace_recording(recording, entry.sensor)
-        seconds = perf_counter() - start
+        seconds = process_time() - start
         document = report(source, result)
         references = references_of(entry, recording, source, result)
     except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-        return Finding(entry, name, seconds=perf_counter() - start, failure=f"{type(error).__name__}: {error}")
+        return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
     beside = published_words(entry, document) or gyro_words(entry, source)

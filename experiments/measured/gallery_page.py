@@ -25,6 +25,7 @@ How to read it:
 - An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
   coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
   can name.
+- **CPU** is the time of one processor for preparing and tracing the log.
 - A log decides only what its motion shows. What it cannot decide is part of the result.
 """
 
@@ -52,7 +53,7 @@ def blocks_of(text: str) -> dict[str, Block]:
 def page(blocks: Iterable[Block]) -> str:
     """The whole page."""
     known = list(blocks)
-    table = ["| log | verdict | effects | held out | reference, last third | time |", "| --- " * 6 + "|"]
+    table = ["| log | verdict | effects | held out | reference, last third | CPU |", "| --- " * 6 + "|"]
     table += [one.row for one in known]
     text = "\n".join([HEAD, *table, "", *(line for one in known for line in one.section)])
     return text.rstrip("\n") + "\n"
