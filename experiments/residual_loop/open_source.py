@@ -229,4 +229,6 @@ def _turns(recording: Recording, gravity: float | None, declared: dict[str, tupl
     )
     covariates = covariates_for(recording, "gyro", imu.t)
     earth = recording.environment.earth_rotation
-    return GyroTurns(recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where)
+    return GyroTurns(
+        recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where, accel.bias_walk
+    )

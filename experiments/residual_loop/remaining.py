@@ -93,11 +93,16 @@ def stands_out(
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    residuals = source.residuals(fit)
-    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
-    inflation = max((_long_run_variance(r) for r in mine), default=1.0)
+    inflation = long_run_variance_of(source, fit, stream)
     threshold = float(np.log(alpha / max(source.families, 1)))
     return log_p_value(finding.gain, len(finding.beta), scatter=max(inflation, 1.0)) < threshold
+
+
+def long_run_variance_of(source: Source, fit: Fit, stream: str) -> float:
+    """The largest of the streams in which an effect on a stream shows: its own, or all for one on the IMU."""
+    residuals = source.residuals(fit)
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
+    return max((_long_run_variance(r) for r in mine), default=1.0)
 
 
 def _long_run_variance(r: StreamResidual) -> float:
@@ -130,7 +135,8 @@ def _bursts(r: StreamResidual, alpha: float) -> list[Remaining]:
     if blocks < _LEAST_BLOCKS or r.stream == "level":  # the level is an assumption that every acceleration breaks
         return []
     z2 = np.mean(r.whitened**2, axis=1)
-    energy = np.array([part.mean() for part in np.array_split(z2, blocks)])
+    parts = np.array_split(z2, blocks)
+    energy = np.array([(part.sum() - part.max()) / (len(part) - 1) for part in parts])  # one wrong reading is no burst
     usual = float(np.median(energy))
     dof = max(len(r.t) / blocks * r.whitened.shape[1] / _repeats(r), 1.0)
     usual /= float(stats.chi2.median(dof)) / dof

@@ -66,6 +66,7 @@ class Finding:
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
     confused_with : names of effects that explain the data as well
+    spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
     """
 
     term: Term
@@ -76,6 +77,7 @@ class Finding:
     gain: float
     information: float
     confused_with: tuple[str, ...]
+    spread: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -296,11 +298,12 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     """The finding with its estimate in the final model."""
     term = finding.term
     beta = fit.beta[term]
-    information = finding.information
+    information, spread = finding.information, 1.0
     if term.in_mean:
         others = [t.key for t in fit.terms if t.in_mean and t != term]
         information = _lambda(evidence, term, others, beta)
-    return replace(finding, beta=beta, std=fit.std[term], information=information)
+        spread = float(np.sqrt(max(statistic_of(evidence, term.key, others).scatter, 1.0)))
+    return replace(finding, beta=beta, std=spread * fit.std[term], information=information, spread=spread)
 
 
 def _lambda(evidence: Evidence, term: Term, others: Sequence[str], beta: FloatArray) -> float:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, Statistic, log_p_value, statistic_of
+from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
-from experiments.residual_loop.remaining import Remaining, remaining, stands_out
+from experiments.residual_loop.remaining import Remaining, long_run_variance_of, remaining, stands_out
 from experiments.residual_loop.select import Finding, Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
@@ -111,7 +111,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         selection = _beside(source, alpha, suspects)
     if not suspects:
         return selection, suspects
-    suspects, joint = _needed(source, selection, suspects, alpha)
+    suspects, joint = _needed(source, selection, suspects)
     findings = selection.findings
     if suspects:
         findings = tuple(f for f in findings if stands_out(source, joint, f, suspects, alpha))
@@ -125,7 +125,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         selection,
         plain=plain,
         final=final,
-        findings=tuple(replace(f, beta=final.beta[f.term], std=final.std[f.term]) for f in findings),
+        findings=tuple(replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term]) for f in findings),
         plain_statistics=tuple(statistic_of(evidence, entry.name) for entry in source.candidates),
         plain_local=local,
     )
@@ -168,14 +168,20 @@ def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statist
 
 
 def _needed(
-    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
+    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]]
 ) -> tuple[list[tuple[Term, Statistic]], Fit]:
-    """The probes that the data would miss beside the effects found, and the fit with those alone."""
+    """The probes that the data would miss beside the effects found, and the fit with those alone.
+
+    Slow noise follows the place as long as nobody comes back to it: a probe counts for what it explains in units of the
+    slow noise that it leaves.
+    """
     fit = selection.final
     for term, s in list(suspects):
         rest = [other for other in fit.terms if other != term]
         without = source.fit(rest, {other: fit.beta[other] for other in rest})
-        if log_p_value(without.deviance - fit.deviance, s.dof, scatter=s.scatter) > np.log(alpha / MOST_SUSPECTS):
+        gain = without.deviance - fit.deviance
+        noise = max(s.scatter, 1.0, long_run_variance_of(source, fit, source.effect(term).stream))
+        if gain / noise - s.dof < DETECTABLE_LAMBDA:
             suspects = [one for one in suspects if one[0] != term]
             fit = without
     return suspects, fit
@@ -194,7 +200,9 @@ def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) ->
     terms = [term for term in selection.final.terms if term not in dropped]
     final = source.fit(terms, {term: selection.final.beta[term] for term in terms})
     findings = tuple(
-        replace(f, beta=final.beta[f.term], std=final.std[f.term]) for f in selection.findings if f.term not in dropped
+        replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term])
+        for f in selection.findings
+        if f.term not in dropped
     )
     return replace(selection, final=final, findings=findings)
 

@@ -60,8 +60,10 @@ class GyroTurns:
         declared: Mapping[str, Sequence[float]] | None = None,
         earth_rotation: bool = False,
         where: str = "",
+        accel_walk: float | None = None,
     ) -> None:
         self.where = where or name
+        self._wandering = _centred_walk(log.poses.t, accel_walk or 0.0)
         self.name, self.log, self.noise_known = name, log, noise_known
         self._declared = declared_terms(declared or {})
         self._walk = bias_walk(log.poses.t, walk if noise_known else None)
@@ -217,7 +219,18 @@ class GyroTurns:
                 block = -(shared[k + 1] ** 2) * across[k] @ rotation[k + 1] @ across[k + 1].T
                 covariance[k, :, k + 1, :] = block
                 covariance[k + 1, :, k, :] = block.T
-        return covariance.reshape(2 * n, 2 * n)
+        return (covariance + self._wandering_covariance(rotation, across)).reshape(2 * n, 2 * n)
+
+    def _wandering_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
+        """(turns, 2, turns, 2) what the wandering bias of the accelerometer adds: turn k misses R_k e_k - e_k+1."""
+        c, n = self._wandering, len(across)
+        before, after = across @ rotation, across
+        return np.asarray(
+            np.einsum("kl,kai,lbi->kalb", c[:n, :n], before, before)
+            - np.einsum("kl,kai,lbi->kalb", c[:n, 1:], before, after)
+            - np.einsum("kl,kai,lbi->kalb", c[1:, :n], after, before)
+            + np.einsum("kl,kai,lbi->kalb", c[1:, 1:], after, after)
+        )
 
     @property
     def _sigma_shared(self) -> FloatArray:
@@ -232,6 +245,12 @@ class GyroTurns:
 
     def _motion(self, w: FloatArray) -> Motion:
         return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)
+
+
+def _centred_walk(t: FloatArray, walk: float) -> FloatArray:
+    """(n, n) covariance of a random walk at the instants t about its own mean, which the calibration has taken off."""
+    centre = np.eye(len(t)) - 1.0 / len(t)
+    return np.asarray(walk**2 * centre @ np.minimum.outer(t - t[0], t - t[0]) @ centre)
 
 
 def inverse(B: FloatArray) -> FloatArray:
