@@ -84,5 +84,7 @@ def refused(why: str) -> dict[str, Any]:
 
 def graded(row: dict[str, Any]) -> Grade:
     """A grade from its JSON."""
-    values: dict[str, Any] = {f.name: row[f.name] for f in fields(Grade)}
-    return Grade(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    values: dict[str, Any] = {}
+    for name in (field.name for field in fields(Grade)):
+        values[name] = tuple(row[name]) if isinstance(row[name], list) else row[name]
+    return Grade(**values)

@@ -13,6 +13,7 @@ import numpy as np
 from estimator.score import DETECTABLE_LAMBDA, Evidence, project_out, squared_correlation
 from experiments.blind.maker.make import ANSWER_FILE, answers_folder
 from experiments.datasets import resolve
+from experiments.residual_loop.manoeuvre import CLASS_BOUND
 from experiments.residual_loop.open_flight import flight_source
 from experiments.residual_loop.open_source import pose_source
 from experiments.residual_loop.prove import held_out
@@ -20,8 +21,6 @@ from experiments.residual_loop.source import Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 
-#: Squared canonical correlation above which two effects are one class in that recording.
-CLASS_BOUND = 0.8
 #: An estimate counts as right within so many of its sigma, per degree of freedom as for one normal number.
 SIGMAS = 3.0
 

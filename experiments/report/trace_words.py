@@ -190,6 +190,8 @@ def trace_summary(document: Mapping[str, Any]) -> str:
 def remaining_sentence(item: Mapping[str, Any]) -> str:
     """What is left in a residual, in words."""
     sensor, size = SENSORS.get(item["stream"], item["stream"]), item["excess"]
+    if item.get("what"):
+        return str(item["what"])
     if item["kind"] == "variance":
         relation = "larger" if size > 0 else "smaller"
         return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than expected"

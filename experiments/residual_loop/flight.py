@@ -116,6 +116,8 @@ class FlightSource:
         for entry in effects_for("flight", candidate_streams(self.model)):
             if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
                 continue
+            if entry.stream == "level" and "gps" not in self.model.sensors:  # nothing sees the velocity it goes with
+                continue
             if entry.stream in self.model.sensors:
                 along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._plain_motion)
             else:

@@ -35,6 +35,7 @@ class Remaining:
     excess : relative size: of the variance over 1, largest autocorrelation, or offset over sigma
     follows : "time", "place" or the name of a covariate
     in_mean : whether it is structure of the mean, which the catalogue should explain
+    what : in words, where kind and excess do not say it
     """
 
     stream: str
@@ -43,6 +44,7 @@ class Remaining:
     follows: str
     p_value: float
     in_mean: bool
+    what: str = ""
 
 
 def remaining(
@@ -144,7 +146,8 @@ def _bursts(r: StreamResidual, alpha: float) -> list[Remaining]:
     p = min(blocks * float(stats.f.sf(ratio, dof, dof * (blocks - 1))), 1.0)
     if ratio < _BURST or p >= alpha:
         return []
-    return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, True)]
+    what = f"the {r.stream} residual is {np.sqrt(ratio):.2g} times its usual size in a stretch"
+    return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, True, what)]
 
 
 def _repeats(r: StreamResidual) -> float:
@@ -160,8 +163,14 @@ def _repeats(r: StreamResidual) -> float:
 
 
 def _faults(source: Source) -> list[Remaining]:
-    """One entry a stream and kind: the share of the time in which it did not measure."""
-    lasted: dict[str, float] = {}
-    for stream, _, start, stop in source.faults():
-        lasted[stream] = lasted.get(stream, 0.0) + stop - start
-    return [Remaining(stream, "local", seconds, "time", FROZEN_LEVEL, True) for stream, seconds in lasted.items()]
+    """One entry a stream and kind of fault; its excess is the number of stretches."""
+    lasted: dict[tuple[str, str], list[float]] = {}
+    for stream, kind, start, stop in source.faults():
+        lasted.setdefault((stream, kind), []).append(stop - start)
+    return [
+        Remaining(
+            stream, "local", float(len(times)), "time", FROZEN_LEVEL, True,
+            f"{stream} was {kind} in {len(times)} stretch{'es' if len(times) > 1 else ''}, {sum(times):.3g} s in all",
+        )
+        for (stream, kind), times in lasted.items()
+    ]  # fmt: skip

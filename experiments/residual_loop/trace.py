@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
+from experiments.residual_loop.manoeuvre import separating_manoeuvre
+from experiments.residual_loop.probes import followed
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, long_run_variance_of, remaining, stands_out
 from experiments.residual_loop.select import Finding, Selection, select
@@ -85,7 +87,7 @@ def trace(
         tuple(term.name for term in dropped),
         tuple(left),
         truth,
-        _separating_manoeuvre(source, selection),
+        _separating_manoeuvre(selection),
         None if score_held_out is None else (score_held_out(proof.fits[0]), score_held_out(proof.fits[1])),
     )
 
@@ -146,13 +148,13 @@ def _is_obvious(source: Source, suspect: Statistic) -> bool:
 
 
 def _explains_more(suspect: Statistic, selection: Selection) -> bool:
-    """Whether a probe alone explains more than all effects found together, by so much that it would be found itself.
+    """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters.
 
     The true effects leave nothing that could be explained, so nothing explains more than they do.
     """
     gain = selection.plain.deviance - selection.final.deviance
     parameters = sum(len(finding.beta) for finding in selection.findings)
-    return suspect.statistic - suspect.dof > gain - parameters + DETECTABLE_LAMBDA
+    return suspect.statistic - 2.0 * suspect.dof > gain - 2.0 * parameters
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:
@@ -181,7 +183,7 @@ def _needed(
         without = source.fit(rest, {other: fit.beta[other] for other in rest})
         gain = without.deviance - fit.deviance
         noise = max(s.scatter, 1.0, long_run_variance_of(source, fit, source.effect(term).stream))
-        if gain / noise - s.dof < DETECTABLE_LAMBDA:
+        if gain / noise - s.dof < DETECTABLE_LAMBDA or gain < _least_gain(source, fit, term):
             suspects = [one for one in suspects if one[0] != term]
             fit = without
     return suspects, fit
@@ -207,10 +209,20 @@ def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) ->
     return replace(selection, final=final, findings=findings)
 
 
-def _separating_manoeuvre(source: Source, selection: Selection) -> str:
+def _separating_manoeuvre(selection: Selection) -> str:
+    """What would decide an ambiguous verdict; empty for the others."""
     if not selection.findings or not selection.findings[0].confused_with:
         return ""
-    return source.effect(selection.findings[0].term).separates
+    first = selection.findings[0]
+    return separating_manoeuvre(first.term.name, first.confused_with)
+
+
+def _least_gain(source: Source, fit: Fit, term: Term) -> float:
+    """For a probe of place, as much as the noise itself: one visit cannot tell a place from a slow noise."""
+    stream, follows = followed([term.name])[0]
+    if follows != "place":
+        return 0.0
+    return float(sum(r.whitened.size for r in source.residuals(fit) if r.stream == stream))
 
 
 # ---- the report
@@ -256,6 +268,7 @@ def report(source: Source, result: Trace) -> dict[str, object]:
                 "excess": _number(r.excess),
                 "follows": r.follows,
                 "p_value": r.p_value,
+                "what": r.what,
             }
             for r in result.remaining
         ],
