@@ -11,18 +11,20 @@ from experiments.report.files import write_json
 
 
 def run(out: Path, runs: int, seed: int, world: str, workers: int | None, html: Path | None) -> str:
-    """Make, trace, count; the table for the terminal. Rates into `out`/rates.json.
+    """Make, trace, count; the table for the terminal. Rates into `out`/rates.json, figures beside it.
 
     Parameters
     ----------
     out : folder for recordings, reports and rates
     html : page with the figures; default: `out`/blind.html
     """
-    from experiments.report.blind_page import blind_page
+    from experiments.report.blind_page import blind_page, confusion, identification
 
     with progress("recordings", flies=True) as tell:
         grades = run_benchmark(out, runs, seed, world, workers=workers or 1, tell=tell)
     document = as_json(grades)
     write_json(out / "rates.json", document)
     blind_page(html or out / "blind.html", grades, document)
+    for name, draw in (("identification", identification), ("confusion", confusion)):
+        draw(grades).savefig(out / f"{name}.png", dpi=100)
     return text(document["rates"])
