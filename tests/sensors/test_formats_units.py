@@ -103,3 +103,13 @@ def test_pressure_in_hectopascal() -> None:
     baro = Stream(np.arange(3.0), {"pressure": np.full(3, 1013.0)})
     with pytest.raises(InputError, match="looks like hPa"):
         check_units(Recording("baro", "flight", {"baro": baro}))
+
+
+@pytest.mark.parametrize("samples", [211, 421, 691, 841])
+def test_log_whose_last_look_falls_past_its_end(samples: int) -> None:
+    """From t = 1 s these lengths have a look at the directions, every 0.3 s, that rounds to beyond the last sample."""
+    log = recording()
+    imu = log.streams["imu"].rows(np.arange(3000) < samples)
+    imu = Stream(1.0 + np.arange(samples) / RATE, imu.columns)
+    assert np.arange(imu.t[0], imu.t[-1], 0.3)[-1] > imu.t[-1]
+    check_units(log.replace(streams={"imu": imu}))

@@ -1,0 +1,171 @@
+"""Probes, which are no effects, and what is left in a residual: bursts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
+from experiments.residual_loop.remaining import _bursts
+from experiments.residual_loop.source import StreamResidual
+from sensors.arrays import FloatArray
+from sensors.effects import CATALOGUE, Effect
+from sensors.effects.streams import STREAMS
+from sensors.motion import Motion
+from tests.estimator.analytic_flight import analytic_motion
+
+ALPHA = 0.01  # level of each test
+RUNS = 200
+TEN_MINUTES_AT_5_HZ = np.arange(3000) / 5.0
+MICROMETRE = 1e-6
+KNOWN = ("mag", "baro", "sonar", "laser", "gps")
+
+
+# ---- probes
+
+
+def covariates(t: FloatArray) -> dict[str, dict[str, FloatArray]]:
+    """What a recording may know beside its readings."""
+    warming, still = 20.0 + 15.0 * (1.0 - np.exp(-t / 10.0)), np.full(len(t), 21.0)
+    return {"accel": {"temperature": warming}, "baro": {"temperature": still}, "mag": {"current": 5.0 + np.sin(t)}}
+
+
+def flight() -> Motion:
+    return analytic_motion(np.arange(600) / 20.0)
+
+
+def probes() -> tuple[Effect, ...]:
+    motion = flight()
+    return probes_for(("accel", "gyro", *KNOWN), motion, covariates(motion.t), KNOWN)
+
+
+@pytest.mark.parametrize("probe", probes(), ids=lambda probe: probe.name)
+def test_regressor_of_a_probe(probe: Effect) -> None:
+    motion = flight()
+    along = motion.with_covariates(**covariates(motion.t).get(probe.stream, {}))
+    G = probe.regressor(along)
+    assert G.shape == (len(motion), len(STREAMS[probe.stream].components), probe.size)
+    assert np.all(np.isfinite(G))
+    assert np.all(np.any(G != 0.0, axis=(0, 1)))
+
+
+def test_every_stream_has_a_probe() -> None:
+    assert {probe.stream for probe in probes()} == {"accel", "gyro", *KNOWN}
+
+
+def test_stream_without_readings_has_no_probe() -> None:
+    motion = flight()
+    assert probes_for(KNOWN, motion, {}, ()) == ()
+
+
+def test_covariate_that_does_not_change_has_no_probe() -> None:
+    assert "temperature" not in [what_it_follows(probe.name) for probe in probes() if probe.stream == "baro"]
+
+
+def test_no_effect_of_the_catalogue_is_a_probe() -> None:
+    assert not any(is_probe(name) for name in CATALOGUE)
+
+
+def test_every_probe_is_one() -> None:
+    assert all(is_probe(probe.name) for probe in probes())
+
+
+def test_followed_names_stream_and_thing() -> None:
+    names = ["baro.scale", "unexplained.baro.place", "unexplained.mag.current"]
+    assert followed(names) == (("baro", "place"), ("mag", "current"))
+
+
+# ---- play
+
+
+def test_play_holds_while_it_moves_less_than_the_half_width() -> None:
+    x = 10.0 + 0.9 * np.sin(np.linspace(0.0, 20.0, 500))
+    assert np.ptp(play(x, 1.0)) == 0.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_play_lags_by_the_half_width(sign: float) -> None:
+    x = sign * np.linspace(0.0, 5.0, 200)
+    lag = sign * (x - play(x, 0.5))[100:]
+    assert lag == pytest.approx(0.5, abs=MICROMETRE)
+
+
+def test_play_is_never_farther_than_the_half_width() -> None:
+    x = np.cumsum(np.random.default_rng(1).standard_normal(5000))
+    assert np.max(np.abs(x - play(x, 2.0))) <= 2.0 + MICROMETRE
+
+
+def test_no_play_follows_exactly() -> None:
+    x = np.random.default_rng(2).standard_normal(100)
+    assert np.array_equal(play(x, 0.0), x)
+
+
+# ---- bursts
+
+
+def residual(z: FloatArray, stream: str = "baro") -> StreamResidual:
+    z = z.reshape(len(z), -1)
+    t = np.arange(len(z)) / 5.0
+    return StreamResidual(stream, t, z, z, np.zeros(len(z), dtype=np.bool_), "m", {})
+
+
+def white(seed: int, size: int = 1, n: int = 3000) -> FloatArray:
+    return np.asarray(np.random.default_rng(seed).standard_normal((n, size)))
+
+
+def coloured(seed: int, phi: float) -> FloatArray:
+    """AR(1) of unit variance: z_k = phi z_k-1 + sqrt(1 - phi^2) n_k."""
+    from scipy.signal import lfilter
+
+    n = white(seed, n=4000)[:, 0]
+    return np.asarray(lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], n))[1000:]
+
+
+def most_alarms(rate: float) -> int:
+    """Alarms among `RUNS` that a rate exceeds once in a thousand times."""
+    return int(stats.binom.isf(1e-3, RUNS, rate))
+
+
+@pytest.mark.parametrize("size", [1, 3])
+@pytest.mark.parametrize("n", [60, 400, 3000])
+def test_white_noise_has_no_burst(n: int, size: int) -> None:
+    alarms = sum(bool(_bursts(residual(white(seed, size, n)), ALPHA)) for seed in range(RUNS))
+    assert alarms <= most_alarms(ALPHA)
+
+
+@pytest.mark.parametrize("phi", [0.3, 0.7, 0.9, 0.97])
+def test_coloured_noise_has_no_burst(phi: float) -> None:
+    alarms = sum(bool(_bursts(residual(coloured(seed, phi)), ALPHA)) for seed in range(RUNS))
+    assert alarms <= most_alarms(ALPHA)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_burst_of_three_sigma_is_found(seed: int) -> None:
+    z = white(seed)
+    z[1200:1500] *= 3.0
+    assert [(r.kind, r.in_mean) for r in _bursts(residual(z), ALPHA)] == [("local", True)]
+
+
+def test_size_of_a_burst() -> None:
+    """Its excess is the size of the worst block over the usual: of 4 blocks with 75 readings, a little above 3."""
+    z = white(7)
+    z[1200:1500] *= 3.0
+    assert _bursts(residual(z), ALPHA)[0].excess == pytest.approx(3.0, rel=0.3)
+
+
+@pytest.mark.parametrize("wrong", [10.0, 1000.0])
+def test_one_wrong_reading_is_no_burst(wrong: float) -> None:
+    z = white(8)
+    z[1300] = wrong
+    assert _bursts(residual(z), ALPHA) == []
+
+
+def test_short_stream_is_not_judged() -> None:
+    assert _bursts(residual(10.0 * white(9, n=39)), ALPHA) == []
+
+
+def test_level_is_not_judged() -> None:
+    z = white(10)
+    z[1200:1500] *= 5.0
+    assert _bursts(residual(z, "level"), ALPHA) == []
