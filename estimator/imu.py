@@ -68,11 +68,13 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     for start, stop in frozen_runs(u):
         keep[start + 1 : stop] = False
         notes.append(Note("imu", "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
-    for name, columns in (("accel", u[:, :3]), ("gyro", u[:, 3:])):
-        for start, stop in stuck_runs(columns):
+    excess, found = beyond_the_range(t, u)
+    for name, part in (("accel", _ACCEL), ("gyro", _GYRO)):
+        for start, stop in stuck_runs(u[:, part]):
+            if np.any(np.all(excess[start:stop, part] != 0.0, axis=0)):
+                continue  # it stays at its limit: saturated
             keep[start + 1 : stop] = False
             notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
-    excess, found = beyond_the_range(t, u)
     notes += found
     row = np.flatnonzero(keep)
     t, u, excess = t[row], u[row] + excess[row], excess[row]
@@ -100,7 +102,8 @@ def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Not
     """(n, 6) what a saturated sample lacks on average, and a note on each stretch where that is more than its steps.
 
     While a reading stays at its limit for a time T, the true value goes on with the slope s that it came with and comes
-    back: an arc over the limit of mean height s T / 6, as a parabola has it.
+    back: an arc over the limit of mean height s T / 6, as a parabola has it. A reading that jumps to its extreme, or
+    that stands while all others do, has lost the signal: it is no arc, and nothing is added.
     """
     excess, notes = np.zeros_like(u), []
     for name, part in (("accel", _ACCEL), ("gyro", _GYRO)):
@@ -108,15 +111,25 @@ def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Not
             column = u[:, k]
             usual = float(np.median(np.abs(np.diff(column)))) if len(t) > 1 else 0.0
             for start, stop in saturated_runs(column[:, None]):
-                before, after = max(start - _SLOPE, 0), min(stop - 1 + _SLOPE, len(t) - 1)
-                slopes = [abs(column[start] - column[before]) / max(t[start] - t[before], 1e-9),
-                          abs(column[after] - column[stop - 1]) / max(t[after] - t[stop - 1], 1e-9)]  # fmt: skip
+                if np.all(u[start:stop] == u[start]):
+                    continue
+                slopes = [_slope(t[: start + 1], column[: start + 1], usual),
+                          _slope(t[stop - 1 :][::-1], column[stop - 1 :][::-1], usual)]  # fmt: skip
                 height = max(slopes) * (t[stop - 1] - t[start]) / 6.0
                 excess[start:stop, k] = np.copysign(height, column[start] - np.median(column))
                 if height > _SEEN * usual:
                     action = "taken as an arc over the limit"
                     notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), action))
     return excess, notes
+
+
+def _slope(t: FloatArray, column: FloatArray, usual: float) -> float:
+    """Mean slope over the last samples; zero where the last step is a jump: far more than the steps before it."""
+    steps = np.abs(np.diff(column[-2 - _SLOPE :]))
+    if len(steps) < 2 or steps[-1] > _SEEN * max(usual, float(np.max(steps[:-1]))):
+        return 0.0
+    n = min(_SLOPE, len(steps))
+    return float(abs(column[-1] - column[-1 - n]) / abs(t[-1] - t[-1 - n]))
 
 
 def _unseen(height: FloatArray, t: FloatArray) -> FloatArray:
