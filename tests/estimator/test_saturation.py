@@ -138,7 +138,8 @@ def test_reading_that_drops_to_zero_is_no_arc(axes: list[int]) -> None:
     u = samples(SWING)
     u[1600:2000, axes] = 0.0
     excess, notes = beyond_the_range(T, u)
-    assert not np.any(excess) and notes == []
+    assert not np.any(excess)
+    assert notes == []
 
 
 def test_clipped_axis_is_not_stuck_too() -> None:
