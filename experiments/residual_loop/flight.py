@@ -30,6 +30,7 @@ from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect, effects_for
 from sensors.effects.streams import STREAMS
+from sensors.errors import InputError
 from sensors.motion import Motion
 from sensors.recording import Recording
 
@@ -39,7 +40,7 @@ _LEAST_OUTLIERS = 3
 _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 #: The last third of the time is held out.
 _FITTING_SHARE = 2.0 / 3.0
-_MOST_STEPS = 8
+_MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
@@ -137,23 +138,35 @@ class FlightSource:
         beta = [np.asarray((start or {}).get(term, np.zeros(declaration(term).size))) for term in terms if term.in_mean]
         motion = self._plain_motion
         best: tuple[float, list[FloatArray], Journal, Motion, FloatArray] | None = None
+        halvings = 0
         for _ in range(_MOST_STEPS):
-            if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion of these beta
-                terms_now = self._terms(effects, beta)
+            try:
+                if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
+                    terms_now = self._terms(effects, beta)
+                    if best is None:
+                        journal, _ = self._pass([], effects, beta, motion)
+                    motion = reference_motion(self.recording, journal, terms_now, self._table)
+                journal, sensitivity = self._pass(effects, effects, beta, motion)
+                deviance = self._deviance(journal, part)
+            except InputError:  # beta so far off that no state or covariance follows
                 if best is None:
-                    journal, _ = self._pass([], effects, beta, motion)
-                motion = reference_motion(self.recording, journal, terms_now, self._table)
-            journal, sensitivity = self._pass(effects, effects, beta, motion)
-            deviance = self._deviance(journal, part)
+                    raise
+                deviance = np.inf
+            if best is not None and best[0] < deviance:  # too far: half the way back
+                halvings += 1
+                if halvings > _MOST_HALVINGS:
+                    break
+                beta = [0.5 * (b + good) for b, good in zip(beta, best[1], strict=True)]
+                journal, motion = best[2], best[3]
+                continue
             W, white = self._rows(sensitivity, journal, part)
             information = W.T @ W
-            if best is None or deviance < best[0]:
-                best = (deviance, beta, journal, motion, information)
+            best = (deviance, beta, journal, motion, information)
             if not effects:
                 break
             step = self._step(information, W.T @ white, effects)
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
-            if best[0] < deviance or np.all(np.abs(step) < _SETTLED * sigma):
+            if np.all(np.abs(step) < _SETTLED * sigma):
                 break
             beta = [b + s for b, s in zip(beta, np.split(step, np.cumsum([len(b) for b in beta])[:-1]), strict=True)]
         assert best is not None

@@ -11,6 +11,7 @@ from scipy import stats
 from estimator.faults import FROZEN_LEVEL
 from estimator.score import Statistic, log_p_value
 from estimator.whiteness import whiteness
+from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.select import Finding, Option
 from experiments.residual_loop.source import Fit, Source, StreamResidual
@@ -95,28 +96,9 @@ def stands_out(
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    inflation = long_run_variance_of(source, fit, stream)
+    inflation = noise_left(source, fit, stream, slow=True)
     threshold = float(np.log(alpha / max(source.families, 1)))
     return log_p_value(finding.gain, len(finding.beta), scatter=max(inflation, 1.0)) < threshold
-
-
-def long_run_variance_of(source: Source, fit: Fit, stream: str) -> float:
-    """The largest of the streams in which an effect on a stream shows: its own, or all for one on the IMU."""
-    residuals = source.residuals(fit)
-    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
-    return max((_long_run_variance(r) for r in mine), default=1.0)
-
-
-def _long_run_variance(r: StreamResidual) -> float:
-    """Mean square of the whitened residual times 1 + 2 sum rho, over the lags before rho is first negative."""
-    z = r.whitened - r.whitened.mean(axis=0)
-    power, total = float(np.sum(z**2)), 1.0
-    for lag in range(1, min(_LAGS, len(z) // 4)):
-        rho = float(np.sum(z[lag:] * z[:-lag])) / max(power, 1e-300)
-        if rho <= 0.0:
-            break
-        total += 2.0 * rho
-    return float(np.mean(r.whitened**2)) * total
 
 
 def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remaining]:

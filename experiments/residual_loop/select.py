@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimator.score import Evidence, Statistic, log_p_value, statistic_of
+from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
@@ -240,7 +242,10 @@ def _best(
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
     """Refit with one more effect; None where the estimate is far outside its plausible size or nothing is gained."""
     term = option.term
-    refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+    try:
+        refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+    except InputError:  # no state or covariance that could be: this is not what happened
+        return None
     for _ in range(_RELOCATIONS if term.interval is not None else 0):
         moved = source.relocated(refit, term)
         if moved == term:
@@ -263,9 +268,12 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
     scatter = statistic_of(evidence, term.key, others).scatter
     plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
-    log_p_raw, log_p = min(plain + option.search_raw, 0.0), min(plain + option.search, 0.0)
-    if term.interval is None:
-        log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter), 0.0)
+    noise = 1.0
+    if not np.isfinite(evidence.noise_dof):  # declared, and perhaps too small
+        noise = noise_left(source, refit, source.effect(term).stream, slow=term.interval is not None)
+    scatter = noise if term.interval is not None else max(scatter, noise)
+    corrected = _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter)
+    log_p_raw, log_p = min(plain + option.search_raw, 0.0), min(corrected + option.search, 0.0)
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, _lambda(evidence, term, others, beta), ())
     return refit, finding
 

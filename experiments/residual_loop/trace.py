@@ -9,9 +9,10 @@ import numpy as np
 
 from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.manoeuvre import separating_manoeuvre
+from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
-from experiments.residual_loop.remaining import Remaining, long_run_variance_of, remaining, stands_out
+from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import Finding, Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
@@ -102,6 +103,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     strongest = _passing(source, source.fit(()), alpha)[:1]
     suspects = strongest if strongest and _is_obvious(source, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
+    alone = None if suspects else selection
     if not suspects and strongest and _explains_more(strongest[0][1], selection):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
@@ -114,15 +116,14 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     if not suspects:
         return selection, suspects
     suspects, joint = _needed(source, selection, suspects)
-    findings = selection.findings
-    if suspects:
-        findings = tuple(f for f in findings if stands_out(source, joint, f, suspects, alpha))
+    if not suspects:
+        return alone or select(source, alpha), []
+    findings = tuple(f for f in selection.findings if stands_out(source, joint, f, suspects, alpha))
     plain = source.fit(())
     evidence, local = source.evidence(plain), tuple(source.local_findings(plain))
     terms = [finding.term for finding in findings]
     final = source.fit(terms, {term: joint.beta[term] for term in terms})
-    if suspects:
-        final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
+    final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
     beside = replace(
         selection,
         plain=plain,
@@ -182,7 +183,7 @@ def _needed(
         rest = [other for other in fit.terms if other != term]
         without = source.fit(rest, {other: fit.beta[other] for other in rest})
         gain = without.deviance - fit.deviance
-        noise = max(s.scatter, 1.0, long_run_variance_of(source, fit, source.effect(term).stream))
+        noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
         if gain / noise - s.dof < DETECTABLE_LAMBDA or gain < _least_gain(source, fit, term):
             suspects = [one for one in suspects if one[0] != term]
             fit = without

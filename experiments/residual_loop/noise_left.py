@@ -1,0 +1,39 @@
+"""How large the noise of a stream is in the residual that a model leaves, in units of the declared noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.residual_loop.source import Fit, Source, StreamResidual
+
+_LAGS = 50
+
+
+def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
+    """Variance over the declared one of the streams in which an effect on a stream shows: its own, or for one on the
+    IMU the largest of all. At least 1: noise smaller than declared is not believed.
+
+    Parameters
+    ----------
+    slow : of the sum over long times, for what lasts: times 1 + 2 sum rho
+    """
+    residuals = source.residuals(fit)
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
+    measure = _long_run_variance if slow else _variance
+    return max([1.0, *(measure(r) for r in mine)])
+
+
+def _variance(r: StreamResidual) -> float:
+    return float(np.mean(r.whitened**2))
+
+
+def _long_run_variance(r: StreamResidual) -> float:
+    """Mean square of the whitened residual times 1 + 2 sum rho, over the lags before rho is first negative."""
+    z = r.whitened - r.whitened.mean(axis=0)
+    power, total = float(np.sum(z**2)), 1.0
+    for lag in range(1, min(_LAGS, len(z) // 4)):
+        rho = float(np.sum(z[lag:] * z[:-lag])) / max(power, 1e-300)
+        if rho <= 0.0:
+            break
+        total += 2.0 * rho
+    return _variance(r) * total
