@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from estimator.score import project_out
+from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
@@ -131,21 +133,45 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects without which the error on held-out data that they act on is no larger, the others in the model.
+    """Effects that the held-out data that they act on do not bear out, the others in the model.
+
+    Without such an effect the held-out error is no larger; or it is larger, but by far less than the same beta ought to
+    make of it: then something else has taken the shape of the effect in the part that was fitted.
 
     The last found is asked first: two effects that hide each other need each other.
     """
     terms = [f.term for f in selection.findings if f.term.in_mean and acts_on_held_out(source, selection, f.term)]
     beta = {term: selection.final.beta[term] for term in terms}
-    present = _held_out_squares(source, source.fit(terms, beta, "fitting"))
+    fitted = source.fit(terms, beta, "fitting")
+    present = _held_out_squares(source, fitted)
     dropped: list[Term] = []
     for term in reversed(terms):
         rest = [other for other in terms if other is not term and other not in dropped]
-        without = _held_out_squares(source, source.fit(rest, {t: beta[t] for t in rest}, "fitting"))
-        if without <= present:
+        without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
+        gain = _held_out_squares(source, without) - present
+        if gain <= max(_least_held_out_gain(source, fitted, term), 0.0):
             dropped.append(term)
-            present = without
+            fitted, present = without, _held_out_squares(source, without)
     return tuple(reversed(dropped))
+
+
+def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
+    """Half of what the fitted beta predicts, lambda, less what chance takes off it: three times 2 sqrt(lambda noise).
+
+    Least squares with an estimated noise level have no scale for it: 0.
+    """
+    part = source.evidence(fitted, own_terms_only=True)
+    if np.isfinite(part.noise_dof):
+        return 0.0
+    whole = source.evidence(replace(fitted, part="all"), own_terms_only=True)
+    others = [t.key for t in fitted.terms if t.in_mean and t != term]
+    beta, expected = fitted.beta[term], 0.0
+    for evidence, sign in ((whole, 1.0), (part, -1.0)):
+        information, _ = project_out(evidence, term.key, others)
+        expected += sign * float(beta @ information.sum(axis=0) @ beta)
+    noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
+    expected = max(expected, 0.0)
+    return 0.5 * expected - 6.0 * float(np.sqrt(expected * noise))
 
 
 def _held_out_squares(source: Source, fit: Fit) -> float:
