@@ -37,8 +37,8 @@ from experiments.report.blind_page import blind_page
 from sensors.errors import InputError
 
 SEED = 2
-#: Of 24 poses of seeds 1 and 2 one each fails: wrong readings so few that they cannot be told, but counted as such by
-#: the number that was expected of them; and one wrong reading among 21 poses that is taken for two other effects.
+#: Of 24 poses of seeds 1 and 2 one each fails: wrong readings that lie across the field, so that its norm does not show
+#: them, but count as detectable by their number; and one wrong reading of 21 poses that is taken for two other effects.
 POSES, POSE_KINDS, POSE_SEED = 24, ("accel_poses", "mag_poses"), 3
 FLIGHTS, FLIGHT_SEED = 3, 1
 FOUR_DIGITS = 5e-5
