@@ -145,3 +145,10 @@ def test_reading_that_drops_to_zero_is_no_arc(axes: list[int]) -> None:
 def test_clipped_axis_is_not_stuck_too() -> None:
     table = table_of(np.clip(SWING + NOISE * noise(1)[:, 0], -LIMIT, LIMIT))
     assert {note.kind for note in table.notes} == {"saturated"}
+
+
+@pytest.mark.parametrize("levels", [2, 3, 5, 9])
+def test_few_levels_are_no_limit(levels: int) -> None:
+    """A body at rest whose noise is about one count."""
+    counts = np.round(0.125 * levels * noise(1, levels)[:, 0])
+    assert notes_of(COUNT * np.clip(counts, 0 if levels == 2 else -levels // 2, levels // 2)) == []
