@@ -66,14 +66,14 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     notes: list[Note] = []
     keep = np.ones(len(t), dtype=np.bool_)
     for start, stop in frozen_runs(u):
-        keep[start + 1 : stop] = False
+        keep[_lost_from(u, start) : stop] = False
         notes.append(Note("imu", "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
     excess, found = beyond_the_range(t, u)
     for name, part in (("accel", _ACCEL), ("gyro", _GYRO)):
         for start, stop in stuck_runs(u[:, part]):
             if np.any(np.all(excess[start:stop, part] != 0.0, axis=0)):
                 continue  # it stays at its limit: saturated
-            keep[start + 1 : stop] = False
+            keep[_lost_from(u[:, part], start) : stop] = False
             notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
     notes += found
     row = np.flatnonzero(keep)
@@ -121,6 +121,15 @@ def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Not
                     action = "taken as an arc over the limit"
                     notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), action))
     return excess, notes
+
+
+def _lost_from(u: FloatArray, start: int) -> int:
+    """First row of a frozen stretch that says nothing: the second, or the first where the readings jump to it."""
+    steps = np.abs(np.diff(u[max(start - 1 - _SLOPE, 0) : start + 1], axis=0))
+    usual = np.median(np.abs(np.diff(u, axis=0)), axis=0)
+    if len(steps) < 2 or not np.any(steps[-1] > _SEEN * np.maximum(usual, np.max(steps[:-1], axis=0))):
+        return start + 1
+    return start
 
 
 def _slope(t: FloatArray, column: FloatArray, usual: float) -> float:

@@ -142,6 +142,15 @@ def test_reading_that_drops_to_zero_is_no_arc(axes: list[int]) -> None:
     assert notes == []
 
 
+@pytest.mark.parametrize("axes", [[2], [0, 1, 2, 3, 4, 5]])
+def test_reading_that_drops_to_zero_is_in_no_sample(axes: list[int]) -> None:
+    u = samples(SWING + NOISE * noise(1)[:, 0])
+    u[1600:2000, axes] = 0.0
+    imu = Stream(T, dict(zip((*ACCEL, *GYRO), u.T, strict=True)))
+    recording = Recording("swing", "flight", {"imu": imu}, SPECS)
+    assert np.max(imu_table(recording, flight_model(recording)).u[:, 2]) < -9.0
+
+
 def test_clipped_axis_is_not_stuck_too() -> None:
     table = table_of(np.clip(SWING + NOISE * noise(1)[:, 0], -LIMIT, LIMIT))
     assert {note.kind for note in table.notes} == {"saturated"}
