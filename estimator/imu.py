@@ -76,6 +76,7 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
             keep[_lost_from(u[:, part], start) : stop] = False
             notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
     notes += found
+    keep[[0, -1]] = True  # readings are asked for between the first and the last stamp
     row = np.flatnonzero(keep)
     t, u, excess = t[row], u[row] + excess[row], excess[row]
     nominal = 1.0 / model.rate

@@ -161,3 +161,18 @@ def test_few_levels_are_no_limit(levels: int) -> None:
     """A body at rest whose noise is about one count."""
     counts = np.round(0.125 * levels * noise(1, levels)[:, 0])
     assert notes_of(COUNT * np.clip(counts, 0 if levels == 2 else -levels // 2, levels // 2)) == []
+
+
+@pytest.mark.parametrize("frozen", [slice(-40, None), slice(None, 40)])
+def test_log_that_begins_or_ends_frozen_keeps_its_ends(frozen: slice) -> None:
+    """Readings are asked for between the first and the last stamp of the stream: the table covers them."""
+    rng = np.random.default_rng(5)
+    t = np.arange(2000) / 200.0
+    u = rng.normal(0.0, 0.05, (len(t), 6)) + np.array([0.0, 0.0, -9.8, 0.0, 0.0, 0.0])
+    u[frozen] = u[frozen][0]
+    recording = Recording(
+        "frozen end", "flight", {"imu": Stream(t, dict(zip((*ACCEL, *GYRO), u.T, strict=True)))}, SPECS
+    )
+    table = imu_table(recording, flight_model(recording))
+    assert table.t[0] == t[0]
+    assert table.t[-1] == t[-1]
