@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 
-_LAGS = 50
+_LAGS = 500
 
 
 def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
