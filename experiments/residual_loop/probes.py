@@ -166,9 +166,9 @@ def _of_clock(stream: str, t: FloatArray) -> Effect:
     begin, length = float(t[0]), float(t[-1] - t[0])
 
     def shape(motion: Motion) -> FloatArray:
-        share = (motion.t - begin) / length
+        share = (motion.t - begin) / length - 0.5  # about its mean: a constant lateness is an effect of the catalogue
         rate = RATES[stream](motion)[:, :, None]
-        return rate * np.stack([share, share**2], axis=1)[:, None, :]
+        return rate * np.stack([share, share**2 - 1.0 / 12.0], axis=1)[:, None, :]
 
     return _probe(stream, "a drifting clock", 2, shape, plausible=0.3)
 

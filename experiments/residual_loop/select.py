@@ -273,7 +273,10 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         noise = noise_left(source, refit, source.effect(term).stream, slow=term.interval is not None)
     scatter = noise if term.interval is not None else max(scatter, noise)
     corrected = _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter)
-    log_p_raw, log_p = min(plain + option.search_raw, 0.0), min(corrected + option.search, 0.0)
+    log_p_raw = min(plain + option.search_raw, 0.0)
+    log_p = min(corrected + option.search_raw, 0.0)
+    if term.interval is not None:  # against its peers, and against the noise that the refit leaves
+        log_p = min(max(log_p, plain + option.search), 0.0)
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, _lambda(evidence, term, others, beta), ())
     return refit, finding
 
