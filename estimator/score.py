@@ -12,7 +12,7 @@ C. R. Rao, "Large sample tests of statistical hypotheses" (1948) (the score test
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -281,10 +281,9 @@ def overlap(evidence: Evidence, of: str, beta: FloatArray, by: str, given: Seque
     return float(np.clip(taken @ taken / whole, 0.0, 1.0))
 
 
-def predicted_lambda(evidence: Evidence, betas: Mapping[str, FloatArray], name: str) -> float:
-    """beta' Lambda beta of one effect with the others in `betas` projected out: what could be found beforehand."""
-    information, _ = project_out(evidence, name, [other for other in betas if other != name])
-    beta = np.asarray(betas[name])
+def predicted_lambda(evidence: Evidence, name: str, beta: FloatArray, others: Sequence[str] = ()) -> float:
+    """beta' Lambda beta of one effect with `others` projected out: what could be found beforehand."""
+    information, _ = project_out(evidence, name, others)
     return float(beta @ information.sum(axis=0) @ beta)
 
 

@@ -10,6 +10,12 @@ from sensors.arrays import FloatArray
 MOST_LAGS = 20
 
 
+def autocorrelation(z: FloatArray, lags: int) -> FloatArray:
+    """(lags,) of rows z (n, size) whose mean is zero, all components together, from lag 1 on; zeros: zero."""
+    power = max(float(np.sum(z**2)), np.finfo(float).tiny)
+    return np.array([np.sum(z[k:] * z[:-k]) / power for k in range(1, lags + 1)])
+
+
 def whiteness(z: FloatArray) -> tuple[float, float] | None:
     """Largest autocorrelation over the first lags and the p-value of Ljung and Box's statistic; None for few rows, or
     zeros.
@@ -21,10 +27,9 @@ def whiteness(z: FloatArray) -> tuple[float, float] | None:
     if lags < 1:
         return None
     z = z - z.mean(axis=0)
-    power = float(np.sum(z**2))
-    if power == 0.0:
+    if float(np.sum(z**2)) == 0.0:
         return None
-    rho = np.array([np.sum(z[k:] * z[:-k]) / power for k in range(1, lags + 1)])
+    rho = autocorrelation(z, lags)
     size = z.shape[1]
     q = n * (n + 2) * size * np.sum(rho**2 / (n - np.arange(1, lags + 1)))
     return float(rho[np.argmax(np.abs(rho))]), float(stats.chi2.sf(q, lags))

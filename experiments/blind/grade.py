@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, Evidence, project_out, squared_correlation
+from estimator.score import DETECTABLE_LAMBDA, Evidence, predicted_lambda, squared_correlation
 from experiments.blind.maker.make import ANSWER_FILE, answers_folder
 from experiments.datasets import resolve
 from experiments.residual_loop.manoeuvre import CLASS_BOUND
@@ -154,8 +154,7 @@ class _Truth:
             if not term.in_mean:
                 found.append(self._of_outliers(term, beta))
             elif term in self.in_mean:
-                information, _ = project_out(evidence, term.key, [k for k in keys if k != term.key])
-                found.append(float(beta @ information.sum(axis=0) @ beta))
+                found.append(predicted_lambda(evidence, term.key, beta, [k for k in keys if k != term.key]))
             else:
                 found.append(0.0)
         return tuple(found)

@@ -25,7 +25,7 @@ from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.onsets import Rows, best_onsets, refined
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
-from experiments.residual_loop.term import Term, declaration
+from experiments.residual_loop.term import Term, covariates_vary, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect, effects_for
@@ -125,8 +125,7 @@ class FlightSource:
                 along = with_covariates(self.recording, entry.stream, self._plain_motion)
             if entry.missing(along):
                 continue
-            known = [along.covariates[name] for name in entry.needs if name in along.covariates]
-            if all(np.ptp(value) > 1e-9 * (1.0 + np.max(np.abs(value))) for value in known):
+            if covariates_vary(entry, along):
                 found.append(entry)
         return tuple(found)
 

@@ -19,12 +19,7 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     """
     residuals = source.residuals(fit)
     mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
-    measure = _long_run_variance if slow else _variance
-    return max([1.0, *(measure(r) for r in mine)])
-
-
-def _variance(r: StreamResidual) -> float:
-    return float(np.mean(r.whitened**2))
+    return max([1.0, *(_long_run_variance(r) if slow else r.nis_per_dof for r in mine)])
 
 
 def _long_run_variance(r: StreamResidual) -> float:
@@ -36,4 +31,4 @@ def _long_run_variance(r: StreamResidual) -> float:
         if rho <= 2.0 / np.sqrt(z.size):  # no larger than that of white noise may be
             break
         total += 2.0 * rho
-    return _variance(r) * total
+    return r.nis_per_dof * total

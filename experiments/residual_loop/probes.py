@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from experiments.residual_loop.term import varies
 from sensors.arrays import FloatArray
 from sensors.effects.declaration import Effect, Parameter
 from sensors.effects.streams import STREAMS
@@ -24,9 +25,6 @@ PREFIX = "unexplained"
 _PLACES = 10
 #: Half widths of the play of a sticking instrument: shares of the range of what it measures.
 _PLAYS = (0.05, 0.15, 0.4)
-#: Plausible size of a probe's coefficient in plausible disturbances of its stream.
-_SIZE = 1.0
-_HEIGHTS, _RANGES = ("baro",), ("sonar", "laser")
 
 
 def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, Mapping[str, FloatArray]],
@@ -45,7 +43,7 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
         if stream not in STREAMS or stream == "base":
             continue
         for name, values in covariates.get(stream, {}).items():
-            if values.ndim == 1 and np.ptp(values) > 1e-9 * (1.0 + np.max(np.abs(values))):
+            if values.ndim == 1 and varies(values):
                 found.append(_of_covariate(stream, name, values))
         if stream in ("accel", "gyro"):
             found.append(_of_itself(stream))
@@ -56,7 +54,7 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
             found.append(_of_place(stream, motion.p_n[:, :2]))
         if stream in RATES:
             found.append(_of_clock(stream, motion.t))
-        if stream in _HEIGHTS:
+        if stream == "baro":
             found += [_of_speed(stream), _of_play(stream, float(np.ptp(motion.p_n[:, 2])))]
         if stream == "mag":
             found.append(_of_field(stream))
@@ -71,7 +69,7 @@ def what_it_follows(name: str) -> str:
 def _probe(stream: str, follows: str, columns: int, shape: Callable[[Motion], FloatArray], memory: bool = False,
            needs: tuple[str, ...] = (), plausible: float | None = None) -> Effect:  # fmt: skip
     """An effect made of `shape`: motion -> (n, size, columns)."""
-    size = STREAMS[stream].plausible * _SIZE if plausible is None else plausible
+    size = STREAMS[stream].plausible if plausible is None else plausible
     return Effect(
         name=f"{PREFIX}.{stream}.{follows}",
         stream=stream,

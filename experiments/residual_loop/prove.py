@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import project_out
+from estimator.score import predicted_lambda
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
@@ -148,10 +148,10 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     for term in reversed(terms):
         rest = [other for other in terms if other is not term and other not in dropped]
         without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
-        gain = _held_out_squares(source, without) - present
-        if gain <= max(_least_held_out_gain(source, fitted, term), 0.0):
+        squares = _held_out_squares(source, without)
+        if squares - present <= max(_least_held_out_gain(source, fitted, term), 0.0):
             dropped.append(term)
-            fitted, present = without, _held_out_squares(source, without)
+            fitted, present = without, squares
     return tuple(reversed(dropped))
 
 
@@ -167,8 +167,7 @@ def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
     others = [t.key for t in fitted.terms if t.in_mean and t != term]
     beta, expected = fitted.beta[term], 0.0
     for evidence, sign in ((whole, 1.0), (part, -1.0)):
-        information, _ = project_out(evidence, term.key, others)
-        expected += sign * float(beta @ information.sum(axis=0) @ beta)
+        expected += sign * predicted_lambda(evidence, term.key, beta, others)
     noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
     expected = max(expected, 0.0)
     return 0.5 * expected - 6.0 * float(np.sqrt(expected * noise))

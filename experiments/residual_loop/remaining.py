@@ -10,7 +10,7 @@ from scipy import stats
 
 from estimator.faults import FROZEN_LEVEL
 from estimator.score import Statistic, log_p_value
-from estimator.whiteness import whiteness
+from estimator.whiteness import autocorrelation, whiteness
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.select import Finding, Option
@@ -98,7 +98,7 @@ def stands_out(
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
     inflation = noise_left(source, fit, stream, slow=True)
     threshold = float(np.log(alpha / max(source.families, 1)))
-    return log_p_value(finding.gain, len(finding.beta), scatter=max(inflation, 1.0)) < threshold
+    return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold
 
 
 def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remaining]:
@@ -136,12 +136,7 @@ def _repeats(r: StreamResidual) -> float:
     """1 + 2 sum rho^2 over the first lags, by what one noise as large in every reading would have: z over its size."""
     z = r.whitened - r.whitened.mean(axis=0)
     z = np.sign(z) * np.sqrt(np.abs(z))  # a burst must not stand for the whole correlation
-    power = float(np.sum(z**2))
-    lags = min(_LAGS, len(z) // 4)
-    if power <= 0.0 or lags < 1:
-        return 1.0
-    rho = np.array([float(np.sum(z[k:] * z[:-k])) / power for k in range(1, lags + 1)])
-    return 1.0 + 2.0 * float(np.sum(rho**2))
+    return 1.0 + 2.0 * float(np.sum(autocorrelation(z, min(_LAGS, len(z) // 4)) ** 2))
 
 
 def _faults(source: Source) -> list[Remaining]:

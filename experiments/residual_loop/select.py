@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic, log_p_value, statistic_of
+from estimator.score import Evidence, Statistic, log_p_value, predicted_lambda, statistic_of
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Source
 from experiments.residual_loop.term import Term
@@ -16,9 +16,10 @@ from sensors.errors import InputError
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
+#: The same beside an error that is in no catalogue.
+MOST_BESIDE = 3
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
-MOST_BESIDE = 3  # beside an error that is in no catalogue
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
 CONFUSED = 10.0
@@ -266,19 +267,23 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
         return None
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
-    scatter = statistic_of(evidence, term.key, others).scatter
-    plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
-    noise = 1.0
+    is_local = term.interval is not None
+    scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
     if not np.isfinite(evidence.noise_dof):  # declared, and perhaps too small
-        noise = noise_left(source, refit, source.effect(term).stream, slow=term.interval is not None)
-    scatter = noise if term.interval is not None else max(scatter, noise)
-    corrected = _log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter)
+        scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=is_local))
+    plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
     log_p_raw = min(plain + option.search_raw, 0.0)
-    log_p = min(corrected + option.search_raw, 0.0)
-    if term.interval is not None:  # against its peers, and against the noise that the refit leaves
+    log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
+    if is_local:  # against its peers, and against the noise that the refit leaves
         log_p = min(max(log_p, plain + option.search), 0.0)
-    finding = Finding(term, beta, std, log_p, log_p_raw, gain, _lambda(evidence, term, others, beta), ())
+    finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
     return refit, finding
+
+
+def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
+    """The fit of the same part without some of its terms, from where the others are."""
+    rest = [term for term in fit.terms if term not in dropped]
+    return source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
 
 
 def _log_p_of_gain(deviance_gain: float, dof: int, noise_dof: float, scatter: float) -> float:
@@ -296,8 +301,7 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
     for finding in findings[:-1]:
         if not finding.term.in_mean:
             continue
-        rest = [term for term in fit.terms if term != finding.term]
-        without = source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
+        without = fit_without(source, fit, finding.term)
         noise_dof = source.evidence(fit, own_terms_only=True).noise_dof
         dof = len(finding.beta)
         if _log_p_of_gain(without.deviance - fit.deviance, dof, noise_dof, 1.0) > threshold:
@@ -312,13 +316,6 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     information, spread = finding.information, 1.0
     if term.in_mean:
         others = [t.key for t in fit.terms if t.in_mean and t != term]
-        information = _lambda(evidence, term, others, beta)
+        information = predicted_lambda(evidence, term.key, beta, others)
         spread = float(np.sqrt(max(statistic_of(evidence, term.key, others).scatter, 1.0)))
     return replace(finding, beta=beta, std=spread * fit.std[term], information=information, spread=spread)
-
-
-def _lambda(evidence: Evidence, term: Term, others: Sequence[str], beta: FloatArray) -> float:
-    from estimator.score import project_out
-
-    information, _ = project_out(evidence, term.key, others)
-    return float(beta @ information.sum(axis=0) @ beta)

@@ -85,18 +85,23 @@ def require_known(declared: Model, motion: Motion, where: str) -> None:
             raise InputError(where, found, "what a declared effect needs")
 
 
+def varies(values: FloatArray) -> bool:
+    """Whether a covariate does more than stand still, to rounding."""
+    return bool(np.ptp(values) > 1e-9 * (1.0 + np.max(np.abs(values))))
+
+
+def covariates_vary(entry: Effect, motion: Motion) -> bool:
+    """Whether all covariates that an effect needs vary: one that does not makes the effect a bias."""
+    return all(varies(motion.covariates[name]) for name in entry.needs if name in motion.covariates)
+
+
 def pose_candidates(sensor: str, motion: Motion, declared: Model) -> tuple[Effect, ...]:
     """Effects of a sensor in poses that the recording's covariates allow and that it does not declare already.
 
     A covariate that does not vary makes its effect a bias: no candidate then.
     """
-
-    def varies(entry: Effect) -> bool:
-        known = [motion.covariates[name] for name in entry.needs if name in motion.covariates]
-        return all(np.ptp(value) > 1e-9 * (1.0 + np.max(np.abs(value))) for value in known)
-
     return tuple(
         entry
         for entry in effects_for("poses", (sensor,))
-        if not entry.missing(motion) and Term(entry.name) not in declared and varies(entry)
+        if not entry.missing(motion) and Term(entry.name) not in declared and covariates_vary(entry, motion)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
-from experiments.residual_loop.select import Finding, Selection, select
+from experiments.residual_loop.select import Finding, Selection, fit_without, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
 
@@ -100,8 +101,9 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     the start, only what the data call for besides is chosen. The final model has the effects alone, with the estimates
     that they have beside the probe.
     """
-    strongest = _passing(source, source.fit(()), alpha)[:1]
-    suspects = strongest if strongest and _is_obvious(source, strongest[0][1]) else []
+    plain = _Plain(source)
+    strongest = _passing(source, plain.fit, alpha)[:1]
+    suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
     if not suspects and strongest and _explains_more(strongest[0][1], selection):
@@ -119,18 +121,16 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     if not suspects:
         return alone or select(source, alpha), []
     findings = tuple(f for f in selection.findings if stands_out(source, joint, f, suspects, alpha))
-    plain = source.fit(())
-    evidence, local = source.evidence(plain), tuple(source.local_findings(plain))
     terms = [finding.term for finding in findings]
     final = source.fit(terms, {term: joint.beta[term] for term in terms})
     final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
     beside = replace(
         selection,
-        plain=plain,
+        plain=plain.fit,
         final=final,
         findings=tuple(replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term]) for f in findings),
-        plain_statistics=tuple(statistic_of(evidence, entry.name) for entry in source.candidates),
-        plain_local=local,
+        plain_statistics=plain.statistics,
+        plain_local=plain.local,
     )
     return beside, suspects
 
@@ -139,12 +139,27 @@ def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statist
     return select(source, alpha, given={term: s.beta for term, s in suspects})
 
 
-def _is_obvious(source: Source, suspect: Statistic) -> bool:
+class _Plain:
+    """The plain fit, and what the catalogue makes of it: found when it is asked for, and once."""
+
+    def __init__(self, source: Source) -> None:
+        self._source, self.fit = source, source.fit(())
+
+    @cached_property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """Of every candidate."""
+        evidence = self._source.evidence(self.fit)
+        return tuple(statistic_of(evidence, entry.name) for entry in self._source.candidates)
+
+    @cached_property
+    def local(self) -> tuple[LocalFinding, ...]:
+        """The best interval of each time-localised family."""
+        return tuple(self._source.local_findings(self.fit))
+
+
+def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
     """Whether a probe explains the plain residual far better than any effect of the catalogue."""
-    plain = source.fit(())
-    evidence = source.evidence(plain)
-    known = [statistic_of(evidence, entry.name).statistic for entry in source.candidates]
-    known += [found.statistic for found in source.local_findings(plain)]
+    known = [one.statistic for one in plain.statistics] + [found.statistic for found in plain.local]
     return suspect.statistic > OBVIOUS * max(known, default=0.0)
 
 
@@ -180,8 +195,7 @@ def _needed(
     """
     fit = selection.final
     for term, s in list(suspects):
-        rest = [other for other in fit.terms if other != term]
-        without = source.fit(rest, {other: fit.beta[other] for other in rest})
+        without = fit_without(source, fit, term)
         gain = without.deviance - fit.deviance
         noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
         if gain / noise - s.dof < DETECTABLE_LAMBDA or gain < _least_gain(source, fit, term):
@@ -200,8 +214,7 @@ def verdict_of(selection: Selection, left: list[Remaining]) -> str:
 
 
 def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) -> Selection:
-    terms = [term for term in selection.final.terms if term not in dropped]
-    final = source.fit(terms, {term: selection.final.beta[term] for term in terms})
+    final = fit_without(source, selection.final, *dropped)
     findings = tuple(
         replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term])
         for f in selection.findings
