@@ -45,6 +45,8 @@ _MOST_STEPS, _MOST_HALVINGS = 12, 3
 _RELOCATION = 0.01
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
+#: So has the plain model when a pass gains no more than this of -2 log L.
+_SETTLED_DEVIANCE = 1.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: 1-sigma by which effects may turn an attitude that was found from the first readings [rad].
@@ -80,6 +82,9 @@ class FlightSource:
         self._notes = journal.notes
         self._plain_motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
         self._start_std = self._attitude_std_at_start(journal)
+        if self._start_std is not None:  # which is coarse
+            self.model = self.model.replace(relinearise=True)
+        self._plain_motion = self._settled(self._plain_motion)
         self._candidates = self._possible()
 
     @property
@@ -180,6 +185,18 @@ class FlightSource:
                 values[term], stds[term] = self._outlier_share(term)
         state = _State(journal, tuple(zip(effects, beta, strict=True)), motion)
         return Fit(tuple(terms), values, stds, deviance, part, state)
+
+    def _settled(self, motion: Motion) -> Motion:
+        """The motion that the plain model finds when its passes start from it: a start far off takes several."""
+        best = np.inf
+        for _ in range(_MOST_STEPS):
+            journal, _ = self._pass([], [], [], motion)
+            deviance = self._deviance(journal, "all")
+            if not deviance < best - _SETTLED_DEVIANCE:
+                break
+            best, settled = deviance, motion
+            motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
+        return settled
 
     def _step(self, information: FloatArray, score: FloatArray, effects: Sequence[Effect]) -> FloatArray:
         """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
@@ -333,7 +350,8 @@ class FlightSource:
         W, white = self._rows(sensitivity, journal, fit.part)
         width = sum(entry.size for entry in own)
         event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]
-        return Rows(W[:, :width], W[:, width:], white, np.array(journal.sensors)[journal.sensor[event]])
+        sensor = np.array(journal.sensors)[journal.sensor[event]]
+        return Rows(W[:, :width], W[:, width:], white, sensor, journal.t[event])
 
     def _outliers(self, state: _State) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 from estimator.score import log_p_value
-from estimator.whiteness import whiteness
+from experiments.residual_loop.slow_noise import SlowNoise
 from experiments.residual_loop.source import LocalFinding
+from experiments.residual_loop.sudden import jumps
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray, IntArray
 from sensors.effects import Effect, effect
@@ -25,15 +25,14 @@ _FINER = 5
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
 _WORTH_REFINING = 0.05
-_LEAST_PEERS = 6
+#: Receivers whose errors are one and the same but for what each has alone.
+_SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
 #: An onset this long before a reading includes it [s].
 _JUST_BEFORE = 1e-6
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
-#: p-value of the whiteness test below which innovations count as coloured.
-_COLOURED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -44,13 +43,14 @@ class Rows:
     ----------
     own, wanted : (r, .) by the parameters of the model's own terms, and by those asked for
     white : (r,) whitened innovations
-    sensor : (r,) name of the sensor of each
+    sensor, t : (r,) name of the sensor of each, and its stamp [s]
     """
 
     own: FloatArray
     wanted: FloatArray
     white: FloatArray
     sensor: npt.NDArray[np.str_]
+    t: FloatArray
 
 
 #: effects over their intervals -> sensitivities to them
@@ -72,31 +72,75 @@ def best_onsets(
     readings : components of all innovations, to keep memory bounded
     refine_below : logarithm of the p-value below which an interval is worth a finer grid
     """
-    grid = np.linspace(start, end, _ONSETS + 1)[:-1]
-    coarse: list[tuple[str, str, _Joint, _Best, float]] = []
-    for group in _groups(streams, readings):
-        steps = {stream: effect(f"{stream}.step") for stream in group}
-        columns = [step.over(float(t), np.inf) for step in steps.values() for t in grid]
-        rows = rows_of(columns)
-        at = 0
-        for stream, step in steps.items():
-            width = step.size * len(grid)
-            joint = _Joint(replace(rows, wanted=rows.wanted[:, at : at + width]), step.size, grid)
-            at += width
-            coarse += [(stream, family, joint, *best) for family, best in _on_the_grid(joint, end)]
-    strongest = max((best.gain for _, _, _, best, _ in coarse), default=0.0)
+    joints = _joints(streams, start, end, rows_of, readings)
+    coarse = [(stream, *best) for stream, joint in joints.items() for best in _best_of(joint, len(streams[stream]))]
+    strongest = max((best.gain for _, _, best, _ in coarse), default=0.0)
+    spacing = (end - start) / _ONSETS
     found: list[LocalFinding] = []
-    for stream, family, joint, best, searched in coarse:
+    for stream, family, best, searched in coarse:
         worth = log_p_value(best.gain, best.dof) + searched < refine_below
         if worth and best.gain > _WORTH_REFINING * strongest:
-            step, spacing = effect(f"{stream}.step"), float(grid[1] - grid[0])
+            step = effect(f"{stream}.step")
             best = refined(rows_of, step, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
-        if worth and joint.is_coloured_without(stream, best):
-            log_p = _log_p_among_peers(joint, best, end)
+        if worth:
+            log_p = max(log_p, log_p_value(_slow_noise(stream, joints, best).gain_beside(best.column), best.dof))
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
+
+
+def _joints(
+    streams: Mapping[str, FloatArray], start: float, end: float, rows_of: Pass, readings: int
+) -> dict[str, _Joint]:
+    """By stream, steps from each onset of a grid on, and from each reading at which the stream jumps."""
+    grid = np.linspace(start, end, _ONSETS + 1)[:-1]
+    joints: dict[str, _Joint] = {}
+    for group in _groups(streams, readings):
+        sizes = {stream: effect(f"{stream}.step").size for stream in group}
+        rows = rows_of([step for stream in group for step in _steps(stream, grid)])
+        parts = dict(zip(group, _columns(rows, [len(grid) * sizes[s] for s in group]), strict=True))
+        sudden = {s: _jumps(parts[s], s, streams[s], grid, sizes[s]) for s in group}
+        columns = [step for stream in group for step in _steps(stream, sudden[stream])]
+        more = rows_of(columns) if columns else replace(rows, wanted=np.zeros((len(rows.white), 0)))
+        besides = _columns(more, [len(sudden[s]) * sizes[s] for s in group])
+        for stream, added in zip(group, besides, strict=True):
+            wanted = np.hstack([parts[stream].wanted, added.wanted])
+            onsets = np.concatenate([grid, sudden[stream]])
+            both = replace(rows, wanted=wanted)
+            joints[stream] = _Joint(both, sizes[stream], onsets, len(grid), (start, end))
+    return joints
+
+
+def _steps(stream: str, onsets: FloatArray) -> list[Effect]:
+    return [effect(f"{stream}.step").over(float(t), np.inf) for t in onsets]
+
+
+def _columns(rows: Rows, widths: Sequence[int]) -> list[Rows]:
+    """The rows with so many of the wanted columns each."""
+    parts = np.split(rows.wanted, np.cumsum(widths)[:-1], axis=1)
+    return [replace(rows, wanted=part) for part in parts]
+
+
+def _jumps(rows: Rows, stream: str, stamps: FloatArray, grid: FloatArray, size: int) -> FloatArray:
+    """Just before the readings at which a stream with readings of its own jumps."""
+    mine = rows.sensor == stream
+    if not np.any(mine):
+        return np.zeros(0)
+    t = rows.t[mine]
+    n = len(np.unique(t))
+    if len(t) % n:  # two readings with one stamp
+        return np.zeros(0)
+    answers = rows.wanted[mine].reshape(n, len(t) // n, len(grid), size)
+    return jumps(answers, rows.white[mine].reshape(n, -1), t[:: len(t) // n], grid) - _JUST_BEFORE
+
+
+def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best) -> SlowNoise:
+    """Of a stream and those that share its error; it may change where the interval begins and ends."""
+    own = joints[stream]
+    parts = [own.cells(best), *(joints[s].cells() for s in _SHARED_ERROR.get(stream, ()) if s in joints)]
+    mine = own.sensor == stream
+    return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:
@@ -113,68 +157,103 @@ def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:
     return groups
 
 
-def _on_the_grid(joint: _Joint, end: float) -> list[tuple[str, tuple[_Best, float]]]:
-    """By family, the best interval of the grid and the logarithm of the number searched."""
+def _best_of(joint: _Joint, readings: int) -> list[tuple[str, _Best, float]]:
+    """By family, the best interval and the logarithm of the number searched: of the grid's, or of the readings where an
+    end is at a jump.
+    """
     found = []
     for family, pairs in (("step", joint.steps()), ("transient", joint.transients())):
         if len(pairs):
             gain, dof, beta = joint.gain(pairs)
-            k = int(np.argmax(gain - 2.0 * dof))
-            best = _Best(_times(joint.onsets, pairs[k], end), float(gain[k]), int(dof[k]), beta[k],
-                         joint.column(pairs[k]))  # fmt: skip
-            found.append((family, (best, float(np.log(len(pairs) * _FINER)))))
+            at_jumps = joint.sudden[pairs[:, 0]].astype(int) + joint.sudden[pairs[:, 1]] * (pairs[:, 1] >= 0)
+            searched = np.log(np.sum(at_jumps == 0) * _FINER) + at_jumps * np.log(max(readings / _ONSETS, 1.0))
+            k = int(np.argmax(gain - 2.0 * dof - 2.0 * searched))
+            best = _Best(joint.times(pairs[k]), float(gain[k]), int(dof[k]), beta[k], joint.columns(pairs[k]))
+            found.append((family, best, float(searched[k])))
     return found
 
 
 @dataclass(frozen=True)
 class _Best:
-    """An interval: its gain, the directions that are seen, the offset, and its (r, size) sensitivities."""
+    """An interval: its gain, the directions that are seen, the offset, and (r, size) sensitivities to steps at its
+    onset and, unless it lasts to the end of the data, at its end.
+    """
 
     interval: tuple[float, float]
     gain: float
     dof: int
     beta: FloatArray
-    column: FloatArray
+    steps: tuple[FloatArray, ...]
+
+    @property
+    def column(self) -> FloatArray:
+        """(r, size) sensitivities to the offset in the interval."""
+        return self.steps[0] - self.steps[1] if len(self.steps) > 1 else self.steps[0]
 
 
 class _Joint:
-    """Joint information and score of steps at a grid of onsets, what the model has already projected out."""
+    """Joint information and score of steps at a number of onsets, what the model has already projected out.
 
-    def __init__(self, rows: Rows, size: int, onsets: FloatArray) -> None:
+    Parameters
+    ----------
+    onsets : [s], in any order
+    on_grid : how many of them, the first, are a grid; the others are at jumps
+    span : begin and end of the data [s]
+    """
+
+    def __init__(
+        self, rows: Rows, size: int, onsets: FloatArray, on_grid: int | None = None,
+        span: tuple[float, float] = (-np.inf, np.inf),
+    ) -> None:  # fmt: skip
         own, W, white = rows.own, rows.wanted, rows.white
         if own.shape[1]:
             Q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300))[0]
             W, white = W - Q @ (Q.T @ W), white - Q @ (Q.T @ white)
         m = len(onsets)
-        self.onsets, self.size = onsets, size
+        order = np.argsort(onsets, kind="stable")
+        W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)
+        self.onsets, self.size, self.span = onsets[order], size, span
+        self.sudden = order >= (m if on_grid is None else on_grid)
         self.L = (W.T @ W).reshape(m, size, m, size).transpose(0, 2, 1, 3)
         self.b = (W.T @ white).reshape(m, size)
         self.W, self.white, self.sensor = W, white, rows.sensor
 
-    def column(self, pair: IntArray) -> FloatArray:
-        """(r, size) sensitivities to an offset in an interval."""
-        n = self.size
-        first = self.W[:, pair[0] * n : pair[0] * n + n]
-        return first - self.W[:, pair[1] * n : pair[1] * n + n] if pair[1] >= 0 else first
+    def times(self, pair: IntArray) -> tuple[float, float]:
+        """Interval of a pair."""
+        return _times(self.onsets, pair, self.span[1])
 
-    def is_coloured_without(self, stream: str, found: _Best) -> bool:
-        """Whether the innovations stay coloured once the offset is taken off: those of the stream, of an IMU all."""
-        left = self.white - found.column @ found.beta
-        names = [stream] if stream in self.sensor else list(np.unique(self.sensor))
-        results = [whiteness(left[self.sensor == name][:, None]) for name in names]
-        return any(r is not None and r[1] < _COLOURED / len(names) for r in results)
+    def columns(self, pair: IntArray) -> tuple[FloatArray, ...]:
+        """(r, size) sensitivities to steps at the ends of an interval."""
+        n = self.size
+        return tuple(self.W[:, k * n : (k + 1) * n] for k in pair if k >= 0)
+
+    def cells(self, best: _Best | None = None) -> tuple[FloatArray, FloatArray]:
+        """(c,) middles of the cells from each onset to the next, in grid spacings, and (r, c size) sensitivities to an
+        offset in each; cells end where the interval of `best` does.
+        """
+        n, (begin, end) = self.size, self.span
+        onsets, W = self.onsets, self.W
+        if best is not None:
+            onsets, W = np.append(onsets, best.interval[: len(best.steps)]), np.hstack([W, *best.steps])
+        onsets, first = np.unique(onsets, return_index=True)
+        W = np.stack([W[:, k * n : (k + 1) * n] for k in first], axis=1)
+        middles = 0.5 * (onsets + np.append(onsets[1:], end)) / ((end - begin) / _ONSETS)
+        V = W - np.concatenate([W[:, 1:], np.zeros_like(W[:, :1])], axis=1)
+        return middles, V.reshape(len(V), -1)
 
     def steps(self) -> IntArray:
-        """(m - 1, 2) onsets after the first; the second number -1 stands for "to the end"."""
-        inner = np.arange(max(round(_EDGE * len(self.onsets)), 1), len(self.onsets))
+        """(k, 2) onsets after the first part; the second number -1 stands for "to the end"."""
+        begin, end = self.span
+        inner = np.flatnonzero(self.onsets > begin + _EDGE * (end - begin))
         return np.stack([inner, np.full(len(inner), -1)], axis=1)
 
     def transients(self) -> IntArray:
         """(pairs, 2) onset and end."""
         i, j = np.triu_indices(len(self.onsets), 1)
-        m = len(self.onsets)
+        begin, end = self.span
+        edge = _EDGE * (end - begin)
         # what goes on to the end is a step, and so is a long one from the start on: the bias before it is free
-        ended = (j < round((1.0 - _EDGE) * m)) & ((i > 0) | (j <= round(_EDGE * m)))
+        ended = (self.onsets[j] < end - edge) & ((self.onsets[i] > begin) | (self.onsets[j] <= begin + edge))
         i, j = i[ended], j[ended]
         return np.stack([i, j], axis=1)
 
@@ -197,39 +276,6 @@ class _Joint:
             seen.sum(axis=1),
             np.einsum("mij,mj->mi", vectors, projected * inverse),
         )
-
-    def without(self, column: FloatArray) -> _Joint:
-        """What is left once an offset with these sensitivities is fitted."""
-        other = object.__new__(_Joint)
-        other.onsets, other.size = self.onsets, self.size
-        other.W, other.white, other.sensor = self.W, self.white, self.sensor
-        m, n = len(self.onsets), self.size
-        flat = self.L.transpose(0, 2, 1, 3).reshape(m * n, m * n)
-        cross = self.W.T @ column
-        A = np.linalg.pinv(column.T @ column, rcond=1e-9, hermitian=True)
-        other.L = (flat - cross @ A @ cross.T).reshape(m, n, m, n).transpose(0, 2, 1, 3)
-        other.b = (self.b.reshape(-1) - cross @ (A @ (column.T @ self.white))).reshape(m, n)
-        return other
-
-
-def _log_p_among_peers(joint: _Joint, found: _Best, end: float) -> float:
-    """Log p of one interval among coloured innovations, by comparison with others of about its length."""
-    log_p = log_p_value(found.gain, found.dof)
-    if found.dof == 0:
-        return log_p
-    m, spacing = len(joint.onsets), float(joint.onsets[1] - joint.onsets[0])
-    length = (min(found.interval[1], end) - found.interval[0]) / spacing
-    all_pairs = joint.transients()
-    lengths = all_pairs[:, 1] - all_pairs[:, 0]
-    near = np.abs(lengths - max(round(min(length, m // 3)), 1)) <= 1
-    left, left_dof, _ = joint.without(found.column).gain(all_pairs[near])
-    seen = left_dof > 0
-    if np.sum(seen) < _LEAST_PEERS:
-        return log_p
-    factor = max(float(np.median(left[seen] / stats.chi2.median(left_dof[seen]))), 1.0)
-    independent = max(m / max(min(length, m - length), 1.0) - 1.0, 1.0)
-    F = found.gain / found.dof / factor
-    return max(log_p, float(stats.f.logsf(F, found.dof, found.dof * independent)))
 
 
 def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
@@ -273,7 +319,7 @@ def refined(
         gain, dof, beta = joint.gain(pairs)
         k = int(np.argmax(gain))
         a, b = _times(onsets, pairs[k], end)
-        best = _Best((a, b), float(gain[k]), int(dof[k]), beta[k], joint.column(pairs[k]))
+        best = _Best((a, b), float(gain[k]), int(dof[k]), beta[k], joint.columns(pairs[k]))
         spacing /= _FINER
     return best
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import predicted_lambda
+from estimator.score import DETECTABLE_LAMBDA, predicted_lambda
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
@@ -47,7 +47,8 @@ class Proof:
     before, after : held out
     in_sample_before, in_sample_after : on all data, fitted on all data
     nis_before, nis_after : per degree of freedom over all streams and all data
-    untested : effects that act on no held-out reading, so that only the evidence speaks for them
+    untested : effects that act on no held-out reading, or whose size the rest cannot tell, so that only the evidence
+        speaks for them
     fits : the plain and the final model as fitted on the fitting part
     """
 
@@ -102,27 +103,41 @@ def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
     return [r.rows(r.held_out) for r in residuals if np.any(r.held_out)]
 
 
-def acts_on_held_out(source: Source, selection: Selection, term: Term) -> bool:
-    """Whether an effect touches held-out and fitted readings: a localised one may lie in one part alone."""
+def is_tested(source: Source, selection: Selection, term: Term) -> bool:
+    """Whether an effect that the fitting part knows touches held-out readings."""
     if term.interval is None:
         return term.in_mean
+    return any(np.any(r.held_out) for r in _inside(source, selection, term)) and is_known_from_fitting(
+        source, selection, term
+    )
+
+
+def is_known_from_fitting(source: Source, selection: Selection, term: Term) -> bool:
+    """Whether the fitting part of the data can tell the size of an effect: one in an interval may lie outside it."""
+    if term.interval is None:
+        return True
+    if all(np.all(r.held_out) for r in _inside(source, selection, term)):
+        return False
+    part = source.evidence(replace(selection.final, part="fitting"), own_terms_only=True)
+    others = [t.key for t in selection.final.terms if t.in_mean and t != term]
+    return predicted_lambda(part, term.key, selection.final.beta[term], others) > DETECTABLE_LAMBDA
+
+
+def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResidual]:
+    """The readings in the interval of an effect: those of its own stream, or of all where it has none."""
+    assert term.interval is not None
     t0, t1 = term.interval
     stream = source.effect(term).stream
     rows = [r for r in source.residuals(selection.plain) if r.stream == stream] or source.residuals(selection.plain)
-    inside = [(r.t >= t0) & (r.t < t1) for r in rows]
-    kept = sum(int(np.sum(i & r.held_out)) for i, r in zip(inside, rows, strict=True))
-    fitted = sum(int(np.sum(i & ~r.held_out)) for i, r in zip(inside, rows, strict=True))
-    return kept > 0 and fitted > 0
+    return [r.rows((r.t >= t0) & (r.t < t1)) for r in rows]
 
 
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
     """Fit on the fitting part, count on the held-out part, before and after; and the same in sample."""
     stream = stream_in_question(source, selection)
-    tested = [f.term for f in selection.findings if not f.term.in_mean or acts_on_held_out(source, selection, f.term)]
-    untested = tuple(f.term for f in selection.findings if f.term not in tested)
-    fitting = source.fit(
-        [t for t in selection.final.terms if t in tested], {t: selection.final.beta[t] for t in tested}, "fitting"
-    )
+    untested = tuple(f.term for f in selection.findings if f.term.in_mean and not is_tested(source, selection, f.term))
+    known = [t for t in selection.final.terms if not t.in_mean or is_known_from_fitting(source, selection, t)]
+    fitting = source.fit(known, {t: selection.final.beta[t] for t in known}, "fitting")
     plain = source.fit((), part="fitting")
     noise = _noise(source, selection.final)
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
@@ -140,7 +155,7 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
 
     The last found is asked first: two effects that hide each other need each other.
     """
-    terms = [f.term for f in selection.findings if f.term.in_mean and acts_on_held_out(source, selection, f.term)]
+    terms = [f.term for f in selection.findings if f.term.in_mean and is_tested(source, selection, f.term)]
     beta = {term: selection.final.beta[term] for term in terms}
     fitted = source.fit(terms, beta, "fitting")
     present = _held_out_squares(source, fitted)

@@ -149,20 +149,27 @@ def select(
     plain_statistics = tuple(statistic_of(evidence, entry.name, stay) for entry in source.candidates)
     findings: list[Finding] = []
     steps: list[Step] = []
-    refused: set[str] = set()
+    refused: dict[str, bool] = {}
     options: list[Option] = []
     plain_local: tuple[LocalFinding, ...] = ()
+    looked_at: float | None = None
     while True:
-        options, local = _options(source, fit, evidence, threshold)
-        plain_local = local if fit is plain else plain_local
+        if fit.deviance != looked_at:
+            options, local = _options(source, fit, evidence, threshold)
+            plain_local = local if fit is plain else plain_local
+            looked_at = fit.deviance
         if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
             break
         accepted = _best(source, fit, options, threshold, refused)
         if accepted is None:
             break
         steps.append(Step(fit, accepted[1].term))
+        unchanged = accepted[0].deviance == fit.deviance
         fit, finding = accepted
         findings.append(finding)
+        if unchanged:  # readings that were set aside beforehand now have a name
+            options = [option for option in options if option.term != finding.term]
+            continue
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
     findings = [_updated(finding, fit, evidence) for finding in findings]
@@ -171,7 +178,9 @@ def select(
     final_statistics = tuple(
         statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names
     )
-    left = tuple(sorted((o for o in options if o.log_p < threshold), key=lambda o: o.log_p))
+    # what lost its evidence in the refit is nothing; what could not be that effect still is something
+    passing = (o for o in options if o.log_p < threshold and refused.get(o.term.key, True))
+    left = tuple(sorted(passing, key=lambda o: o.log_p))
     path = tuple(steps), tuple(options)
     return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left, *path)
 
@@ -208,12 +217,13 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 
 
 def _best(
-    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: set[str]
+    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: dict[str, bool]
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
     The scatter of the block scores decides what passes, the likelihood what is taken: two strong effects inflate each
-    other's scatter, and an interval, which has none, must not go before them for that.
+    other's scatter, and an interval, which has none, must not go before them for that. `refused` learns what was tried
+    in vain, and whether because the effect cannot have that size.
     """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
     if not passing:
@@ -228,14 +238,14 @@ def _best(
     tried = [_trial(source, fit, option) for option in shortlist]
     trials = [trial for trial in tried if trial is not None and trial[1].log_p < threshold]
     if not trials:
-        refused.update(option.term.key for option in shortlist)
+        refused.update({o.term.key: trial is None for o, trial in zip(shortlist, tried, strict=True)})
         return _best(source, fit, options, threshold, refused)
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
     rivals = tuple(
         other.term.name
         for rival, other in trials[1:]
-        if rival.deviance < chosen.deviance + CONFUSED and other.term.name != finding.term.name
+        if finding.term.in_mean and other.term.in_mean and rival.deviance < chosen.deviance + CONFUSED and other.term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
 
@@ -270,7 +280,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     is_local = term.interval is not None
     scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
     if not np.isfinite(evidence.noise_dof):  # declared, and perhaps too small
-        scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=is_local))
+        scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
     log_p_raw = min(plain + option.search_raw, 0.0)
     log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)

@@ -1,0 +1,107 @@
+"""Whether an offset in an interval explains more than slow noise of its stream, of which nobody told, would."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from sensors.arrays import BoolArray, FloatArray
+
+#: Time constants of the noise that are tried: cells of the grid.
+_TIME_CONSTANTS = (0.5, 2.0, 8.0, 64.0)
+#: Variances that are tried: logarithms of the largest share of a cell's information.
+_VARIANCES = np.logspace(-1.0, 6.0, 15)
+_ROUNDS = 2
+#: The noise is there where it gains more than this: Akaike's price of its two parameters.
+_NEEDED = 4.0
+#: Directions of an offset that are seen: share of the information of the best.
+_FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class SlowNoise:
+    """White innovations plus the mark of an offset that is a stationary first-order Markov process on cells of time.
+
+    With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
+    v, tau and s are those of the largest likelihood, once with the interval's offset in the mean and once without; the
+    difference of 2 log likelihood is what the offset explains beside the noise. Where the data do not call for such
+    noise once the offset is in the mean, there is none.
+
+    Neglects noise that changes within a cell.
+
+    Attributes
+    ----------
+    parts : of each stream that may have such noise, alone or with the others, (m,) middles of the cells in units of time of the grid, and (r, m * size)
+        sensitivities of the whitened innovations, all components of a cell together
+    white : (r,) whitened innovations
+    size : components of the offset
+    mine : (r,) the rows whose mean square is the noise
+    """
+
+    parts: tuple[tuple[FloatArray, FloatArray], ...]
+    white: FloatArray
+    size: int
+    mine: BoolArray
+
+    @cached_property
+    def _V(self) -> FloatArray:
+        return np.hstack([columns for _, columns in self.parts])
+
+    @cached_property
+    def _information(self) -> FloatArray:
+        return np.asarray(self._V.T @ self._V)
+
+    @cached_property
+    def _score(self) -> FloatArray:
+        return np.asarray(self._V.T @ self.white)
+
+    def gain_beside(self, column: FloatArray) -> float:
+        """What an offset with sensitivities `column` (r, size) explains of -2 log L beside the noise."""
+        V = self._V
+        L, b, x = self._information, self._score, V.T @ column
+        values, vectors = np.linalg.eigh(column.T @ column)
+        seen = vectors[:, values > _FLOOR * max(float(values[-1]), 1e-300)]
+        x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)
+        s2, gain = 1.0, 0.0
+        for _ in range(_ROUNDS):
+            without, beside = [0.0], [float(score @ np.linalg.solve(own, score)) / s2]
+            at_best: FloatArray = np.zeros(len(b))
+            offset = np.linalg.solve(own, score)
+            for C in self._roots(L / s2):
+                A = np.eye(C.shape[1]) + C.T @ (L / s2) @ C
+                root = np.linalg.cholesky(A)
+                y = np.linalg.solve(root, C.T @ np.column_stack([b, x])) / s2
+                noise = float(y[:, 0] @ y[:, 0]) - 2.0 * float(np.sum(np.log(np.diag(root))))
+                left, rest = own / s2 - y[:, 1:].T @ y[:, 1:], score / s2 - y[:, 1:].T @ y[:, 0]
+                estimate = np.linalg.solve(left, rest)
+                without.append(noise)
+                beside.append(noise + float(rest @ estimate))
+                if beside[-1] == max(beside):
+                    offset = estimate
+                    at_best = C @ np.linalg.solve(root.T, y[:, 0] - y[:, 1:] @ estimate)
+            needed = max(beside) - beside[0] > _NEEDED  # with the offset in the model
+            gain = max(beside) - max(without) if needed else beside[0]
+            residual = self.white - V @ at_best - column @ (seen @ offset)
+            s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
+        return gain
+
+    def _roots(self, L: FloatArray) -> list[FloatArray]:
+        """Square roots of the covariances K that are tried."""
+        unit = float(np.max(np.diag(L)))
+        if unit <= 0.0:
+            return []
+        ends = np.cumsum([V.shape[1] for _, V in self.parts])
+        roots = []
+        for tau in _TIME_CONSTANTS:
+            blocks = [np.kron(_root(t, tau), np.eye(self.size)) for t, _ in self.parts]
+            whole = block_diag(*blocks)
+            alone = np.split(whole, ends[:-1], axis=1)
+            roots += [whole, *alone] if len(alone) > 1 else [whole]
+        return [np.sqrt(v / unit) * root for root in roots for v in _VARIANCES]
+
+
+def _root(t: FloatArray, tau: float) -> FloatArray:
+    return np.linalg.cholesky(np.exp(-np.abs(np.subtract.outer(t, t)) / tau))

@@ -1,0 +1,61 @@
+"""At which readings a stream jumps: its innovations against the answer that the filter gives to a jump.
+
+A grid of onsets misses a step that the filter swallows between two of its points. The filter's answer to a step changes
+little from one reading to the next, so that of the grid's nearest onset serves for every reading around.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from estimator.score import log_p_value
+from sensors.arrays import FloatArray
+
+#: Jumps of a stream that are looked at, and the logarithm of the p-value above which none is.
+_MOST, _NOTABLE = 6, -3.0
+#: The answer is followed for so many readings at least.
+_SHORTEST_ANSWER = 3
+
+
+def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArray) -> FloatArray:
+    """Where a stream jumps most, each jump far from the others.
+
+    Parameters
+    ----------
+    answers : (n, c, m, size) change of the whitened innovations of reading i by an offset from onset k on
+    white : (n, c) whitened innovations
+    t : (n,) stamps of the readings [s]
+    grid : (m,) onsets [s], evenly spaced
+
+    Returns
+    -------
+    (k,) stamps of the first readings after the jumps [s], at most `_MOST`
+    """
+    spacing = float(grid[1] - grid[0])
+    gain = np.zeros(len(t))
+    dof = answers.shape[3]
+    reach = max(int(round(spacing / max(float(np.median(np.diff(t))), 1e-9))), _SHORTEST_ANSWER)
+    for k, onset in enumerate(grid):
+        i = int(np.searchsorted(t, onset))
+        answer = answers[i : i + reach, :, k]
+        here = np.arange(i, int(np.searchsorted(t, onset + spacing)))
+        here = here[here + len(answer) <= len(t)]
+        if len(answer) < _SHORTEST_ANSWER or not len(here):
+            continue
+        information = np.einsum("lci,lcj->ij", answer, answer)
+        windows = np.lib.stride_tricks.sliding_window_view(white, len(answer), axis=0)[here]  # (here, c, l)
+        score = np.einsum("lci,hcl->hi", answer, windows)
+        gain[here] = np.einsum("hi,ij,hj->h", score, np.linalg.pinv(information, rcond=1e-6, hermitian=True), score)
+    if not np.any(gain):
+        return np.zeros(0)
+    usual = max(float(np.median(gain[gain > 0.0])) / float(stats.chi2.median(dof)), 1.0)
+    found: list[float] = []
+    left = gain / usual
+    while len(found) < _MOST:
+        j = int(np.argmax(left))
+        if log_p_value(float(left[j]), dof) + np.log(len(t)) > _NOTABLE:
+            break
+        found.append(float(t[j]))
+        left[max(j - reach // 2, 0) : j + reach // 2 + 1] = 0.0
+    return np.array(found)
