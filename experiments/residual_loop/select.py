@@ -242,10 +242,11 @@ def _best(
         return _best(source, fit, options, threshold, refused)
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
+    others = [(rival, other.term) for rival, other in trials[1:] if finding.term.in_mean and other.term.in_mean]
     rivals = tuple(
-        other.term.name
-        for rival, other in trials[1:]
-        if finding.term.in_mean and other.term.in_mean and rival.deviance < chosen.deviance + CONFUSED and other.term.name != finding.term.name
+        term.name
+        for rival, term in others
+        if rival.deviance < chosen.deviance + CONFUSED and term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
 

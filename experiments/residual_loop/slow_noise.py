@@ -30,12 +30,12 @@ class SlowNoise:
     difference of 2 log likelihood is what the offset explains beside the noise. Where the data do not call for such
     noise once the offset is in the mean, there is none.
 
-    Neglects noise that changes within a cell.
+    Neglects what the noise changes within a cell.
 
     Attributes
     ----------
-    parts : of each stream that may have such noise, alone or with the others, (m,) middles of the cells in units of time of the grid, and (r, m * size)
-        sensitivities of the whitened innovations, all components of a cell together
+    parts : of each stream that may have such noise, alone or with the others, (m,) middles of the cells in spacings of
+        the grid, and (r, m * size) sensitivities of the whitened innovations, all components of a cell together
     white : (r,) whitened innovations
     size : components of the offset
     mine : (r,) the rows whose mean square is the noise

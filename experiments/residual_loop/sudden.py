@@ -35,7 +35,7 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
     spacing = float(grid[1] - grid[0])
     gain = np.zeros(len(t))
     dof = answers.shape[3]
-    reach = max(int(round(spacing / max(float(np.median(np.diff(t))), 1e-9))), _SHORTEST_ANSWER)
+    reach = max(round(spacing / max(float(np.median(np.diff(t))), 1e-9)), _SHORTEST_ANSWER)
     for k, onset in enumerate(grid):
         i = int(np.searchsorted(t, onset))
         answer = answers[i : i + reach, :, k]

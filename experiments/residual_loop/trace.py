@@ -36,7 +36,7 @@ class Trace:
     verdict : no_effect, effects, ambiguous or unexplained
     selection : the effects and the evidence
     proof : errors before and after
-    same_names : whether the fitting part alone chooses the same names
+    same_names : whether the fitting part alone chooses the same names; where there are none, nothing is to be confirmed
     rolled_back : effects that passed the test but did not improve the held-out error
     remaining : what the final model leaves
     truth : errors against a reference, plain and final; None without one
@@ -76,7 +76,7 @@ def trace(
             selection = _without(source, selection, dropped)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
     given = {term: s.beta for term, s in suspects}
-    on_fitting = select(source, alpha, "fitting", given) if selection.findings or not suspects else selection
+    on_fitting = select(source, alpha, "fitting", given) if selection.findings else selection
     left = remaining(source, selection.final, selection.left, suspects, alpha)
     truth = (score(selection.plain), score(selection.final)) if score is not None else None
     return Trace(

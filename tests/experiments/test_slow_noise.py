@@ -1,0 +1,71 @@
+"""An offset in an interval, against slow noise of its stream and between the points of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.residual_loop.slow_noise import SlowNoise
+from experiments.residual_loop.sudden import jumps
+from sensors.arrays import FloatArray
+
+CELLS, READINGS = 25, 500
+GRID = np.arange(CELLS) * (READINGS / CELLS)
+T = np.arange(float(READINGS))
+#: Best gain of an interval that a family-wise test at 1 % of some thirty effects lets pass, one degree of freedom.
+PASSES = 32.0
+
+
+def markov(rng: np.random.Generator, tau: float, sigma: float) -> FloatArray:
+    """Stationary first-order Markov process at unit intervals."""
+    x, decay = np.empty(READINGS), np.exp(-1.0 / tau)
+    x[0] = sigma * rng.standard_normal()
+    for k in range(1, READINGS):
+        x[k] = decay * x[k - 1] + sigma * np.sqrt(1.0 - decay**2) * rng.standard_normal()
+    return x
+
+
+def best_gains(z: FloatArray) -> tuple[float, float]:
+    """Gain of the best interval of the grid, plain and beside slow noise; a constant offset is free."""
+    steps = (T[:, None] >= GRID).astype(float)
+    steps -= steps.mean(axis=0)
+    z = z - z.mean()
+    first, last = np.triu_indices(CELLS, 1)
+    columns = steps[:, first] - steps[:, last]
+    gain = (columns.T @ z) ** 2 / np.maximum(np.sum(columns**2, axis=0), 1e-12)
+    k = int(np.argmax(gain))
+    V = steps - np.pad(steps[:, 1:], ((0, 0), (0, 1)))
+    noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool))
+    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1])
+
+
+def test_slow_noise_is_not_taken_for_an_offset() -> None:
+    rng = np.random.default_rng(3)
+    pairs = [best_gains(rng.standard_normal(READINGS) + markov(rng, tau, 0.7)) for tau in (10.0, 40.0) * 10]
+    plain, beside = np.array(pairs).T
+    assert np.mean(plain > PASSES) > 0.5
+    assert np.max(beside) < PASSES
+
+
+def test_an_offset_among_white_noise_keeps_its_gain() -> None:
+    rng = np.random.default_rng(4)
+    offset = 0.8 * ((GRID[8] <= T) & (GRID[15] > T))
+    plain, beside = best_gains(rng.standard_normal(READINGS) + offset)
+    assert beside > 0.9 * plain > PASSES
+
+
+def test_a_large_offset_among_slow_noise_is_still_seen() -> None:
+    rng = np.random.default_rng(5)
+    offset = 8.0 * ((GRID[8] <= T) & (GRID[15] > T))
+    _, beside = best_gains(rng.standard_normal(READINGS) + markov(rng, 20.0, 0.5) + offset)
+    assert beside > PASSES
+
+
+def test_a_jump_that_is_forgotten_before_the_next_point_of_the_grid_is_found() -> None:
+    rng = np.random.default_rng(6)
+    at, memory = 207, 4.0
+    late = T[:, None] - GRID
+    answers = np.where(late >= 0.0, np.exp(-np.maximum(late, 0.0) / memory), 0.0).reshape(READINGS, 1, CELLS, 1)
+    z = rng.standard_normal(READINGS)
+    assert len(jumps(answers, z[:, None], T, GRID)) == 0
+    z[at:] += 5.0 * np.exp(-(T[at:] - at) / memory)
+    assert jumps(answers, z[:, None], T, GRID).tolist() == [float(at)]
