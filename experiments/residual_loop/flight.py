@@ -19,6 +19,7 @@ from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
+from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
@@ -49,7 +50,7 @@ _SETTLED = 0.05
 _SETTLED_DEVIANCE = 1.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
-#: 1-sigma by which effects may turn an attitude that was found from the first readings [rad].
+#: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
 _WIDE_START = 0.2
 
 
@@ -232,13 +233,14 @@ class FlightSource:
         """Sigma with which the attitude starts where the recording declares none; None: as the filter starts it.
 
         The first readings, from which it is found, have the effects in them that are looked for: it may be wrong by
-        as much as a magnetometer or an accelerometer may be turned or bent.
+        as much as a magnetometer or an accelerometer may be turned or bent. Every pass starts at the smoothed attitude
+        of the one before, so the sigma is no prior; it is as wide as the filter can take and still be linear.
         """
         if self.recording.initial.attitude_std is not None:
             return None
         assert isinstance(journal.run, RunInputs)
         widest = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
-        return float(np.hypot(widest, _WIDE_START)) if widest < _WIDE_START else None
+        return max(widest, COARSE_ATTITUDE) if widest < _WIDE_START else None
 
     def _started(self, recording: Recording, motion: Motion) -> Recording:
         """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong."""

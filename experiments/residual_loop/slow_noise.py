@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from sensors.arrays import BoolArray, FloatArray
 
 #: Time constants of the noise that are tried: cells of the grid.
-_TIME_CONSTANTS = (0.5, 2.0, 8.0, 64.0)
+_TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)
 #: Variances that are tried: logarithms of the largest share of a cell's information.
 _VARIANCES = np.logspace(-1.0, 6.0, 15)
 _ROUNDS = 2
