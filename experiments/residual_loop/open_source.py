@@ -37,6 +37,7 @@ class TriadReadings:
     walk : declared random walk of the bias, or None
     normalised_by : what the readings were divided by
     covariates : (n,) each
+    full_rate : means over the static poses of a log
     """
 
     sensor: str
@@ -48,6 +49,7 @@ class TriadReadings:
     walk: float | None
     normalised_by: float
     covariates: dict[str, FloatArray]
+    full_rate: bool = False
 
 
 def sensors_in_poses(recording: Recording) -> tuple[str, ...]:
@@ -121,6 +123,7 @@ def triad_readings(recording: Recording, sensor: str, gravity: float | None = No
         walk,
         divisor,
         covariates_for(recording, sensor, t),
+        sensor == "accel" and _full_rate_log(recording) is not None,
     )
 
 
@@ -156,18 +159,29 @@ def _require_unit_of_field(where: str, reading: FloatArray, norm: float) -> None
 
 def _accel_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     spec = recording.spec("accel")
-    poses = recording.streams.get("poses")
-    stream = recording.streams["imu"] if poses is None or not poses.has(ACCEL) else poses
-    if stream is poses and (len(poses) < 2 or np.median(np.diff(poses.t)) >= _FULL_RATE_STEP):
+    stream = _full_rate_log(recording)
+    if stream is None:
+        poses = recording.streams["poses"]
         return poses.t, poses.array(ACCEL), _row_sigma(spec.noise_std, len(poses))
     gyro = stream.array(GYRO) if stream.has(GYRO) else None
     still = find_poses(stream.t, stream.array(ACCEL), gyro, where=recording.where, at_least=6)
+    lasting = stream.t[still.stop - 1] - stream.t[still.start]
     sigma = None
     if spec.noise_density is not None:
-        sigma = spec.noise_density / np.sqrt(stream.t[still.stop - 1] - stream.t[still.start])
-    elif stream is poses and spec.noise_std is not None:
+        sigma = spec.noise_density / np.sqrt(lasting)
+    elif stream is recording.streams.get("poses") and spec.noise_std is not None:
         sigma = spec.noise_std / np.sqrt(still.count)
+    if sigma is not None:  # a bias that wanders makes a mean differ from its middle
+        sigma = np.hypot(sigma, (spec.bias_walk or 0.0) * np.sqrt(lasting / 12.0))
     return still.t, still.mean[:, :3], sigma
+
+
+def _full_rate_log(recording: Recording) -> Stream | None:
+    """The accelerometer's full-rate log, in which static poses have to be found; None: each row is a pose."""
+    poses = recording.streams.get("poses")
+    if poses is None or not poses.has(ACCEL):
+        return recording.streams["imu"]
+    return None if len(poses) < 2 or np.median(np.diff(poses.t)) >= _FULL_RATE_STEP else poses
 
 
 def _mag_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
@@ -211,6 +225,7 @@ def norm_poses(recording: Recording, r: TriadReadings) -> NormPoses:
         r.covariates,
         declared,
         recording.where,
+        r.full_rate,
     )
 
 

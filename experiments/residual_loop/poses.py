@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.triad import calibrate_norm
-from experiments.residual_loop.bias_walk import bias_walk
+from calibration.triad import calibrate_norm, norm_jacobian
+from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
 from experiments.residual_loop.least_squares_source import Rows
 from experiments.residual_loop.term import (
     Term,
@@ -47,6 +47,7 @@ class NormPoses:
     covariates : (n,) or (n, k) each, at the instants of the readings
     declared : declared effects with their parameters
     where : how messages call the recording
+    wanders : where the noise is not declared: whether the bias may wander, as far as the residuals show it
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class NormPoses:
         covariates: Mapping[str, FloatArray] | None = None,
         declared: Mapping[str, Sequence[float]] | None = None,
         where: str = "",
+        wanders: bool = False,
     ) -> None:
         self.name, self.stream, self.unit = name, sensor, unit
         self.where = where or name
@@ -69,8 +71,14 @@ class NormPoses:
         self._t, self._sigma = t, sigma
         self._covariates = dict(covariates or {})
         self._declared = declared_terms(declared or {})
-        self._walk = bias_walk(t, walk if sigma is not None else None)
         plain = calibrate_norm(sensor, reading, norm, where=self.where)
+        if sigma is None:
+            walk = None
+            if wanders:  # in units of the white noise, which is the unit of the residuals then
+                e = plain.apply(reading) / norm
+                white, found = estimated_walk(plain.fit.residual, norm_jacobian(plain.fit.x, reading), e * plain.K, t)
+                walk = found / white if white > 0.0 else None
+        self._walk = bias_walk(t, walk)
         self._start = np.concatenate([1.0 / plain.K - 1.0, -plain.offset, np.zeros(self._walk.size)])
         self.per_truth = float(np.mean(np.abs(1.0 / plain.K)))  # reading per true unit
         self._prior_t = self._walk.prior(np.zeros(self._walk.size))[2]

@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
-from experiments.residual_loop.bias_walk import bias_walk
+from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
+from experiments.residual_loop.directions import direction_covariance
 from experiments.residual_loop.least_squares_source import Rows
 from experiments.residual_loop.term import (
     Term,
@@ -63,15 +64,19 @@ class GyroTurns:
         accel_walk: float | None = None,
     ) -> None:
         self.where = where or name
-        self._wandering = _centred_walk(log.poses.t, accel_walk or 0.0)
         self.name, self.log, self.noise_known = name, log, noise_known
         self._declared = declared_terms(declared or {})
-        self._walk = bias_walk(log.poses.t, walk if noise_known else None)
-        self._take_rows(covariates or {})
-        self._sigma_turn, self._sigma_rest = noise_of_turns(log, earth_rotation)
         self._bias = np.median(log.poses.mean[:, 3:], axis=0)
+        _, self._sigma_rest = noise_of_turns(log, earth_rotation)
+        self._covariance = direction_covariance(log, accel_walk if noise_known else None)
+        begin, end = log.turn_times
+        self._sigma_rate = log.gravity * log.density * np.sqrt(end - begin)
+        self._factor = 1.0
         if not noise_known:
-            self._scale_noise()
+            walk = self._scale_noise()
+        self._walk = BiasWalk(_ends(log) if walk else log.poses.t[:1], walk or 0.0)
+        self._add_what_knots_leave()
+        self._take_rows(covariates or {})
         turn_t = 0.5 * sum(log.turn_times)
         self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
         self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
@@ -96,11 +101,25 @@ class GyroTurns:
         self._covariates = {name: kept(value) for name, value in covariates.items()}
         self._log_covariates = {name: value for name, value in covariates.items() if value.ndim == 1}
 
-    def _scale_noise(self) -> None:
-        """Undeclared noise: each kind of residual is weighted by what the richest linear model leaves of it."""
-        weights = calibrate_gyro(self.log, "full", self.where).weights
-        self._sigma_turn = self._sigma_turn * weights[0]
-        self._sigma_rest = self._sigma_rest * weights[1]
+    def _scale_noise(self) -> float:
+        """Undeclared noise: the turns are weighted by what the richest linear model leaves of them, the rests by the
+        white part of how their means scatter; the other part is the walk of the bias, which is returned.
+        """
+        self._factor = float(calibrate_gyro(self.log, "full", self.where).weights[0])
+        n = len(self.log.poses.t)
+        offset = np.tile(np.eye(3), (n, 1)) / np.repeat(self._sigma_rest, 3)[:, None]
+        residual = (self.log.poses.mean[:, 3:] - self._bias).ravel() / np.repeat(self._sigma_rest, 3)
+        white, walk = estimated_walk(residual, offset, offset, np.repeat(self.log.poses.t, 3))
+        self._sigma_rest = self._sigma_rest * max(white, 1.0)
+        return walk
+
+    def _add_what_knots_leave(self) -> None:
+        """Between two knots a walk leaves the straight line: its mean by walk^2 T / 12, its integral by T^3 / 12."""
+        log, walk = self.log, self._walk.walk
+        begin, end = log.turn_times
+        lasting = log.t[log.poses.stop - 1] - log.t[log.poses.start]
+        self._sigma_rest = np.hypot(self._sigma_rest, walk * np.sqrt(lasting / 12.0))
+        self._sigma_rate = np.hypot(self._sigma_rate, log.gravity * walk * np.sqrt((end - begin) ** 3 / 12.0))
 
     @property
     def t(self) -> FloatArray:
@@ -209,35 +228,18 @@ class GyroTurns:
         return J.reshape(len(turns.rows), 3, -1)
 
     def _turn_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
-        """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2]."""
+        """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2].
+
+        Turn k misses R_k e_k - e_k+1 of the errors e of the directions, and what the noise of the rate adds up to.
+        """
         n = len(across)
-        shared = self._sigma_shared
-        covariance = np.zeros((n, 2, n, 2))
+        by_pose = np.zeros((n, 2, n + 1, 3))
         for k in range(n):
-            covariance[k, :, k, :] = np.eye(2) * self._sigma_turn[k] ** 2
-            if k + 1 < n:  # pose k+1 ends turn k (enters with minus) and, turned, begins turn k+1
-                block = -(shared[k + 1] ** 2) * across[k] @ rotation[k + 1] @ across[k + 1].T
-                covariance[k, :, k + 1, :] = block
-                covariance[k + 1, :, k, :] = block.T
-        return (covariance + self._wandering_covariance(rotation, across)).reshape(2 * n, 2 * n)
-
-    def _wandering_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
-        """(turns, 2, turns, 2) what the wandering bias of the accelerometer adds: turn k misses R_k e_k - e_k+1."""
-        c, n = self._wandering, len(across)
-        before, after = across @ rotation, across
-        return np.asarray(
-            np.einsum("kl,kai,lbi->kalb", c[:n, :n], before, before)
-            - np.einsum("kl,kai,lbi->kalb", c[:n, 1:], before, after)
-            - np.einsum("kl,kai,lbi->kalb", c[1:, :n], after, before)
-            + np.einsum("kl,kai,lbi->kalb", c[1:, 1:], after, after)
-        )
-
-    @property
-    def _sigma_shared(self) -> FloatArray:
-        """(poses,) direction noise that two turns share, never more than what a turn has in all."""
-        limit = np.concatenate([self._sigma_turn[:1], np.minimum(self._sigma_turn[1:], self._sigma_turn[:-1])])
-        limit = np.concatenate([limit, self._sigma_turn[-1:]])
-        return np.minimum(self.log.sigma_direction, limit / np.sqrt(2.0) * 0.999)
+            by_pose[k, :, k, :] = across[k] @ rotation[k]
+            by_pose[k, :, k + 1, :] = -across[k]
+        F = by_pose.reshape(2 * n, 3 * (n + 1))
+        covariance = F @ self._covariance @ F.T + np.diag(np.repeat(self._sigma_rate, 2) ** 2)
+        return np.asarray(self._factor**2 * covariance)
 
     def _added(self, w: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
         motion = self._motion(w)
@@ -247,10 +249,10 @@ class GyroTurns:
         return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)
 
 
-def _centred_walk(t: FloatArray, walk: float) -> FloatArray:
-    """(n, n) covariance of a random walk at the instants t about its own mean, which the calibration has taken off."""
-    centre = np.eye(len(t)) - 1.0 / len(t)
-    return np.asarray(walk**2 * centre @ np.minimum.outer(t - t[0], t - t[0]) @ centre)
+def _ends(log: GyroLog) -> FloatArray:
+    """(2 poses,) beginning and end of each rest [s]."""
+    ends = np.stack([log.t[log.poses.start], log.t[log.poses.stop - 1]], axis=1)
+    return np.asarray(ends.ravel())
 
 
 def inverse(B: FloatArray) -> FloatArray:
