@@ -8,7 +8,10 @@ import numpy as np
 
 from calibration.gyro import read_turns
 from calibration.segments import find_poses
+from estimator.faults import frozen_runs, stuck_runs
+from estimator.imu import beyond_the_range
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
+from experiments.residual_loop.pose_faults import Fault, poses_that_measured
 from experiments.residual_loop.poses import NormPoses
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
@@ -213,19 +216,21 @@ def declared_for(recording: Recording, sensor: str, normalised_by: float = 1.0) 
 def norm_poses(recording: Recording, r: TriadReadings) -> NormPoses:
     """The readings of an accelerometer or magnetometer as a problem, with the effects that the recording declares."""
     declared = declared_for(recording, r.sensor, r.normalised_by)
+    keep, faults = poses_that_measured(r.sensor, r.t, r.reading, r.norm, r.sigma, recording.where)
     return NormPoses(
         recording.name,
         r.sensor,
-        r.t,
-        r.reading,
+        r.t[keep],
+        r.reading[keep],
         r.norm,
         r.unit,
-        r.sigma,
+        None if r.sigma is None else r.sigma[keep],
         r.walk,
-        r.covariates,
+        {name: value[keep] for name, value in r.covariates.items()},
         declared,
         recording.where,
         r.full_rate,
+        faults,
     )
 
 
@@ -245,5 +250,20 @@ def _turns(recording: Recording, gravity: float | None, declared: dict[str, tupl
     covariates = covariates_for(recording, "gyro", imu.t)
     earth = recording.environment.earth_rotation
     return GyroTurns(
-        recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where, accel.bias_walk
-    )
+        recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where, accel.bias_walk,
+        _faults_of_log(imu),
+    )  # fmt: skip
+
+
+def _faults_of_log(imu: Stream) -> tuple[Fault, ...]:
+    """Stretches of a full-rate log in which the IMU was frozen, an axis stuck, or beyond its range."""
+    t, u = imu.t, imu.array((*ACCEL, *GYRO))
+    found = [("imu", "frozen", float(t[a]), float(t[b - 1])) for a, b in frozen_runs(u)]
+    _, notes = beyond_the_range(t, u)
+    found += [(note.stream, note.kind, note.start, note.stop) for note in notes]
+    for name, part in (("accel", slice(0, 3)), ("gyro", slice(3, 6))):
+        for a, b in stuck_runs(u[:, part]):
+            stretch = (name, "frozen", float(t[a]), float(t[b - 1]))
+            if not any(f[0] == name and f[2] <= stretch[3] and f[3] >= stretch[2] for f in found):
+                found.append(stretch)
+    return tuple(found)

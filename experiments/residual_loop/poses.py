@@ -16,6 +16,7 @@ import numpy as np
 from calibration.triad import calibrate_norm, norm_jacobian
 from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
 from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.pose_probes import probes_of_a_triad
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -48,6 +49,7 @@ class NormPoses:
     declared : declared effects with their parameters
     where : how messages call the recording
     wanders : where the noise is not declared: whether the bias may wander, as far as the residuals show it
+    faults : readings that are none, and are not among these: see `LinearProblem`
     """
 
     def __init__(
@@ -64,7 +66,9 @@ class NormPoses:
         declared: Mapping[str, Sequence[float]] | None = None,
         where: str = "",
         wanders: bool = False,
+        faults: Sequence[tuple[str, str, float, float]] = (),
     ) -> None:
+        self.faults = tuple(faults)
         self.name, self.stream, self.unit = name, sensor, unit
         self.where = where or name
         self.reading, self.norm = reading, norm
@@ -107,6 +111,11 @@ class NormPoses:
         pad = np.zeros(len(self._prior_t))
         return {k: np.concatenate([v, pad]) for k, v in self._covariates.items() if v.ndim == 1}
 
+    def probes(self, most: int) -> tuple[Effect, ...]:
+        """Powers of each axis, direction, the reading before, time, and powers of the covariates."""
+        u, _ = self.true_reading(self._start, {})
+        return probes_of_a_triad(self.stream, self._motion(u), most)
+
     def start(self) -> FloatArray:
         """s, b and the knots of the bias."""
         return self._start.copy()
@@ -135,7 +144,9 @@ class NormPoses:
                 break
         return u, B
 
-    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+    def rows(
+        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
+    ) -> Rows:
         """Whitened residuals of the norm and their derivatives."""
         u, B = self.true_reading(nuisance, model)
         length = np.linalg.norm(u, axis=1)
@@ -144,6 +155,8 @@ class NormPoses:
         raw = length - self.norm
         spread = np.ones(len(raw)) if self._sigma is None else self._sigma * np.linalg.norm(a, axis=1)
         a = a / spread[:, None]
+        if known:
+            u = self.norm * e
         motion = self._motion(u)
         N = np.hstack([a * u, a, self._walk.derivative(self._t, a)])
         prior_r, prior_N, _ = self._walk.prior(nuisance[6:])

@@ -16,6 +16,7 @@ from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, no
 from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
 from experiments.residual_loop.directions import direction_covariance
 from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.pose_probes import probes_of_turns
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -24,7 +25,7 @@ from experiments.residual_loop.term import (
     pose_candidates,
     require_known,
 )
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.motion import Motion
 
@@ -46,6 +47,8 @@ class GyroTurns:
     declared : declared effects with their parameters
     earth_rotation : the log says that the rate of the Earth is in it
     where : how messages call the recording
+    accel_walk : declared random walk of the accelerometer's bias
+    faults : stretches in which a sensor did not measure: turns and rests with one are in no row
     """
 
     stream = "gyro"
@@ -62,8 +65,11 @@ class GyroTurns:
         earth_rotation: bool = False,
         where: str = "",
         accel_walk: float | None = None,
+        faults: Sequence[tuple[str, str, float, float]] = (),
     ) -> None:
         self.where = where or name
+        self.faults = tuple(faults)
+        self._lost_turns, self._lost_rests = _lost(log, self.faults)
         self.name, self.log, self.noise_known = name, log, noise_known
         self._declared = declared_terms(declared or {})
         self._bias = np.median(log.poses.mean[:, 3:], axis=0)
@@ -77,8 +83,10 @@ class GyroTurns:
         self._walk = BiasWalk(_ends(log) if walk else log.poses.t[:1], walk or 0.0)
         self._add_what_knots_leave()
         self._take_rows(covariates or {})
-        turn_t = 0.5 * sum(log.turn_times)
-        self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
+        turn_t = 0.5 * (begin + end)
+        self._rows_t = np.concatenate(
+            [np.repeat(turn_t[~self._lost_turns], 2), np.repeat(log.poses.t[~self._lost_rests], 3)]
+        )
         self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
         motion = self._motion(self._reading)
         require_known(self._declared, motion, self.where)
@@ -136,6 +144,10 @@ class GyroTurns:
         """(rows,) each; interpolated to the rows' times."""
         return {name: np.interp(self._t, self.log.t, value) for name, value in self._log_covariates.items()}
 
+    def probes(self, most: int) -> tuple[Effect, ...]:
+        """Powers of the rate and of the specific force, time, and powers of the covariates."""
+        return probes_of_turns(self.log.gravity, self._motion(self._reading - self._bias), most)
+
     def start(self) -> FloatArray:
         """b and the knots of its walk."""
         return np.concatenate([self._bias, np.zeros(self._walk.size)])
@@ -163,7 +175,9 @@ class GyroTurns:
                 break
         return w, np.eye(3) + slope
 
-    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+    def rows(
+        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
+    ) -> Rows:
         """Whitened residuals of turns and rests, and their derivatives."""
         w, B = self.true_rate(nuisance, model)
         motion = self._motion(w)
@@ -206,17 +220,20 @@ class GyroTurns:
             [turns.derivative(D[:, :, :3]), self._by_knots(turns, D), turns.derivative(D[:, :, 3:])], 2
         )
         J_turn = np.einsum("kai,kim->kam", across, moved).reshape(len(r_turn), -1)
-        L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across))
+        seen, rests = np.repeat(~self._lost_turns, 2), np.repeat(~self._lost_rests, 3)
+        L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across)[np.ix_(seen, seen)])
+        r_turn, J_turn = r_turn[seen], J_turn[seen]
         poses = self.log.poses
         r_rest, at_rest = w[self._n_turning :], D[self._n_turning :]
         knots = self._walk.derivative(poses.t, at_rest[:, :, :3])
         J_rest = np.concatenate([at_rest[:, :, :3], knots, at_rest[:, :, 3:]], axis=2)
         sigma = np.repeat(self._sigma_rest, 3)
-        residual = np.concatenate([np.linalg.solve(L, r_turn), r_rest.ravel() / sigma])
-        J = np.concatenate([np.linalg.solve(L, J_turn), J_rest.reshape(len(sigma), -1) / sigma[:, None]])
+        at_rests = (J_rest.reshape(len(sigma), -1) / sigma[:, None])[rests]
+        residual = np.concatenate([np.linalg.solve(L, r_turn), (r_rest.ravel() / sigma)[rests]])
+        J = np.concatenate([np.linalg.solve(L, J_turn), at_rests])
         # rests are shown as the angle they would make over their own turn, so that both have one unit
         time = np.repeat(np.median(np.diff(poses.t)), len(sigma))
-        return residual, J, np.concatenate([r_turn / g, r_rest.ravel() * time])
+        return residual, J, np.concatenate([r_turn / g, (r_rest.ravel() * time)[rests]])
 
     def _by_knots(self, turns: Turns, D: FloatArray) -> FloatArray:
         """(turns, 3, 3 (knots - 1)) derivative of the predicted directions by the knots of the bias's walk."""
@@ -247,6 +264,19 @@ class GyroTurns:
 
     def _motion(self, w: FloatArray) -> Motion:
         return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)
+
+
+def _lost(log: GyroLog, faults: Sequence[tuple[str, str, float, float]]) -> tuple[BoolArray, BoolArray]:
+    """(turns,), (poses,) which turns and which rests the faults leave nothing of; a direction that is lost ends two."""
+
+    def hit(begin: FloatArray, end: FloatArray, sensors: tuple[str, ...]) -> BoolArray:
+        inside = [(begin <= stop) & (end >= start) for sensor, _, start, stop in faults if sensor in sensors]
+        return np.any(inside, axis=0) if inside else np.zeros(len(begin), dtype=bool)
+
+    rest = log.t[log.poses.start], log.t[log.poses.stop - 1]
+    direction = hit(*rest, ("accel", "imu"))
+    turns = hit(*log.turn_times, ("gyro", "imu")) | direction[:-1] | direction[1:]
+    return turns, hit(*rest, ("gyro", "imu"))
 
 
 def _ends(log: GyroLog) -> FloatArray:
