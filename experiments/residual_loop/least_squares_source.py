@@ -87,6 +87,10 @@ class LinearProblem(Protocol):
         """(rows,) time of each row [s]."""
 
     @property
+    def rows_are_readings(self) -> bool:
+        """Whether each row is one reading by itself; turns share their poses, and a rest has three rows."""
+
+    @property
     def noise_known(self) -> bool:
         """Whether the noise is declared; else the whitening is up to one common factor."""
 
@@ -347,6 +351,8 @@ class LeastSquaresSource:
 
     def _deleted(self, rows: Rows, terms: Mapping[Term, FloatArray], used: BoolArray) -> tuple[IntArray, Deleted]:
         """Rows of the readings that a fit to `used` would be better without, and the evidence."""
+        if not self._problem.rows_are_readings:
+            return np.zeros(0, dtype=np.int64), Deleted(np.zeros(0, dtype=bool), 0.0, 0.0)
         index = np.flatnonzero(used)
         measured = self._measured[index]
         fitted = self._fitted(rows, terms)[index]
@@ -375,7 +381,7 @@ class LeastSquaresSource:
         if found.log_p < log_p:
             log_p, statistic = found.log_p, max(statistic, found.gain)
             wrong[deleted] = True
-        if not np.any(wrong):
+        if not np.any(wrong) or (np.sum(wrong) < 2 and not self._problem.rows_are_readings):
             return None
         term = Term(f"{self._problem.stream}.outliers")
         return LocalFinding(term, statistic, 1, log_p, np.array([float(np.sum(wrong)) / self._n]))

@@ -23,7 +23,7 @@ Shape = Callable[[Motion], FloatArray]
 _Block = tuple[str, tuple[str, ...], Sequence[tuple[int, Shape]]]
 
 
-def probes_of_a_triad(stream: str, motion: Motion, most: int) -> tuple[Effect, ...]:
+def probes_of_a_triad(stream: str, motion: Motion, still: bool, most: int) -> tuple[Effect, ...]:
     """Probes of poses whose true reading has one norm.
 
     The functions are of the direction alone: the noise along it is the residual, and a function of that would follow
@@ -33,6 +33,7 @@ def probes_of_a_triad(stream: str, motion: Motion, most: int) -> tuple[Effect, .
     ----------
     stream : accel or mag
     motion : of the plain model, at the poses
+    still : the noise is declared, and with it how the bias wanders; else a drift is the bias, which every model has
     most : parameters that a probe may have
     """
     what = "f_b" if stream == "accel" else "m_b"
@@ -45,18 +46,19 @@ def probes_of_a_triad(stream: str, motion: Motion, most: int) -> tuple[Effect, .
         ("its own size", (what,), _powers(along, (lambda x: x**3, lambda x: x * np.abs(x), lambda x: x**2))),
         ("direction", (what,), [(16, lambda m: _radial(along(m), 4)), (7, lambda m: _radial(along(m), 3))]),
         ("the reading before", (what,), _powers(lambda m: _before(along(m)), (lambda x: x, lambda x: x**3))),
-        *_of_time_and_covariates(motion.t, motion.covariates),
+        *_of_time_and_covariates(motion.t, motion.covariates, still),
     ]
     return _probes(stream, blocks, motion, most)
 
 
-def probes_of_turns(gravity: float, motion: Motion, most: int) -> tuple[Effect, ...]:
+def probes_of_turns(gravity: float, motion: Motion, still: bool, most: int) -> tuple[Effect, ...]:
     """Probes of a gyroscope turned between poses.
 
     Parameters
     ----------
     gravity : m/s^2
     motion : of the plain model, at the samples in use
+    still : the noise is declared, and with it how the bias wanders; else a drift is the bias, which every model has
     most : parameters that a probe may have
     """
 
@@ -68,7 +70,7 @@ def probes_of_turns(gravity: float, motion: Motion, most: int) -> tuple[Effect, 
     blocks: list[_Block] = [
         ("its own size", ("w_ib_b",), _powers(lambda m: m.w_ib_b / fastest, (lambda x: x * np.abs(x), lambda x: x**3))),
         ("the squared specific force", ("f_b",), [(9, of_force)]),
-        *_of_time_and_covariates(motion.t, motion.covariates),
+        *_of_time_and_covariates(motion.t, motion.covariates, still),
     ]
     return _probes("gyro", blocks, motion, most)
 
@@ -87,10 +89,10 @@ def _constant(G: FloatArray) -> Shape:
     return lambda motion: G
 
 
-def _of_time_and_covariates(t: FloatArray, covariates: Mapping[str, FloatArray]) -> list[_Block]:
+def _of_time_and_covariates(t: FloatArray, covariates: Mapping[str, FloatArray], still: bool) -> list[_Block]:
     """A slow drift as Legendre polynomials of the time; second and third powers of what the catalogue has linear."""
     blocks: list[_Block] = []
-    if varies(t):
+    if still and varies(t):
         begin, half = float(np.min(t)), 0.5 * float(np.ptp(t))
         blocks.append(("time", (), _polynomials(lambda m: (m.t - begin) / half - 1.0, (1, 2, 3), (3, 2, 1))))
     for name, values in covariates.items():

@@ -52,6 +52,8 @@ class NormPoses:
     faults : readings that are none, and are not among these: see `LinearProblem`
     """
 
+    rows_are_readings = True
+
     def __init__(
         self,
         name: str,
@@ -114,7 +116,7 @@ class NormPoses:
     def probes(self, most: int) -> tuple[Effect, ...]:
         """Powers of each axis, direction, the reading before, time, and powers of the covariates."""
         u, _ = self.true_reading(self._start, {})
-        return probes_of_a_triad(self.stream, self._motion(u), most)
+        return probes_of_a_triad(self.stream, self._motion(u), self.noise_known, most)
 
     def start(self) -> FloatArray:
         """s, b and the knots of the bias."""
@@ -129,19 +131,23 @@ class NormPoses:
         """Invert the model for u by Newton's method: u (n, 3) and B = d reading / d u (n, 3, 3)."""
         scale, bias = 1.0 + x[:3], x[3:6] + self._walk.value(self._t, x[6:])
         y = self.reading - bias
+        for term, beta in model.items():
+            if term.probe is not None:  # offsets that do not depend on u
+                y = y - term.probe.regressor(self._motion(y)) @ beta
         u = y / scale
         B = np.broadcast_to(np.diag(scale), (len(u), 3, 3)).copy()
-        pairs = effects_in_mean(self._declared, model)
+        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
             return u, B
+        slope = self._slope(u, pairs)
+        back = np.linalg.inv(np.diag(scale) + slope)
         for _ in range(_MOST_PASSES):
-            added, slope = self._effects(u, pairs)
-            miss = scale * u + added - y
-            B = np.diag(scale) + slope
-            step = np.linalg.solve(B, miss[..., None])[..., 0]
+            step = np.einsum("nij,nj->ni", back, scale * u + self._added(u, pairs) - y)
             u = u - step
             if not np.max(np.abs(step)) > 1e-12 * self.norm:
                 break
+        slope = self._slope(u, pairs)
+        B = np.diag(scale) + slope
         return u, B
 
     def rows(
@@ -174,16 +180,17 @@ class NormPoses:
             raw=np.concatenate([raw, np.zeros(m)]),
         )
 
-    def _effects(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-        """What the effects add to the reading at u, and its derivative by u, by central differences."""
+    def _added(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
+        """What the effects add to the reading at u."""
+        motion = self._motion(u)
+        return np.asarray(np.sum([entry.apply(u, beta, motion) - u for entry, beta in pairs], axis=0))
 
-        def added(at: FloatArray) -> FloatArray:
-            motion = self._motion(at)
-            return np.sum([entry.apply(at, beta, motion) - at for entry, beta in pairs], axis=0)
-
+    def _slope(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
+        """(n, 3, 3) its derivative by u, by central differences."""
         h = _EPSILON * self.norm
-        slope = np.stack([(added(u + h * d) - added(u - h * d)) / (2 * h) for d in np.eye(3)], axis=-1)
-        return added(u), slope
+        return np.stack(
+            [(self._added(u + h * d, pairs) - self._added(u - h * d, pairs)) / (2 * h) for d in np.eye(3)], axis=-1
+        )
 
     def _motion(self, u: FloatArray) -> Motion:
         return motion_seen(self.stream, self._t, u, self._covariates)

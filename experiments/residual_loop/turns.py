@@ -53,6 +53,7 @@ class GyroTurns:
 
     stream = "gyro"
     unit = "rad"
+    rows_are_readings = False
 
     def __init__(
         self,
@@ -146,7 +147,7 @@ class GyroTurns:
 
     def probes(self, most: int) -> tuple[Effect, ...]:
         """Powers of the rate and of the specific force, time, and powers of the covariates."""
-        return probes_of_turns(self.log.gravity, self._motion(self._reading - self._bias), most)
+        return probes_of_turns(self.log.gravity, self._motion(self._reading - self._bias), self.noise_known, most)
 
     def start(self) -> FloatArray:
         """b and the knots of its walk."""
@@ -159,7 +160,10 @@ class GyroTurns:
     def true_rate(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Invert the model for w by Newton's method: w (n, 3) and B = d reading / d w (n, 3, 3)."""
         y = self._reading - x[:3] - self._walk.value(self._row_t, x[3:])
-        pairs = effects_in_mean(self._declared, model)
+        for term, beta in model.items():
+            if term.probe is not None:  # offsets that do not depend on w
+                y = y - term.probe.regressor(self._motion(y)) @ beta
+        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
             return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
         w, slope, back = y, np.zeros((len(y), 3, 3)), np.zeros((len(y), 3, 3))

@@ -64,12 +64,14 @@ def wrong_poses(residual: FloatArray, fitted: FloatArray, measured: BoolArray, k
     best = none
     for begin in sets:
         chosen = list(begin)
-        while len(chosen) < most:
+        while True:
             found = _judged(residual, fitted, measured, chosen, n, known) if chosen else none
             if found is not None and found.log_p < best.log_p:
                 best = found
+            if len(chosen) >= most or (len(chosen) > 1 and found is None):
+                break
             more = _next(residual, fitted, measured, chosen)
-            if more is None or (len(chosen) > 1 and found is None):
+            if more is None:
                 break
             chosen.append(more)
     return best
