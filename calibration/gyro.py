@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.least_squares import LeastSquaresFit, solve
 from calibration.segments import Poses, find_poses
-from calibration.triad import calibrate_norm
+from calibration.triad import Calibration, calibrate_norm
 from sensors.arrays import FloatArray
 from sensors.constants import EARTH_RATE
 from sensors.errors import InputError
@@ -47,6 +47,8 @@ class GyroLog:
     sigma_direction : (poses,) 1-sigma of its components [m/s^2]
     density : white-noise density of the gyroscope [rad/s/sqrt(Hz)]
     gravity : m/s^2
+    sigma_white : (poses,) what the accelerometer's white noise alone leaves of `sigma_direction` [m/s^2]
+    accel : the calibration of the accelerometer; None: too few poses for one
     """
 
     t: FloatArray
@@ -57,6 +59,8 @@ class GyroLog:
     sigma_direction: FloatArray
     density: float
     gravity: float
+    sigma_white: FloatArray
+    accel: Calibration | None
 
     @property
     def turns(self) -> tuple[slice, ...]:
@@ -108,8 +112,8 @@ def read_turns(
     at_rest = np.sqrt(np.mean(poses.noise[:, :3] ** 2)) if accel_density is None else accel_density * np.sqrt(rate)
     if density is None:
         density = float(np.sqrt(np.mean(poses.noise[:, 3:] ** 2) / rate))
-    sigma = np.hypot(at_rest / np.sqrt(poses.count), leftover)
-    return GyroLog(t, gyro, f_b, poses, direction, sigma, density, gravity)
+    white = at_rest / np.sqrt(poses.count)
+    return GyroLog(t, gyro, f_b, poses, direction, np.hypot(white, leftover), density, gravity, white, calibration)
 
 
 def rotation_increments(t: FloatArray, w: FloatArray) -> FloatArray:

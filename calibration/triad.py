@@ -73,6 +73,31 @@ class Calibration:
         """(n, 3) calibrated readings, T K (reading / normalised_by + offset)."""
         return (reading / self.normalised_by + self.offset) * self.K @ self.T_seen.T
 
+    def response(self, readings: FloatArray) -> FloatArray:
+        """(3 n, 3 n) derivative of the calibrated readings by the readings that the calibration was made from.
+
+        u = T K (r + b) moves with its own reading, and with all of them through the fit: d x = -J^+ d residual, with
+        d residual_k = e_k' T K d r_k and e = u / |u|. A change that the calibration takes up whole leaves nothing.
+
+        Parameters
+        ----------
+        readings : (n, 3) those of the fit, `normalised_by` not divided out
+        """
+        r = readings / self.normalised_by
+        n, x = len(r), np.concatenate([self.fit.x[:9], np.zeros(max(len(self.fit.x) - 9, 0))])
+        M = self.T_seen * self.K
+        u = (r + self.offset) @ M.T
+        e = u / np.linalg.norm(u, axis=1, keepdims=True)
+        J = norm_jacobian(x, r)[:, :9]
+        by_parameter = np.zeros((n, 3, J.shape[1]))
+        by_parameter[:, :, :3] = self.T_seen * (r + self.offset)[:, None, :]
+        by_parameter[:, :, 3:6] = M
+        for k, (i, j) in enumerate(UPPER[: J.shape[1] - 6]):
+            by_parameter[:, i, 6 + k] = (r[:, j] + self.offset[j]) * self.K[j]
+        moved = np.einsum("kip,pj,jl->kijl", by_parameter, np.linalg.pinv(J), e @ M)
+        own = np.einsum("kj,il->kijl", np.eye(n), M)
+        return np.asarray(own - moved).reshape(3 * n, 3 * n) / self.normalised_by
+
 
 def parameter_names(axes: Axes) -> tuple[str, ...]:
     """Names of the parameters in the order of the solution: scales, offsets, non-orthogonality, rotation."""

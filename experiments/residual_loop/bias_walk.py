@@ -9,6 +9,8 @@ import numpy as np
 from sensors.arrays import FloatArray
 
 _MOST_KNOTS = 40
+#: Root of the variance that a walk adds over the whole time, in units of the white noise: what is tried.
+_WALKS = np.concatenate([[0.0], np.geomspace(0.1, 300.0, 36)])
 
 
 @dataclass(frozen=True)
@@ -64,3 +66,44 @@ def bias_walk(t: FloatArray, walk: float | None) -> BiasWalk:
     if len(t) <= _MOST_KNOTS:
         return BiasWalk(t, walk)
     return BiasWalk(np.linspace(t[0], t[-1], _MOST_KNOTS), walk)
+
+
+def walk_covariance(t: FloatArray, lasting: FloatArray | float = 0.0) -> FloatArray:
+    """(n, n) covariance of the means of a unit random walk over windows about the instants t, from the first one on.
+
+    Parameters
+    ----------
+    lasting : (n,) length of the windows [s], which do not overlap: a mean's variance is that of its middle less T / 6
+    """
+    start = float(np.min(t - 0.5 * np.asarray(lasting)))
+    return np.asarray(np.minimum.outer(t - start, t - start) - np.diag(np.zeros(len(t)) + lasting) / 6.0)
+
+
+def estimated_walk(residual: FloatArray, fitted: FloatArray, offset: FloatArray, t: FloatArray) -> tuple[float, float]:
+    """Size of the white noise, in units of the one stated, and random-walk density of a bias that nobody declared.
+
+    residual = fitted @ x + sum_t offset b(t) + noise, by restricted maximum likelihood over the ratio of the two.
+
+    Parameters
+    ----------
+    residual : (n,) divided by the stated white noise
+    fitted : (n, p) what is fitted besides
+    offset : (n, 3) derivative by a constant bias, in the residual's unit per unit of the bias
+    t : (n,) s
+
+    Source: H. D. Patterson, R. Thompson, Biometrika 58 (1971) 545.
+    """
+    K = (offset @ offset.T) * walk_covariance(t)
+    size = float(np.trace(K)) / max(len(t), 1)
+    if size <= 0.0 or len(t) <= fitted.shape[1] + 2:
+        return 1.0, 0.0
+    # contrasts without the fitted columns have a likelihood of their own
+    left, values, _ = np.linalg.svd(fitted, full_matrices=True)
+    free = left[:, int(np.sum(values > 1e-10 * values[0])) :]
+    spectrum, vectors = np.linalg.eigh(free.T @ K @ free / size)
+    power = (vectors.T @ (free.T @ residual)) ** 2
+    variances = 1.0 + _WALKS[:, None] ** 2 * np.maximum(spectrum, 0.0)
+    white = np.mean(power / variances, axis=1)
+    best = int(np.argmin(np.sum(np.log(variances), axis=1) + len(power) * np.log(np.maximum(white, 1e-300))))
+    sigma = float(np.sqrt(white[best]))
+    return sigma, float(sigma * _WALKS[best] / np.sqrt(size))

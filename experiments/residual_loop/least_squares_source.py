@@ -13,10 +13,11 @@ from typing import Protocol
 import numpy as np
 from scipy import stats
 
-from estimator.score import Evidence, Statistic
+from estimator.score import Evidence, Statistic, statistic_of
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
+from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 from sensors.errors import InputError
@@ -30,9 +31,10 @@ _OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 _SUSPECT = 4.0
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
 _ENDS_WITHIN = 3
-_LEAST_OUTLIERS = 2
 #: Degrees of freedom that an effect must leave: a fit through every reading proves nothing.
 _LEAST_FREEDOM = 3
+#: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
+_PROBE_SHARE = 0.4
 #: Rows of the shortest disturbance: fewer are wrong readings.
 _SHORTEST = 3
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -85,6 +87,10 @@ class LinearProblem(Protocol):
         """(rows,) time of each row [s]."""
 
     @property
+    def rows_are_readings(self) -> bool:
+        """Whether each row is one reading by itself; turns share their poses, and a rest has three rows."""
+
+    @property
     def noise_known(self) -> bool:
         """Whether the noise is declared; else the whitening is up to one common factor."""
 
@@ -102,8 +108,21 @@ class LinearProblem(Protocol):
     def plausible(self, entry: Effect) -> FloatArray:
         """Plausible sizes of an effect's parameters in this problem's units."""
 
-    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
-        """Linearise at a point; `wanted` names the candidates whose derivatives are needed besides the model's own."""
+    def rows(
+        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
+    ) -> Rows:
+        """Linearise at a point; `wanted` are those whose derivatives are needed besides the model's own.
+
+        The derivatives are those of the residual, by which it is made least; or, with `known`, such as have nothing of
+        the residual's own noise in them: where thousands of readings are tested, they must not follow it.
+        """
+
+    def probes(self, most: int) -> tuple[Effect, ...]:
+        """What the errors might follow that is in no catalogue, with at most so many parameters each."""
+
+    @property
+    def faults(self) -> tuple[tuple[str, str, float, float], ...]:
+        """(stream, what, start [s], end [s]) of readings that are none and are in no row: frozen, saturated."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +145,7 @@ class LeastSquaresSource:
         held = (order * blocks // max(self._n, 1)) % _SPLIT_EVERY == _SPLIT_EVERY - 1
         freedom = self._n - rows.nuisance.shape[1] + int(np.sum(~self._measured))
         self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= _LEAST_FREEDOM)
+        self._probes = problem.probes(int(_PROBE_SHARE * freedom))
         self._held_out = np.zeros(len(self._measured), dtype=bool)
         self._held_out[self._measured] = held
         fitted, parameters = len(rows.residual) - int(np.sum(held)), rows.nuisance.shape[1]
@@ -169,7 +189,7 @@ class LeastSquaresSource:
         for _ in range(passes):
             x, beta, information = self._minimise(x, beta, used & ~wrong)
             if passes > 1:
-                wrong = self._wrong_rows(self._problem.rows(x, beta, ()))
+                wrong = self._wrong_about(self._problem.rows(x, beta, ()), beta)
         rows = self._problem.rows(x, beta, ())
         active = used & ~wrong
         r = rows.residual[active]
@@ -246,11 +266,15 @@ class LeastSquaresSource:
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, nuisance parameters projected out."""
+        return self._evidence_of(fit, () if own_terms_only else self.candidates)
+
+    def _evidence_of(self, fit: Fit, effects: Sequence[Effect]) -> Evidence:
+        """The same of the fit's own terms and of these effects."""
         state = _state(fit)
-        wanted = [] if own_terms_only else [entry.name for entry in self.candidates]
         moving = [term for term in fit.terms if term.in_mean]
-        names = [term.key for term in moving] + [n for n in wanted if n not in {term.key for term in moving}]
-        rows = self._problem.rows(state.nuisance, fit.beta, wanted)
+        wanted = [entry for entry in effects if entry.name not in {term.key for term in moving}]
+        names = [term.key for term in moving] + [entry.name for entry in wanted]
+        rows = self._problem.rows(state.nuisance, fit.beta, wanted, known=True)
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
         S = np.hstack([rows.effects[name] for name in names])[active] if names else np.zeros((int(active.sum()), 0))
@@ -265,7 +289,7 @@ class LeastSquaresSource:
             inside = block == k
             information[k] = S[inside].T @ S[inside] / noise
             score[k] = S[inside].T @ r[inside] / noise
-        by_name = {entry.name: entry for entry in self.candidates} | {term.key: self.effect(term) for term in moving}
+        by_name = {entry.name: entry for entry in wanted} | {term.key: self.effect(term) for term in moving}
         sizes = tuple(rows.effects[name].shape[1] for name in names)
         plausible = [self._problem.plausible(by_name[name]) for name in names]
         return Evidence(
@@ -289,7 +313,7 @@ class LeastSquaresSource:
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
         wrong = self._wrong_rows(rows, _SUSPECT)
-        fitted = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])
+        fitted = self._fitted(rows, fit.beta)
 
         def scan_of(kept: IntArray) -> OffsetScan:
             everything = np.concatenate([kept, np.flatnonzero(active & ~self._measured)])
@@ -322,28 +346,63 @@ class LeastSquaresSource:
         wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None, threshold)
         return wrong
 
+    def _fitted(self, rows: Rows, terms: Mapping[Term, FloatArray]) -> FloatArray:
+        return np.hstack([rows.nuisance, *[rows.effects[term.key] for term in terms if term.in_mean]])
+
+    def _deleted(self, rows: Rows, terms: Mapping[Term, FloatArray], used: BoolArray) -> tuple[IntArray, Deleted]:
+        """Rows of the readings that a fit to `used` would be better without, and the evidence."""
+        if not self._problem.rows_are_readings:
+            return np.zeros(0, dtype=np.int64), Deleted(np.zeros(0, dtype=bool), 0.0, 0.0)
+        index = np.flatnonzero(used)
+        measured = self._measured[index]
+        fitted = self._fitted(rows, terms)[index]
+        found = wrong_poses(rows.residual[index], fitted, measured, self._problem.noise_known)
+        in_time = np.argsort(self._problem.t[index[measured]], kind="stable")
+        alone = np.convolve(found.rows[measured][in_time].astype(int), np.ones(_SHORTEST, dtype=int), mode="valid")
+        if np.any(alone >= _SHORTEST):  # so many in a row are a disturbance
+            found = Deleted(np.zeros(len(index), dtype=bool), 0.0, 0.0)
+        return index[found.rows], found
+
+    def _wrong_about(self, rows: Rows, terms: Mapping[Term, FloatArray]) -> BoolArray:
+        """Readings that leave their neighbours, or that a fit to the others cannot explain."""
+        wrong = self._wrong_rows(rows)
+        wrong[self._deleted(rows, terms, np.ones_like(wrong))[0]] = True
+        return wrong
+
     def _outlier_finding(self, fit: Fit, rows: Rows) -> LocalFinding | None:
         if any(not term.in_mean for term in fit.terms):
             return None
-        wrong = self._wrong_rows(rows) & _state(fit).used
+        used = _state(fit).used
+        wrong = self._wrong_rows(rows) & used
         count = int(np.sum(wrong))
-        if count < _LEAST_OUTLIERS:
-            return None
-        chance = 2.0 * stats.norm.sf(_OUTLIER)
-        log_p = float(stats.binom.logsf(count - 1, self._n, chance))
+        log_p = float(stats.binom.logsf(count - 1, self._n, 2.0 * stats.norm.sf(_OUTLIER))) if count else 0.0
+        deleted, found = self._deleted(rows, fit.beta, used)
         statistic = float(np.sum(rows.residual[wrong] ** 2))
+        if found.log_p < log_p:
+            log_p, statistic = found.log_p, max(statistic, found.gain)
+            wrong[deleted] = True
+        if not np.any(wrong) or (np.sum(wrong) < 2 and not self._problem.rows_are_readings):
+            return None
         term = Term(f"{self._problem.stream}.outliers")
-        return LocalFinding(term, statistic, 1, log_p, np.array([count / self._n]))
+        return LocalFinding(term, statistic, 1, log_p, np.array([float(np.sum(wrong)) / self._n]))
 
-    # ---- residuals
+    # ---- what is in no catalogue
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
-        """None: of poses nothing is known besides the readings."""
-        return ()
+        """Every probe and the evidence for it about the fit, the fit's own terms projected out."""
+        here = {term.name for term in fit.terms}
+        probes = [entry for entry in self._probes if entry.name not in here]
+        if not probes:
+            return ()
+        evidence = self._evidence_of(fit, probes)
+        given = [term.key for term in fit.terms if term.in_mean]
+        return [(Term(entry.name, probe=entry), statistic_of(evidence, entry.name, given)) for entry in probes]
 
     def faults(self) -> Sequence[tuple[str, str, float, float]]:
-        """None."""
-        return ()
+        """Stretches in which the sensor did not measure; they are in no fit."""
+        return self._problem.faults
+
+    # ---- residuals
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term itself: its interval was searched reading by reading."""

@@ -11,7 +11,8 @@ _LAGS = 500
 
 def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     """Variance over the declared one of the streams in which an effect on a stream shows: its own, or for one on the
-    IMU the largest of all. At least 1: noise smaller than declared is not believed.
+    IMU the largest of all. At least 1: noise smaller than declared is not believed. Where none is declared, the size of
+    the residual is the unit already, and what is left to say is how slow it is.
 
     Parameters
     ----------
@@ -19,7 +20,10 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     """
     residuals = source.residuals(fit)
     mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
-    return max([1.0, *(_long_run_variance(r) if slow else r.nis_per_dof for r in mine)])
+    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    units = [1.0 if known else max(r.nis_per_dof, 1e-300) for r in mine]
+    sizes = [_long_run_variance(r) if slow else r.nis_per_dof for r in mine]
+    return max([1.0, *(size / unit for size, unit in zip(sizes, units, strict=True))])
 
 
 def _long_run_variance(r: StreamResidual) -> float:

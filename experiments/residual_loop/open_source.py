@@ -8,7 +8,10 @@ import numpy as np
 
 from calibration.gyro import read_turns
 from calibration.segments import find_poses
+from estimator.faults import frozen_runs, stuck_runs
+from estimator.imu import beyond_the_range
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
+from experiments.residual_loop.pose_faults import Fault, poses_that_measured
 from experiments.residual_loop.poses import NormPoses
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
@@ -37,6 +40,7 @@ class TriadReadings:
     walk : declared random walk of the bias, or None
     normalised_by : what the readings were divided by
     covariates : (n,) each
+    full_rate : means over the static poses of a log
     """
 
     sensor: str
@@ -48,6 +52,7 @@ class TriadReadings:
     walk: float | None
     normalised_by: float
     covariates: dict[str, FloatArray]
+    full_rate: bool = False
 
 
 def sensors_in_poses(recording: Recording) -> tuple[str, ...]:
@@ -121,6 +126,7 @@ def triad_readings(recording: Recording, sensor: str, gravity: float | None = No
         walk,
         divisor,
         covariates_for(recording, sensor, t),
+        sensor == "accel" and _full_rate_log(recording) is not None,
     )
 
 
@@ -156,18 +162,29 @@ def _require_unit_of_field(where: str, reading: FloatArray, norm: float) -> None
 
 def _accel_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     spec = recording.spec("accel")
-    poses = recording.streams.get("poses")
-    stream = recording.streams["imu"] if poses is None or not poses.has(ACCEL) else poses
-    if stream is poses and (len(poses) < 2 or np.median(np.diff(poses.t)) >= _FULL_RATE_STEP):
+    stream = _full_rate_log(recording)
+    if stream is None:
+        poses = recording.streams["poses"]
         return poses.t, poses.array(ACCEL), _row_sigma(spec.noise_std, len(poses))
     gyro = stream.array(GYRO) if stream.has(GYRO) else None
     still = find_poses(stream.t, stream.array(ACCEL), gyro, where=recording.where, at_least=6)
+    lasting = stream.t[still.stop - 1] - stream.t[still.start]
     sigma = None
     if spec.noise_density is not None:
-        sigma = spec.noise_density / np.sqrt(stream.t[still.stop - 1] - stream.t[still.start])
-    elif stream is poses and spec.noise_std is not None:
+        sigma = spec.noise_density / np.sqrt(lasting)
+    elif stream is recording.streams.get("poses") and spec.noise_std is not None:
         sigma = spec.noise_std / np.sqrt(still.count)
+    if sigma is not None:  # a bias that wanders makes a mean differ from its middle
+        sigma = np.hypot(sigma, (spec.bias_walk or 0.0) * np.sqrt(lasting / 12.0))
     return still.t, still.mean[:, :3], sigma
+
+
+def _full_rate_log(recording: Recording) -> Stream | None:
+    """The accelerometer's full-rate log, in which static poses have to be found; None: each row is a pose."""
+    poses = recording.streams.get("poses")
+    if poses is None or not poses.has(ACCEL):
+        return recording.streams["imu"]
+    return None if len(poses) < 2 or np.median(np.diff(poses.t)) >= _FULL_RATE_STEP else poses
 
 
 def _mag_readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray | None]:
@@ -199,18 +216,21 @@ def declared_for(recording: Recording, sensor: str, normalised_by: float = 1.0) 
 def norm_poses(recording: Recording, r: TriadReadings) -> NormPoses:
     """The readings of an accelerometer or magnetometer as a problem, with the effects that the recording declares."""
     declared = declared_for(recording, r.sensor, r.normalised_by)
+    keep, faults = poses_that_measured(r.sensor, r.t, r.reading, r.norm, r.sigma, recording.where)
     return NormPoses(
         recording.name,
         r.sensor,
-        r.t,
-        r.reading,
+        r.t[keep],
+        r.reading[keep],
         r.norm,
         r.unit,
-        r.sigma,
+        None if r.sigma is None else r.sigma[keep],
         r.walk,
-        r.covariates,
+        {name: value[keep] for name, value in r.covariates.items()},
         declared,
         recording.where,
+        r.full_rate,
+        faults,
     )
 
 
@@ -230,5 +250,20 @@ def _turns(recording: Recording, gravity: float | None, declared: dict[str, tupl
     covariates = covariates_for(recording, "gyro", imu.t)
     earth = recording.environment.earth_rotation
     return GyroTurns(
-        recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where, accel.bias_walk
-    )
+        recording.name, log, known, gyro.bias_walk, covariates, declared, earth, recording.where, accel.bias_walk,
+        _faults_of_log(imu),
+    )  # fmt: skip
+
+
+def _faults_of_log(imu: Stream) -> tuple[Fault, ...]:
+    """Stretches of a full-rate log in which the IMU was frozen, an axis stuck, or beyond its range."""
+    t, u = imu.t, imu.array((*ACCEL, *GYRO))
+    found = [("imu", "frozen", float(t[a]), float(t[b - 1])) for a, b in frozen_runs(u)]
+    _, notes = beyond_the_range(t, u)
+    found += [(note.stream, note.kind, note.start, note.stop) for note in notes]
+    for name, part in (("accel", slice(0, 3)), ("gyro", slice(3, 6))):
+        for a, b in stuck_runs(u[:, part]):
+            stretch = (name, "frozen", float(t[a]), float(t[b - 1]))
+            if not any(f[0] == name and f[2] <= stretch[3] and f[3] >= stretch[2] for f in found):
+                found.append(stretch)
+    return tuple(found)

@@ -13,9 +13,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.triad import calibrate_norm
-from experiments.residual_loop.bias_walk import bias_walk
+from calibration.triad import calibrate_norm, norm_jacobian
+from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
 from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.pose_probes import probes_of_a_triad
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -47,7 +48,11 @@ class NormPoses:
     covariates : (n,) or (n, k) each, at the instants of the readings
     declared : declared effects with their parameters
     where : how messages call the recording
+    wanders : where the noise is not declared: whether the bias may wander, as far as the residuals show it
+    faults : readings that are none, and are not among these: see `LinearProblem`
     """
+
+    rows_are_readings = True
 
     def __init__(
         self,
@@ -62,15 +67,24 @@ class NormPoses:
         covariates: Mapping[str, FloatArray] | None = None,
         declared: Mapping[str, Sequence[float]] | None = None,
         where: str = "",
+        wanders: bool = False,
+        faults: Sequence[tuple[str, str, float, float]] = (),
     ) -> None:
+        self.faults = tuple(faults)
         self.name, self.stream, self.unit = name, sensor, unit
         self.where = where or name
         self.reading, self.norm = reading, norm
         self._t, self._sigma = t, sigma
         self._covariates = dict(covariates or {})
         self._declared = declared_terms(declared or {})
-        self._walk = bias_walk(t, walk if sigma is not None else None)
         plain = calibrate_norm(sensor, reading, norm, where=self.where)
+        if sigma is None:
+            walk = None
+            if wanders:  # in units of the white noise, which is the unit of the residuals then
+                e = plain.apply(reading) / norm
+                white, found = estimated_walk(plain.fit.residual, norm_jacobian(plain.fit.x, reading), e * plain.K, t)
+                walk = found / white if white > 0.0 else None
+        self._walk = bias_walk(t, walk)
         self._start = np.concatenate([1.0 / plain.K - 1.0, -plain.offset, np.zeros(self._walk.size)])
         self.per_truth = float(np.mean(np.abs(1.0 / plain.K)))  # reading per true unit
         self._prior_t = self._walk.prior(np.zeros(self._walk.size))[2]
@@ -99,6 +113,11 @@ class NormPoses:
         pad = np.zeros(len(self._prior_t))
         return {k: np.concatenate([v, pad]) for k, v in self._covariates.items() if v.ndim == 1}
 
+    def probes(self, most: int) -> tuple[Effect, ...]:
+        """Powers of each axis, direction, the reading before, time, and powers of the covariates."""
+        u, _ = self.true_reading(self._start, {})
+        return probes_of_a_triad(self.stream, self._motion(u), self.noise_known, most)
+
     def start(self) -> FloatArray:
         """s, b and the knots of the bias."""
         return self._start.copy()
@@ -112,22 +131,28 @@ class NormPoses:
         """Invert the model for u by Newton's method: u (n, 3) and B = d reading / d u (n, 3, 3)."""
         scale, bias = 1.0 + x[:3], x[3:6] + self._walk.value(self._t, x[6:])
         y = self.reading - bias
+        for term, beta in model.items():
+            if term.probe is not None:  # offsets that do not depend on u
+                y = y - term.probe.regressor(self._motion(y)) @ beta
         u = y / scale
         B = np.broadcast_to(np.diag(scale), (len(u), 3, 3)).copy()
-        pairs = effects_in_mean(self._declared, model)
+        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
             return u, B
+        slope = self._slope(u, pairs)
+        back = np.linalg.inv(np.diag(scale) + slope)
         for _ in range(_MOST_PASSES):
-            added, slope = self._effects(u, pairs)
-            miss = scale * u + added - y
-            B = np.diag(scale) + slope
-            step = np.linalg.solve(B, miss[..., None])[..., 0]
+            step = np.einsum("nij,nj->ni", back, scale * u + self._added(u, pairs) - y)
             u = u - step
             if not np.max(np.abs(step)) > 1e-12 * self.norm:
                 break
+        slope = self._slope(u, pairs)
+        B = np.diag(scale) + slope
         return u, B
 
-    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+    def rows(
+        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
+    ) -> Rows:
         """Whitened residuals of the norm and their derivatives."""
         u, B = self.true_reading(nuisance, model)
         length = np.linalg.norm(u, axis=1)
@@ -136,6 +161,8 @@ class NormPoses:
         raw = length - self.norm
         spread = np.ones(len(raw)) if self._sigma is None else self._sigma * np.linalg.norm(a, axis=1)
         a = a / spread[:, None]
+        if known:
+            u = self.norm * e
         motion = self._motion(u)
         N = np.hstack([a * u, a, self._walk.derivative(self._t, a)])
         prior_r, prior_N, _ = self._walk.prior(nuisance[6:])
@@ -153,16 +180,17 @@ class NormPoses:
             raw=np.concatenate([raw, np.zeros(m)]),
         )
 
-    def _effects(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-        """What the effects add to the reading at u, and its derivative by u, by central differences."""
+    def _added(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
+        """What the effects add to the reading at u."""
+        motion = self._motion(u)
+        return np.asarray(np.sum([entry.apply(u, beta, motion) - u for entry, beta in pairs], axis=0))
 
-        def added(at: FloatArray) -> FloatArray:
-            motion = self._motion(at)
-            return np.sum([entry.apply(at, beta, motion) - at for entry, beta in pairs], axis=0)
-
+    def _slope(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
+        """(n, 3, 3) its derivative by u, by central differences."""
         h = _EPSILON * self.norm
-        slope = np.stack([(added(u + h * d) - added(u - h * d)) / (2 * h) for d in np.eye(3)], axis=-1)
-        return added(u), slope
+        return np.stack(
+            [(self._added(u + h * d, pairs) - self._added(u - h * d, pairs)) / (2 * h) for d in np.eye(3)], axis=-1
+        )
 
     def _motion(self, u: FloatArray) -> Motion:
         return motion_seen(self.stream, self._t, u, self._covariates)

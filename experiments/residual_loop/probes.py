@@ -66,7 +66,7 @@ def what_it_follows(name: str) -> str:
     return name.split(".")[-1]
 
 
-def _probe(stream: str, follows: str, columns: int, shape: Callable[[Motion], FloatArray], memory: bool = False,
+def probe(stream: str, follows: str, columns: int, shape: Callable[[Motion], FloatArray], memory: bool = False,
            needs: tuple[str, ...] = (), plausible: float | None = None) -> Effect:  # fmt: skip
     """An effect made of `shape`: motion -> (n, size, columns)."""
     size = STREAMS[stream].plausible if plausible is None else plausible
@@ -85,7 +85,7 @@ def _probe(stream: str, follows: str, columns: int, shape: Callable[[Motion], Fl
     )
 
 
-def _offsets(functions: FloatArray, size: int) -> FloatArray:
+def offsets(functions: FloatArray, size: int) -> FloatArray:
     """(n, size, size k) a free offset of each component times each of k functions (n, k)."""
     n, k = functions.shape
     return np.asarray(np.einsum("nk,ij->nikj", functions, np.eye(size)).reshape(n, size, k * size))
@@ -99,13 +99,13 @@ def _of_place(stream: str, track: FloatArray) -> Effect:
     def shape(motion: Motion) -> FloatArray:
         away = motion.p_n[:, None, :2] - centres
         bumps = np.exp(-0.5 * np.sum(away**2, axis=2) / width**2)
-        G = _offsets(bumps, size)
+        G = offsets(bumps, size)
         if stream != "mag":
             return G
         columns = [rotate_back(motion.q_nb, G[:, :, k]) for k in range(G.shape[2])]
         return np.stack(columns, axis=2)
 
-    return _probe(stream, "place", size * len(centres), shape, needs=("p_n", "q_nb"))
+    return probe(stream, "place", size * len(centres), shape, needs=("p_n", "q_nb"))
 
 
 def _centres(track: FloatArray) -> tuple[FloatArray, float]:
@@ -129,9 +129,9 @@ def _of_covariate(stream: str, name: str, values: FloatArray) -> Effect:
 
     def shape(motion: Motion) -> FloatArray:
         x = (motion.covariates[name] - middle) / half
-        return _offsets(np.stack([x**2, x**3], axis=1), size)
+        return offsets(np.stack([x**2, x**3], axis=1), size)
 
-    return _probe(stream, name, 2 * size, shape, needs=(name,))
+    return probe(stream, name, 2 * size, shape, needs=(name,))
 
 
 def _of_itself(stream: str) -> Effect:
@@ -143,7 +143,7 @@ def _of_itself(stream: str) -> Effect:
         axes = np.eye(3)
         return np.concatenate([(x * np.abs(x))[:, :, None] * axes, (x**3)[:, :, None] * axes], axis=2)
 
-    return _probe(stream, "its own size", 6, shape, needs=("f_b" if stream == "accel" else "w_ib_b",))
+    return probe(stream, "its own size", 6, shape, needs=("f_b" if stream == "accel" else "w_ib_b",))
 
 
 def _of_field(stream: str) -> Effect:
@@ -156,7 +156,7 @@ def _of_field(stream: str) -> Effect:
         axes = np.eye(3)
         return np.concatenate([(x**2)[:, :, None] * axes, (x**3)[:, :, None] * axes], axis=2)
 
-    return _probe(stream, "direction", 6, shape, needs=("q_nb", "m_n"))
+    return probe(stream, "direction", 6, shape, needs=("q_nb", "m_n"))
 
 
 def _of_clock(stream: str, t: FloatArray) -> Effect:
@@ -168,7 +168,7 @@ def _of_clock(stream: str, t: FloatArray) -> Effect:
         rate = RATES[stream](motion)[:, :, None]
         return rate * np.stack([share, share**2 - 1.0 / 12.0], axis=1)[:, None, :]
 
-    return _probe(stream, "a drifting clock", 2, shape, plausible=0.3)
+    return probe(stream, "a drifting clock", 2, shape, plausible=0.3)
 
 
 def _of_speed(stream: str) -> Effect:
@@ -182,7 +182,7 @@ def _of_speed(stream: str) -> Effect:
         largest = max(float(np.max(np.abs(u))), 1e-12)
         return (u * np.abs(u) / largest**2)[:, None, :]
 
-    return _probe(stream, "the air's flow", 3, shape, needs=("v_n", "q_nb"))
+    return probe(stream, "the air's flow", 3, shape, needs=("v_n", "q_nb"))
 
 
 def _of_play(stream: str, spread: float) -> Effect:
@@ -193,7 +193,7 @@ def _of_play(stream: str, spread: float) -> Effect:
         columns = [play(height, share * max(spread, 1e-9)) - height for share in _PLAYS]
         return np.stack(columns, axis=1)[:, None, :]
 
-    return _probe(stream, "hysteresis", len(_PLAYS), shape, memory=True, needs=("p_n",))
+    return probe(stream, "hysteresis", len(_PLAYS), shape, memory=True, needs=("p_n",))
 
 
 def play(x: FloatArray, half: float) -> FloatArray:

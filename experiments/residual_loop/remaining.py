@@ -91,12 +91,13 @@ def stands_out(
     """Whether an effect found beside an error that nothing explains would still be found in what that error leaves.
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
-    as slow, as the noise of that recording.
+    as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores.
     """
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    inflation = noise_left(source, fit, stream, slow=True)
+    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
     threshold = float(np.log(alpha / max(source.families, 1)))
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold
 

@@ -64,11 +64,11 @@ def effects_added(model: Model, plain: FloatArray, motion: Motion) -> FloatArray
     return added
 
 
-def derivatives_wanted(model: Model, candidates: Iterable[str]) -> list[tuple[str, Effect, FloatArray]]:
-    """Key, declaration and point of linearisation: the model's terms at their beta, then the candidates at zero."""
+def derivatives_wanted(model: Model, wanted: Iterable[Effect]) -> list[tuple[str, Effect, FloatArray]]:
+    """Key, declaration and point of linearisation: the model's terms at their beta, then those wanted at zero."""
     entries = [(term.key, declaration(term), beta) for term, beta in model.items() if term.in_mean]
     named = {key for key, _, _ in entries}
-    return entries + [(n, effect(n), np.zeros(effect(n).size)) for n in candidates if n not in named]
+    return entries + [(entry.name, entry, np.zeros(entry.size)) for entry in wanted if entry.name not in named]
 
 
 def require_known(declared: Model, motion: Motion, where: str) -> None:

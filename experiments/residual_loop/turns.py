@@ -13,8 +13,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
-from experiments.residual_loop.bias_walk import bias_walk
+from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
+from experiments.residual_loop.directions import direction_covariance
 from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.pose_probes import probes_of_turns
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -23,7 +25,7 @@ from experiments.residual_loop.term import (
     pose_candidates,
     require_known,
 )
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.motion import Motion
 
@@ -45,10 +47,13 @@ class GyroTurns:
     declared : declared effects with their parameters
     earth_rotation : the log says that the rate of the Earth is in it
     where : how messages call the recording
+    accel_walk : declared random walk of the accelerometer's bias
+    faults : stretches in which a sensor did not measure: turns and rests with one are in no row
     """
 
     stream = "gyro"
     unit = "rad"
+    rows_are_readings = False
 
     def __init__(
         self,
@@ -61,19 +66,28 @@ class GyroTurns:
         earth_rotation: bool = False,
         where: str = "",
         accel_walk: float | None = None,
+        faults: Sequence[tuple[str, str, float, float]] = (),
     ) -> None:
         self.where = where or name
-        self._wandering = _centred_walk(log.poses.t, accel_walk or 0.0)
+        self.faults = tuple(faults)
+        self._lost_turns, self._lost_rests = _lost(log, self.faults)
         self.name, self.log, self.noise_known = name, log, noise_known
         self._declared = declared_terms(declared or {})
-        self._walk = bias_walk(log.poses.t, walk if noise_known else None)
-        self._take_rows(covariates or {})
-        self._sigma_turn, self._sigma_rest = noise_of_turns(log, earth_rotation)
         self._bias = np.median(log.poses.mean[:, 3:], axis=0)
+        _, self._sigma_rest = noise_of_turns(log, earth_rotation)
+        self._covariance = direction_covariance(log, accel_walk if noise_known else None)
+        begin, end = log.turn_times
+        self._sigma_rate = log.gravity * log.density * np.sqrt(end - begin)
+        self._factor = 1.0
         if not noise_known:
-            self._scale_noise()
-        turn_t = 0.5 * sum(log.turn_times)
-        self._rows_t = np.concatenate([np.repeat(turn_t, 2), np.repeat(log.poses.t, 3)])
+            walk = self._scale_noise()
+        self._walk = BiasWalk(_ends(log) if walk else log.poses.t[:1], walk or 0.0)
+        self._add_what_knots_leave()
+        self._take_rows(covariates or {})
+        turn_t = 0.5 * (begin + end)
+        self._rows_t = np.concatenate(
+            [np.repeat(turn_t[~self._lost_turns], 2), np.repeat(log.poses.t[~self._lost_rests], 3)]
+        )
         self._t = np.concatenate([self._rows_t, self._walk.prior(np.zeros(self._walk.size))[2]])
         motion = self._motion(self._reading)
         require_known(self._declared, motion, self.where)
@@ -96,11 +110,25 @@ class GyroTurns:
         self._covariates = {name: kept(value) for name, value in covariates.items()}
         self._log_covariates = {name: value for name, value in covariates.items() if value.ndim == 1}
 
-    def _scale_noise(self) -> None:
-        """Undeclared noise: each kind of residual is weighted by what the richest linear model leaves of it."""
-        weights = calibrate_gyro(self.log, "full", self.where).weights
-        self._sigma_turn = self._sigma_turn * weights[0]
-        self._sigma_rest = self._sigma_rest * weights[1]
+    def _scale_noise(self) -> float:
+        """Undeclared noise: the turns are weighted by what the richest linear model leaves of them, the rests by the
+        white part of how their means scatter; the other part is the walk of the bias, which is returned.
+        """
+        self._factor = float(calibrate_gyro(self.log, "full", self.where).weights[0])
+        n = len(self.log.poses.t)
+        offset = np.tile(np.eye(3), (n, 1)) / np.repeat(self._sigma_rest, 3)[:, None]
+        residual = (self.log.poses.mean[:, 3:] - self._bias).ravel() / np.repeat(self._sigma_rest, 3)
+        white, walk = estimated_walk(residual, offset, offset, np.repeat(self.log.poses.t, 3))
+        self._sigma_rest = self._sigma_rest * max(white, 1.0)
+        return walk
+
+    def _add_what_knots_leave(self) -> None:
+        """Between two knots a walk leaves the straight line: its mean by walk^2 T / 12, its integral by T^3 / 12."""
+        log, walk = self.log, self._walk.walk
+        begin, end = log.turn_times
+        lasting = log.t[log.poses.stop - 1] - log.t[log.poses.start]
+        self._sigma_rest = np.hypot(self._sigma_rest, walk * np.sqrt(lasting / 12.0))
+        self._sigma_rate = np.hypot(self._sigma_rate, log.gravity * walk * np.sqrt((end - begin) ** 3 / 12.0))
 
     @property
     def t(self) -> FloatArray:
@@ -117,6 +145,10 @@ class GyroTurns:
         """(rows,) each; interpolated to the rows' times."""
         return {name: np.interp(self._t, self.log.t, value) for name, value in self._log_covariates.items()}
 
+    def probes(self, most: int) -> tuple[Effect, ...]:
+        """Powers of the rate and of the specific force, time, and powers of the covariates."""
+        return probes_of_turns(self.log.gravity, self._motion(self._reading - self._bias), self.noise_known, most)
+
     def start(self) -> FloatArray:
         """b and the knots of its walk."""
         return np.concatenate([self._bias, np.zeros(self._walk.size)])
@@ -128,7 +160,10 @@ class GyroTurns:
     def true_rate(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Invert the model for w by Newton's method: w (n, 3) and B = d reading / d w (n, 3, 3)."""
         y = self._reading - x[:3] - self._walk.value(self._row_t, x[3:])
-        pairs = effects_in_mean(self._declared, model)
+        for term, beta in model.items():
+            if term.probe is not None:  # offsets that do not depend on w
+                y = y - term.probe.regressor(self._motion(y)) @ beta
+        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
             return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
         w, slope, back = y, np.zeros((len(y), 3, 3)), np.zeros((len(y), 3, 3))
@@ -144,7 +179,9 @@ class GyroTurns:
                 break
         return w, np.eye(3) + slope
 
-    def rows(self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[str]) -> Rows:
+    def rows(
+        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
+    ) -> Rows:
         """Whitened residuals of turns and rests, and their derivatives."""
         w, B = self.true_rate(nuisance, model)
         motion = self._motion(w)
@@ -187,17 +224,20 @@ class GyroTurns:
             [turns.derivative(D[:, :, :3]), self._by_knots(turns, D), turns.derivative(D[:, :, 3:])], 2
         )
         J_turn = np.einsum("kai,kim->kam", across, moved).reshape(len(r_turn), -1)
-        L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across))
+        seen, rests = np.repeat(~self._lost_turns, 2), np.repeat(~self._lost_rests, 3)
+        L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across)[np.ix_(seen, seen)])
+        r_turn, J_turn = r_turn[seen], J_turn[seen]
         poses = self.log.poses
         r_rest, at_rest = w[self._n_turning :], D[self._n_turning :]
         knots = self._walk.derivative(poses.t, at_rest[:, :, :3])
         J_rest = np.concatenate([at_rest[:, :, :3], knots, at_rest[:, :, 3:]], axis=2)
         sigma = np.repeat(self._sigma_rest, 3)
-        residual = np.concatenate([np.linalg.solve(L, r_turn), r_rest.ravel() / sigma])
-        J = np.concatenate([np.linalg.solve(L, J_turn), J_rest.reshape(len(sigma), -1) / sigma[:, None]])
+        at_rests = (J_rest.reshape(len(sigma), -1) / sigma[:, None])[rests]
+        residual = np.concatenate([np.linalg.solve(L, r_turn), (r_rest.ravel() / sigma)[rests]])
+        J = np.concatenate([np.linalg.solve(L, J_turn), at_rests])
         # rests are shown as the angle they would make over their own turn, so that both have one unit
         time = np.repeat(np.median(np.diff(poses.t)), len(sigma))
-        return residual, J, np.concatenate([r_turn / g, r_rest.ravel() * time])
+        return residual, J, np.concatenate([r_turn / g, (r_rest.ravel() * time)[rests]])
 
     def _by_knots(self, turns: Turns, D: FloatArray) -> FloatArray:
         """(turns, 3, 3 (knots - 1)) derivative of the predicted directions by the knots of the bias's walk."""
@@ -209,35 +249,18 @@ class GyroTurns:
         return J.reshape(len(turns.rows), 3, -1)
 
     def _turn_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
-        """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2]."""
+        """(2 turns, 2 turns) covariance of the residuals across the directions [(m/s^2)^2].
+
+        Turn k misses R_k e_k - e_k+1 of the errors e of the directions, and what the noise of the rate adds up to.
+        """
         n = len(across)
-        shared = self._sigma_shared
-        covariance = np.zeros((n, 2, n, 2))
+        by_pose = np.zeros((n, 2, n + 1, 3))
         for k in range(n):
-            covariance[k, :, k, :] = np.eye(2) * self._sigma_turn[k] ** 2
-            if k + 1 < n:  # pose k+1 ends turn k (enters with minus) and, turned, begins turn k+1
-                block = -(shared[k + 1] ** 2) * across[k] @ rotation[k + 1] @ across[k + 1].T
-                covariance[k, :, k + 1, :] = block
-                covariance[k + 1, :, k, :] = block.T
-        return (covariance + self._wandering_covariance(rotation, across)).reshape(2 * n, 2 * n)
-
-    def _wandering_covariance(self, rotation: FloatArray, across: FloatArray) -> FloatArray:
-        """(turns, 2, turns, 2) what the wandering bias of the accelerometer adds: turn k misses R_k e_k - e_k+1."""
-        c, n = self._wandering, len(across)
-        before, after = across @ rotation, across
-        return np.asarray(
-            np.einsum("kl,kai,lbi->kalb", c[:n, :n], before, before)
-            - np.einsum("kl,kai,lbi->kalb", c[:n, 1:], before, after)
-            - np.einsum("kl,kai,lbi->kalb", c[1:, :n], after, before)
-            + np.einsum("kl,kai,lbi->kalb", c[1:, 1:], after, after)
-        )
-
-    @property
-    def _sigma_shared(self) -> FloatArray:
-        """(poses,) direction noise that two turns share, never more than what a turn has in all."""
-        limit = np.concatenate([self._sigma_turn[:1], np.minimum(self._sigma_turn[1:], self._sigma_turn[:-1])])
-        limit = np.concatenate([limit, self._sigma_turn[-1:]])
-        return np.minimum(self.log.sigma_direction, limit / np.sqrt(2.0) * 0.999)
+            by_pose[k, :, k, :] = across[k] @ rotation[k]
+            by_pose[k, :, k + 1, :] = -across[k]
+        F = by_pose.reshape(2 * n, 3 * (n + 1))
+        covariance = F @ self._covariance @ F.T + np.diag(np.repeat(self._sigma_rate, 2) ** 2)
+        return np.asarray(self._factor**2 * covariance)
 
     def _added(self, w: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
         motion = self._motion(w)
@@ -247,10 +270,23 @@ class GyroTurns:
         return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)
 
 
-def _centred_walk(t: FloatArray, walk: float) -> FloatArray:
-    """(n, n) covariance of a random walk at the instants t about its own mean, which the calibration has taken off."""
-    centre = np.eye(len(t)) - 1.0 / len(t)
-    return np.asarray(walk**2 * centre @ np.minimum.outer(t - t[0], t - t[0]) @ centre)
+def _lost(log: GyroLog, faults: Sequence[tuple[str, str, float, float]]) -> tuple[BoolArray, BoolArray]:
+    """(turns,), (poses,) which turns and which rests the faults leave nothing of; a direction that is lost ends two."""
+
+    def hit(begin: FloatArray, end: FloatArray, sensors: tuple[str, ...]) -> BoolArray:
+        inside = [(begin <= stop) & (end >= start) for sensor, _, start, stop in faults if sensor in sensors]
+        return np.any(inside, axis=0) if inside else np.zeros(len(begin), dtype=bool)
+
+    rest = log.t[log.poses.start], log.t[log.poses.stop - 1]
+    direction = hit(*rest, ("accel", "imu"))
+    turns = hit(*log.turn_times, ("gyro", "imu")) | direction[:-1] | direction[1:]
+    return turns, hit(*rest, ("gyro", "imu"))
+
+
+def _ends(log: GyroLog) -> FloatArray:
+    """(2 poses,) beginning and end of each rest [s]."""
+    ends = np.stack([log.t[log.poses.start], log.t[log.poses.stop - 1]], axis=1)
+    return np.asarray(ends.ravel())
 
 
 def inverse(B: FloatArray) -> FloatArray:

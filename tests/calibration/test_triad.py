@@ -191,3 +191,16 @@ def test_readings_in_a_narrow_cone_are_refused_and_not_fitted_from_infinity() ->
     """The autopilot turned about its pitch axis alone: the free minimum lies seventy times gravity away."""
     with pytest.raises(InputError, match="all round the sphere"):
         course("accdata.mat", 9.8)
+
+
+def test_response_against_differences() -> None:
+    """Calibrated readings follow their own reading and, through the fit, all others."""
+    rng = np.random.default_rng(41)
+    u = rng.standard_normal((12, 3))
+    r = 9.8 * u / np.linalg.norm(u, axis=1, keepdims=True) * [1.02, 0.98, 1.01] + [0.1, -0.2, 0.3]
+    response = calibrate_norm("accel", r, 9.8, "triangular").response(r)
+    h = 1e-5
+    for k in (0, 16, 35):
+        step = h * np.eye(36)[k].reshape(12, 3)
+        up, down = (calibrate_norm("accel", x, 9.8, "triangular").apply(x) for x in (r + step, r - step))
+        np.testing.assert_allclose(response[:, k], ((up - down) / (2 * h)).ravel(), atol=1e-4)

@@ -131,6 +131,53 @@ def test_outliers_are_named_and_left_out() -> None:
     assert selection.names == ("mag.outliers",)
 
 
+@pytest.mark.parametrize("wrong", [[3], [3, 11]])
+def test_one_or_two_wrong_poses_among_twenty(wrong: list[int]) -> None:
+    """Off by 14 sigma along the field, in 20 sets; leverage hides some."""
+    rng = np.random.default_rng(31)
+    named = []
+    for _ in range(20):
+        problem = poses(rng, 20)
+        reading = problem.reading.copy()
+        reading[wrong] *= 1.0 + 14.0 * 0.003
+        t, known = np.arange(20.0), np.full(20, 0.003)
+        selection = select(LeastSquaresSource(NormPoses("simulated", "mag", t, reading, 1.0, "1", known)))
+        named.append(selection.names)
+    assert sum(names == ("mag.outliers",) for names in named) >= 14
+    assert sum(bool(set(names) - {"mag.outliers"}) for names in named) <= 3
+
+
+def test_clean_small_sets_have_no_wrong_pose() -> None:
+    """Of 100 sets of 14: one would be found in 5e8 readings."""
+    rng = np.random.default_rng(32)
+    for k in range(100):
+        source = LeastSquaresSource(poses(rng, 14, declared=k % 2 == 0))
+        assert not any(f.term.name == "mag.outliers" for f in source.local_findings(source.fit(())))
+
+
+def test_remanence_follows_the_reading_before() -> None:
+    rng = np.random.default_rng(33)
+    problem = poses(rng, 60)
+    before = np.vstack([np.zeros(3), problem.reading[:-1]])
+    problem.reading += 0.03 * np.sign(before)
+    result = trace(LeastSquaresSource(problem))
+    assert result.verdict == "unexplained"
+    assert "the reading before" in {item.follows for item in result.remaining}
+
+
+@pytest.mark.parametrize("n", [14, 60, 2000])
+def test_probes_are_uniform_without_an_effect(n: int) -> None:
+    """Kolmogorov-Smirnov at one in a thousand over all probes; thousands of readings do not follow their noise."""
+    from scipy import stats
+
+    rng = np.random.default_rng(34)
+    p = []
+    for _ in range(40 if n < 1000 else 8):
+        source = LeastSquaresSource(poses(rng, n, 0.012))
+        p += [np.exp(s.log_p) for _, s in source.suspects(source.fit(()))]
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
 def test_isolated_outliers_and_heavy_tails() -> None:
     rng = np.random.default_rng(16)
     residual = rng.standard_normal(500)

@@ -1,0 +1,153 @@
+"""Single readings that a least-squares fit would be better without, however few readings there are.
+
+A wrong reading among some twenty bends the fit towards itself, two hide each other. What tells them is the residual
+that a fit without them leaves at them, in units of its own sigma (the externally studentised residual), and the drop
+of the sum of squares when they go, against all other sets of as many readings (Bonferroni).
+Source: R. D. Cook, S. Weisberg, "Residuals and Influence in Regression" (1982), chapters 2.2 and 3.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special, stats
+
+from sensors.arrays import BoolArray, FloatArray
+
+#: A reading is wrong when it is off by this many sigma of what the others leave: one in 5e8 Gaussian readings is; where
+#: the sigma is estimated, by the size of the t variable that is as rare.
+WRONG = 6.0
+#: At most so many of the readings are wrong singly; every pair is tried where there are no more readings than this.
+_MOST_SHARE, _ALL_PAIRS = 0.1, 200
+#: Readings that the rest must have beyond its parameters.
+_LEAST_FREEDOM = 5
+#: One reading that the others hardly predict cannot be called wrong: share of itself that its own residual keeps.
+_LEAST_OWN_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Deleted:
+    """Readings to leave out.
+
+    Attributes
+    ----------
+    rows : (n,) which
+    gain : drop of the sum of squares, in units of the noise that the rest shows, at least of the declared one
+    log_p : of that drop, times the number of sets of as many readings
+    """
+
+    rows: BoolArray
+    gain: float
+    log_p: float
+
+
+def wrong_poses(residual: FloatArray, fitted: FloatArray, measured: BoolArray, known: bool) -> Deleted:
+    """The readings that are wrong by `WRONG` sigma, each about the fit without all of them.
+
+    They are taken out one by one, the one that brings most first; where one alone brings little, two may together. The
+    sigma is that of what the rest leaves; heavy tails and structure make it as large as its ninth decile has it.
+
+    Parameters
+    ----------
+    residual, fitted : (n,), (n, p) at one point of linearisation, whitened; rows that state priors among them
+    measured : (n,) rows that are readings
+    known : whether the noise is declared, so that a residual of one is one sigma
+    """
+    n = int(np.sum(measured))
+    most = min(max(int(_MOST_SHARE * n), 2), 20)
+    Q = _basis(fitted)
+    none = Deleted(np.zeros(len(residual), dtype=bool), 0.0, 0.0)
+    sets: list[list[int]] = [[]]
+    if 8 <= n <= _ALL_PAIRS:
+        sets.append(_best_pair(residual, Q, measured))
+    best = none
+    for begin in sets:
+        chosen = list(begin)
+        while True:
+            found = _judged(residual, fitted, measured, chosen, n, known) if chosen else none
+            if found is not None and found.log_p < best.log_p:
+                best = found
+            if len(chosen) >= most or (len(chosen) > 1 and found is None):
+                break
+            more = _next(residual, fitted, measured, chosen)
+            if more is None:
+                break
+            chosen.append(more)
+    return best
+
+
+def _basis(fitted: FloatArray) -> FloatArray:
+    scaled = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300)
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(left[:, values > 1e-10 * max(values[0], 1e-300)]) if len(values) else left
+
+
+def _left_by_rest(residual: FloatArray, fitted: FloatArray, out: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Residual of every row about the fit to the rows that stay, and its variance: 1 - h there, 1 + h elsewhere."""
+    stay = np.ones(len(residual), dtype=bool)
+    stay[out] = False
+    scale = np.maximum(np.linalg.norm(fitted[stay], axis=0), 1e-300)
+    J = fitted / scale
+    cofactor = np.linalg.pinv(J[stay].T @ J[stay], rcond=1e-12, hermitian=True)
+    left = residual - J @ (cofactor @ (J[stay].T @ residual[stay]))
+    h = np.einsum("ni,ij,nj->n", J, cofactor, J)
+    return left, np.where(stay, 1.0 - h, 1.0 + h)
+
+
+def _next(residual: FloatArray, fitted: FloatArray, measured: BoolArray, out: list[int]) -> int | None:
+    """The reading whose deletion would bring most."""
+    left, variance = _left_by_rest(residual, fitted, out)
+    able = measured & (variance > _LEAST_OWN_SHARE)
+    able[out] = False
+    gain = np.where(able, left**2 / np.maximum(variance, 1e-12), -1.0)
+    k = int(np.argmax(gain))
+    return k if gain[k] > 0.0 else None
+
+
+def _best_pair(residual: FloatArray, Q: FloatArray, measured: BoolArray) -> list[int]:
+    """The two readings whose deletion together brings most: r_D' (I - H_DD)^-1 r_D."""
+    r = residual - Q @ (Q.T @ residual)
+    index = np.flatnonzero(measured)
+    r, H = r[index], Q[index] @ Q[index].T
+    own = 1.0 - np.diag(H)
+    det = own[:, None] * own[None, :] - H**2
+    gain = (r[:, None] ** 2 * own[None, :] + r[None, :] ** 2 * own[:, None] + 2.0 * H * np.outer(r, r)) / np.where(
+        det > _LEAST_OWN_SHARE**2, det, np.inf
+    )
+    np.fill_diagonal(gain, -1.0)
+    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    return [int(index[i]), int(index[j])]
+
+
+def _judged(
+    residual: FloatArray, fitted: FloatArray, measured: BoolArray, out: list[int], n: int, known: bool
+) -> Deleted | None:
+    """The set with its evidence; None where one of it is not wrong about the rest."""
+    left, variance = _left_by_rest(residual, fitted, out)
+    stay = measured.copy()
+    stay[out] = False
+    usual = np.abs(left[stay]) / np.sqrt(np.maximum(variance[stay], _LEAST_OWN_SHARE))
+    freedom = float(np.sum(variance[stay]))
+    if freedom < _LEAST_FREEDOM:
+        return None
+    sigma = float(np.sqrt(np.sum(left[stay] ** 2) / freedom))
+    sigma = max(sigma, float(np.quantile(usual, 0.9)) / float(stats.norm.isf(0.05)))
+    sigma = max(sigma, 1.0) if known else max(sigma, np.finfo(float).tiny)
+    size = np.abs(left[out]) / np.sqrt(variance[out]) / sigma
+    rare = WRONG if known else float(stats.t.isf(stats.norm.sf(WRONG), freedom))
+    if np.any(size < rare):
+        return None
+    stay_rows = np.ones(len(residual), dtype=bool)
+    stay_rows[out] = False
+    scale = np.maximum(np.linalg.norm(fitted, axis=0), 1e-300)
+    J = fitted / scale
+    cofactor = np.linalg.pinv(J[stay_rows].T @ J[stay_rows], rcond=1e-12, hermitian=True)
+    C = np.eye(len(out)) + J[out] @ cofactor @ J[out].T
+    gain = float(left[out] @ np.linalg.solve(C, left[out])) / sigma**2
+    k = len(out)
+    sets = float(special.gammaln(n + 1) - special.gammaln(k + 1) - special.gammaln(n - k + 1))
+    log_p = float(stats.chi2.logsf(gain, k)) if known else float(stats.f.logsf(gain / k, k, freedom))
+    rows = np.zeros(len(residual), dtype=bool)
+    rows[out] = True
+    return Deleted(rows, gain, min(log_p + sets, 0.0))
