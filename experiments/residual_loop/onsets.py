@@ -84,7 +84,7 @@ def best_onsets(
             best = refined(rows_of, step, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
         if worth:
-            log_p = max(log_p, log_p_value(_slow_noise(stream, joints, best).gain_beside(best.column), best.dof))
+            log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof))
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found

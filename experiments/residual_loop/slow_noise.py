@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import stats
 from scipy.linalg import block_diag
 
+from estimator.score import log_p_value
 from sensors.arrays import BoolArray, FloatArray
 
 #: Time constants of the noise that are tried: cells of the grid.
@@ -27,8 +29,9 @@ class SlowNoise:
 
     With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
     v, tau and s are those of the largest likelihood, once with the interval's offset in the mean and once without; the
-    difference of 2 log likelihood is what the offset explains beside the noise. Where the data do not call for such
-    noise once the offset is in the mean, there is none.
+    difference of 2 log likelihood is what the offset explains beside the noise, and is judged by F, since the law of the
+    noise is known from a limited number of cells alone. Where the data do not call for such noise once the offset is in
+    the mean, there is none.
 
     Neglects what the noise changes within a cell.
 
@@ -58,14 +61,23 @@ class SlowNoise:
     def _score(self) -> FloatArray:
         return np.asarray(self._V.T @ self.white)
 
-    def gain_beside(self, column: FloatArray) -> float:
-        """What an offset with sensitivities `column` (r, size) explains of -2 log L beside the noise."""
+    def log_p_beside(self, column: FloatArray, dof: int) -> float:
+        """Logarithm of the p-value of an offset with sensitivities `column` (r, size), `dof` directions of it seen."""
+        gain, cells = self.gain_beside(column)
+        if dof == 0 or cells == 0:
+            return log_p_value(gain, dof)
+        return float(stats.f.logsf(gain / dof, dof, cells))
+
+    def gain_beside(self, column: FloatArray) -> tuple[float, int]:
+        """What the offset explains of -2 log L beside the noise, and from how many offsets of cells the law of the noise
+        is known: 0 where the data do not call for it.
+        """
         V = self._V
         L, b, x = self._information, self._score, V.T @ column
         values, vectors = np.linalg.eigh(column.T @ column)
         seen = vectors[:, values > _FLOOR * max(float(values[-1]), 1e-300)]
         x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)
-        s2, gain = 1.0, 0.0
+        s2, gain, needed = 1.0, 0.0, False
         for _ in range(_ROUNDS):
             without, beside = [0.0], [float(score @ np.linalg.solve(own, score)) / s2]
             at_best: FloatArray = np.zeros(len(b))
@@ -86,7 +98,7 @@ class SlowNoise:
             gain = max(beside) - max(without) if needed else beside[0]
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
-        return gain
+        return gain, x.shape[0] if needed else 0
 
     def _roots(self, L: FloatArray) -> list[FloatArray]:
         """Square roots of the covariances K that are tried."""

@@ -35,7 +35,7 @@ def best_gains(z: FloatArray) -> tuple[float, float]:
     k = int(np.argmax(gain))
     V = steps - np.pad(steps[:, 1:], ((0, 0), (0, 1)))
     noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool))
-    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1])
+    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1])[0]
 
 
 def test_slow_noise_is_not_taken_for_an_offset() -> None:
