@@ -23,7 +23,8 @@ from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
-from experiments.residual_loop.onsets import Rows, best_onsets, refined
+from experiments.residual_loop.noise_left import slowest_stream
+from experiments.residual_loop.onsets import Rows, best_onsets, log_p_beside_slow_noise, refined
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, covariates_vary, declaration
@@ -302,11 +303,10 @@ class FlightSource:
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best step and the best transient of every stream, and the wrong readings, about the fit."""
         state = _state(fit)
-        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
         last = self._end if fit.part == "all" else self._split
 
         def rows_of(onsets: Sequence[Effect]) -> Rows:
-            return self._local_rows(fit, own, beta, state.motion, onsets)
+            return self._local_rows(fit, onsets)
 
         worth = float(np.log(0.01 / self.families))
         stamps = {stream: self._stamps(stream) for stream in self._local_streams}
@@ -322,17 +322,11 @@ class FlightSource:
         """
         if term.interval is None:
             return term
-        state = _state(fit)
-        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
-        in_mean = [t for t in fit.terms if t.in_mean]
-        at = np.concatenate([[0], np.cumsum([e.size for e in own])])
-        k = in_mean.index(term)
-        mine = np.zeros(at[-1], dtype=bool)
-        mine[at[k] : at[k + 1]] = True
+        mine = self._columns_of(fit, term)
 
         def rows_of(onsets: Sequence[Effect]) -> Rows:
-            rows = self._local_rows(fit, own, beta, state.motion, onsets)
-            white = rows.white + rows.own[:, mine] @ beta[k]
+            rows = self._local_rows(fit, onsets)
+            white = rows.white + rows.own[:, mine] @ fit.beta[term]
             return replace(rows, own=rows.own[:, ~mine], white=white)
 
         stream = term.name.split(".")[0]
@@ -342,13 +336,33 @@ class FlightSource:
         best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, self._start, last)
         return replace(term, interval=best.interval)
 
+    def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
+        """Logarithm of the p-value of a term of the fit beside slow noise of its stream, where that residual is slow.
+
+        Of an effect on the IMU, the slowest of all streams is asked.
+        """
+        stream = slowest_stream([r for r in self.residuals(fit) if r.stream in STREAMS], declaration(term).stream)
+        if stream is None:
+            return -np.inf
+        mine, last = self._columns_of(fit, term), self._end if fit.part == "all" else self._split
+        span = self._start, last
+        return log_p_beside_slow_noise(
+            lambda steps: self._local_rows(fit, steps), mine, fit.beta[term], stream, self._local_streams, span
+        )
+
+    @staticmethod
+    def _columns_of(fit: Fit, term: Term) -> BoolArray:
+        """Which of the parameters in the fit are the term's."""
+        in_mean = [t for t in fit.terms if t.in_mean]
+        return np.concatenate([np.full(len(fit.beta[t]), t == term) for t in in_mean])
+
     def _stamps(self, stream: str) -> FloatArray:
         return self.recording.streams["imu" if stream in ("accel", "gyro") else stream].t
 
-    def _local_rows(
-        self, fit: Fit, own: Sequence[Effect], beta: Sequence[FloatArray], motion: Motion, onsets: Sequence[Effect]
-    ) -> Rows:
-        journal, sensitivity = self._pass([*own, *onsets], own, beta, motion)
+    def _local_rows(self, fit: Fit, onsets: Sequence[Effect]) -> Rows:
+        state = _state(fit)
+        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
+        journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion)
         W, white = self._rows(sensitivity, journal, fit.part)
         width = sum(entry.size for entry in own)
         event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]

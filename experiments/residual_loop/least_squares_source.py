@@ -404,6 +404,10 @@ class LeastSquaresSource:
 
     # ---- residuals
 
+    def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
+        """Minus infinity: the readings have no filter that slow noise could fool."""
+        return -np.inf
+
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term itself: its interval was searched reading by reading."""
         return term

@@ -17,7 +17,7 @@ from experiments.residual_loop.slow_noise import SlowNoise
 from experiments.residual_loop.source import LocalFinding
 from experiments.residual_loop.sudden import jumps
 from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray, IntArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect, effect
 
 _ONSETS = 25
@@ -135,12 +135,40 @@ def _jumps(rows: Rows, stream: str, stamps: FloatArray, grid: FloatArray, size: 
     return jumps(answers, rows.white[mine].reshape(n, -1), t[:: len(t) // n], grid) - _JUST_BEFORE
 
 
-def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best) -> SlowNoise:
-    """Of a stream and those that share its error; it may change where the interval begins and ends."""
+def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = None) -> SlowNoise:
+    """Of a stream and those that share its error; it may change where an interval begins and ends."""
     own = joints[stream]
     parts = [own.cells(best), *(joints[s].cells() for s in _SHARED_ERROR.get(stream, ()) if s in joints)]
     mine = own.sensor == stream
     return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
+
+
+def log_p_beside_slow_noise(
+    rows_of: Pass, mine: BoolArray, beta: FloatArray, stream: str, streams: Iterable[str], span: tuple[float, float]
+) -> float:
+    """Logarithm of the p-value of one of the model's own terms, beside slow noise of a stream.
+
+    Parameters
+    ----------
+    rows_of : the sensitivity pass
+    mine : which of the own parameters are the term's
+    beta : their estimate
+    stream : the one with the noise; `streams` are all that there are
+    span : begin and end of the data [s]
+    """
+    grid = np.linspace(*span, _ONSETS + 1)[:-1]
+    noisy = [stream, *(s for s in _SHARED_ERROR.get(stream, ()) if s in streams)]
+    sizes = {s: effect(f"{s}.step").size for s in noisy}
+    rows = rows_of([step for s in noisy for step in _steps(s, grid)])
+    column = rows.own[:, mine]
+    without = replace(rows, own=rows.own[:, ~mine], white=rows.white + column @ beta)
+    *parts, term = _columns(
+        replace(without, wanted=np.hstack([rows.wanted, column])), [*(len(grid) * sizes[s] for s in noisy), len(beta)]
+    )
+    joints = {s: _Joint(part, sizes[s], grid, len(grid), span) for s, part in zip(noisy, parts, strict=True)}
+    alone = _Joint(term, len(beta), grid[:1], 1, span)
+    _, dof, _ = alone.gain(np.array([[0, -1]]))
+    return _slow_noise(stream, joints).log_p_beside(alone.W, int(dof[0]))
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:

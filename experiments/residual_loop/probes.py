@@ -17,7 +17,7 @@ from sensors.effects.declaration import Effect, Parameter
 from sensors.effects.streams import STREAMS
 from sensors.effects.time_offset import RATES
 from sensors.motion import Motion
-from sensors.rotation import rotate_back
+from sensors.rotation import matrix_from_quaternion, rotate_back
 
 #: Names of probes begin so: no effect of the catalogue does.
 PREFIX = "unexplained"
@@ -99,11 +99,10 @@ def _of_place(stream: str, track: FloatArray) -> Effect:
     def shape(motion: Motion) -> FloatArray:
         away = motion.p_n[:, None, :2] - centres
         bumps = np.exp(-0.5 * np.sum(away**2, axis=2) / width**2)
-        G = offsets(bumps, size)
         if stream != "mag":
-            return G
-        columns = [rotate_back(motion.q_nb, G[:, :, k]) for k in range(G.shape[2])]
-        return np.stack(columns, axis=2)
+            return offsets(bumps, size)
+        C_bn = np.swapaxes(matrix_from_quaternion(motion.q_nb), 1, 2)  # a field at the place, seen in the body
+        return np.asarray((C_bn[:, :, None, :] * bumps[:, None, :, None]).reshape(len(bumps), size, -1))
 
     return probe(stream, "place", size * len(centres), shape, needs=("p_n", "q_nb"))
 

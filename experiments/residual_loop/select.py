@@ -21,6 +21,8 @@ MOST_BESIDE = 3
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
+#: The same beside an error that is in no catalogue, in whose model a pass costs several times as much.
+SHORTLIST_BESIDE = 3
 #: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
 CONFUSED = 10.0
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
@@ -160,7 +162,7 @@ def select(
             looked_at = fit.deviance
         if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
             break
-        accepted = _best(source, fit, options, threshold, refused)
+        accepted = _best(source, fit, options, threshold, refused, SHORTLIST_BESIDE if given else SHORTLIST)
         if accepted is None:
             break
         steps.append(Step(fit, accepted[1].term))
@@ -217,7 +219,7 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 
 
 def _best(
-    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: dict[str, bool]
+    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: dict[str, bool], most: int
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
@@ -234,12 +236,12 @@ def _best(
         return None
     passing.sort(key=lambda o: o.log_p_raw)
     best = passing[0].statistic
-    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:SHORTLIST]
+    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:most]
     tried = [_trial(source, fit, option) for option in shortlist]
     trials = [trial for trial in tried if trial is not None and trial[1].log_p < threshold]
     if not trials:
         refused.update({o.term.key: trial is None for o, trial in zip(shortlist, tried, strict=True)})
-        return _best(source, fit, options, threshold, refused)
+        return _best(source, fit, options, threshold, refused, most)
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
     others = [(rival, other.term) for rival, other in trials[1:] if finding.term.in_mean and other.term.in_mean]
@@ -287,6 +289,8 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
     if is_local:  # against its peers, and against the noise that the refit leaves
         log_p = min(max(log_p, plain + option.search), 0.0)
+    else:
+        log_p = max(log_p, source.log_p_beside_slow_noise(refit, term))
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
     return refit, finding
 

@@ -29,9 +29,9 @@ class SlowNoise:
 
     With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
     v, tau and s are those of the largest likelihood, once with the interval's offset in the mean and once without; the
-    difference of 2 log likelihood is what the offset explains beside the noise, and is judged by F, since the law of the
-    noise is known from a limited number of cells alone. Where the data do not call for such noise once the offset is in
-    the mean, there is none.
+    difference of 2 log likelihood is what the offset explains beside the noise. It is judged by F, since the law of the
+    noise is known from a number of cells alone. Where the data do not call for such noise once the offset is in the
+    mean, there is none.
 
     Neglects what the noise changes within a cell.
 
@@ -69,8 +69,8 @@ class SlowNoise:
         return float(stats.f.logsf(gain / dof, dof, cells))
 
     def gain_beside(self, column: FloatArray) -> tuple[float, int]:
-        """What the offset explains of -2 log L beside the noise, and from how many offsets of cells the law of the noise
-        is known: 0 where the data do not call for it.
+        """What the offset explains of -2 log L beside the noise, and from how many offsets the law of that is known:
+        0 where the data do not call for it.
         """
         V = self._V
         L, b, x = self._information, self._score, V.T @ column

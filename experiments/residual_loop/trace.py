@@ -109,11 +109,15 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     if not suspects and strongest and _explains_more(strongest[0][1], selection):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
-    while len(suspects) < MOST_SUSPECTS:
-        passing = _passing(source, selection.final, alpha)
+    fit, more = selection.final, list(suspects)
+    while len(more) < MOST_SUSPECTS:
+        passing = _passing(source, fit, alpha)
         if not passing:
             break
-        suspects = [*suspects, passing[0]]
+        more.append(passing[0])
+        fit = source.fit((*fit.terms, passing[0][0]), {**fit.beta, passing[0][0]: passing[0][1].beta})
+    if len(more) > len(suspects):
+        suspects = more
         selection = _beside(source, alpha, suspects)
     if not suspects:
         return selection, suspects
