@@ -23,6 +23,8 @@ MOST_BESIDE = 3
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: The same beside an error that is in no catalogue, in whose model a pass costs several times as much.
 SHORTLIST_BESIDE = 3
+#: Intervals beyond this number patch up an error that has no name: they stay in what remains.
+MOST_LOCAL = 3
 #: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
 CONFUSED = 10.0
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
@@ -162,7 +164,9 @@ def select(
             looked_at = fit.deviance
         if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
             break
-        accepted = _best(source, fit, options, threshold, refused, SHORTLIST_BESIDE if given else SHORTLIST)
+        full = sum(f.term.interval is not None for f in findings) >= MOST_LOCAL
+        open_to = [option for option in options if option.term.interval is None] if full else options
+        accepted = _best(source, fit, open_to, threshold, refused, SHORTLIST_BESIDE if given else SHORTLIST)
         if accepted is None:
             break
         steps.append(Step(fit, accepted[1].term))
