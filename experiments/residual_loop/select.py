@@ -16,12 +16,16 @@ from sensors.errors import InputError
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
+#: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
+SHORTLISTS = 2
 #: The same beside an error that is in no catalogue.
 MOST_BESIDE = 3
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
-#: The same beside an error that is in no catalogue, in whose model a pass costs several times as much.
+#: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
+SHORTLISTS = 2
+#: Length of the shortlist beside an error that is in no catalogue, in whose model a pass costs several times as much.
 SHORTLIST_BESIDE = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
@@ -223,7 +227,13 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 
 
 def _best(
-    source: Source, fit: Fit, options: Sequence[Option], threshold: float, refused: dict[str, bool], most: int
+    source: Source,
+    fit: Fit,
+    options: Sequence[Option],
+    threshold: float,
+    refused: dict[str, bool],
+    most: int,
+    rounds: int = SHORTLISTS,
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
@@ -245,7 +255,7 @@ def _best(
     trials = [trial for trial in tried if trial is not None and trial[1].log_p < threshold]
     if not trials:
         refused.update({o.term.key: trial is None for o, trial in zip(shortlist, tried, strict=True)})
-        return _best(source, fit, options, threshold, refused, most)
+        return _best(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
     others = [(rival, other.term) for rival, other in trials[1:] if finding.term.in_mean and other.term.in_mean]

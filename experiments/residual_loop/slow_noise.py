@@ -17,8 +17,8 @@ _TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)
 #: Variances that are tried: logarithms of the largest share of a cell's information.
 _VARIANCES = np.logspace(-1.0, 6.0, 15)
 _ROUNDS = 2
-#: The noise is there where it gains more than this: Akaike's price of its two parameters.
-_NEEDED = 4.0
+#: The noise is there where it gains more than this of 2 log L: the 5 % point of chi-square for its two parameters.
+_NEEDED = 6.0
 #: Directions of an offset that are seen: share of the information of the best.
 _FLOOR = 1e-3
 
