@@ -7,13 +7,14 @@ of the information and the score, and searches the intervals of localised effect
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from scipy import stats
 
 from estimator.score import Evidence, Statistic, statistic_of
+from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
@@ -35,6 +36,8 @@ _ENDS_WITHIN = 3
 _LEAST_FREEDOM = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
 _PROBE_SHARE = 0.4
+#: A probe less likely to be chance than this is asked what it foretells.
+_WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance: fewer are wrong readings.
 _SHORTEST = 3
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -142,7 +145,9 @@ class LeastSquaresSource:
         self._n = int(np.sum(self._measured))
         order = np.argsort(np.argsort(problem.t[self._measured], kind="stable"), kind="stable")
         blocks = max(min(_SPLIT_BLOCKS, self._n), 1)
-        held = (order * blocks // max(self._n, 1)) % _SPLIT_EVERY == _SPLIT_EVERY - 1
+        self._block = np.full(len(self._measured), -1)
+        self._block[self._measured] = order * blocks // max(self._n, 1)
+        held = self._block[self._measured] % _SPLIT_EVERY == _SPLIT_EVERY - 1
         freedom = self._n - rows.nuisance.shape[1] + int(np.sum(~self._measured))
         self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= _LEAST_FREEDOM)
         self._probes = problem.probes(int(_PROBE_SHARE * freedom))
@@ -389,14 +394,29 @@ class LeastSquaresSource:
     # ---- what is in no catalogue
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
-        """Every probe and the evidence for it about the fit, the fit's own terms projected out."""
+        """Every probe and the evidence for it about the fit, the fit's own terms projected out.
+
+        The p-value is the larger of two: of what it explains, and of what it foretells of readings left out of the fit.
+        """
         here = {term.name for term in fit.terms}
         probes = [entry for entry in self._probes if entry.name not in here]
         if not probes:
             return ()
         evidence = self._evidence_of(fit, probes)
         given = [term.key for term in fit.terms if term.in_mean]
-        return [(Term(entry.name, probe=entry), statistic_of(evidence, entry.name, given)) for entry in probes]
+        found = [(Term(entry.name, probe=entry), statistic_of(evidence, entry.name, given)) for entry in probes]
+        return [(term, self._as_left_out(fit, term, s)) for term, s in found]
+
+    def _as_left_out(self, fit: Fit, term: Term, s: Statistic) -> Statistic:
+        """The statistic with the p-value of the blocks of readings left out in turn, where that is larger."""
+        if s.log_p_corrected > np.log(_WORTH_LEAVING_OUT):
+            return s
+        state = _state(fit)
+        active = state.used & ~state.wrong
+        rows = self._problem.rows(state.nuisance, fit.beta, [self.effect(term)], known=True)
+        given, added = self._fitted(rows, fit.beta)[active], rows.effects[term.key][active]
+        log_p = log_p_left_out(rows.residual[active], given, added, self._block[active], self._problem.noise_known)
+        return replace(s, log_p_corrected=max(s.log_p_corrected, log_p))
 
     def faults(self) -> Sequence[tuple[str, str, float, float]]:
         """Stretches in which the sensor did not measure; they are in no fit."""

@@ -73,7 +73,7 @@ def remaining(
             found += _variance(r, is_coloured, alpha)
         if colour is not None and is_coloured:
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
-        found += _bursts(r, alpha)
+        found += _bursts(r, alpha, known)
     for option in left:
         if option.term.interval is not None:
             p = float(np.exp(option.log_p))
@@ -110,11 +110,12 @@ def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remain
     return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_coloured and total / n > GROSS)]
 
 
-def _bursts(r: StreamResidual, alpha: float) -> list[Remaining]:
+def _bursts(r: StreamResidual, alpha: float, known: bool) -> list[Remaining]:
     """Blocks of time in which a stream's residual is far larger than usual.
 
     Under stationary noise the energy of a block, over the median of all, is F with the block's degrees of freedom,
-    which correlation divides: n / (1 + 2 sum rho^2) for the energy of a Gaussian process.
+    which correlation divides: n / (1 + 2 sum rho^2) for the energy of a Gaussian process. Where no noise is declared,
+    nothing says that it was the same throughout: a burst is no structure of the mean then.
     """
     blocks = min(_BLOCKS, len(r.t) // _LEAST_READINGS)
     if blocks < _LEAST_BLOCKS or r.stream == "level":  # the level is an assumption that every acceleration breaks
@@ -130,7 +131,7 @@ def _bursts(r: StreamResidual, alpha: float) -> list[Remaining]:
     if ratio < _BURST or p >= alpha:
         return []
     what = f"the {r.stream} residual is {np.sqrt(ratio):.2g} times its usual size in a stretch"
-    return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, True, what)]
+    return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, known, what)]
 
 
 def _repeats(r: StreamResidual) -> float:

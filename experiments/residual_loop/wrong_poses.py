@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
+from estimator.score import log_p_value
 from sensors.arrays import BoolArray, FloatArray
 
 #: A reading is wrong when it is off by this many sigma of what the others leave: one in 5e8 Gaussian readings is; where
@@ -56,48 +57,63 @@ def wrong_poses(residual: FloatArray, fitted: FloatArray, measured: BoolArray, k
     """
     n = int(np.sum(measured))
     most = min(max(int(_MOST_SHARE * n), 2), 20)
-    Q = _basis(fitted)
+    fit = _LeftOut(residual, fitted)
     none = Deleted(np.zeros(len(residual), dtype=bool), 0.0, 0.0)
     sets: list[list[int]] = [[]]
     if 8 <= n <= _ALL_PAIRS:
-        sets.append(_best_pair(residual, Q, measured))
+        sets.append(_best_pair(fit, measured))
     best = none
     for begin in sets:
         chosen = list(begin)
         while True:
-            found = _judged(residual, fitted, measured, chosen, n, known) if chosen else none
+            found = _judged(fit, measured, chosen, n, known) if chosen else none
             if found is not None and found.log_p < best.log_p:
                 best = found
             if len(chosen) >= most or (len(chosen) > 1 and found is None):
                 break
-            more = _next(residual, fitted, measured, chosen)
+            more = _next(fit, measured, chosen)
             if more is None:
                 break
             chosen.append(more)
     return best
 
 
-def _basis(fitted: FloatArray) -> FloatArray:
-    scaled = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300)
-    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
-    return np.asarray(left[:, values > 1e-10 * max(values[0], 1e-300)]) if len(values) else left
+class _LeftOut:
+    """A linear fit from which rows D are taken out: with H = Q Q' and e = (I - H) r of all rows, W = (I - H_DD)^-1,
+
+    residual e + H_D W e_D, variance 1 - (h + diag H_D W H_D') of those that stay; W e_D and diag W of those in D.
+    """
+
+    def __init__(self, residual: FloatArray, fitted: FloatArray) -> None:
+        scaled = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300)
+        values, vectors = np.linalg.eigh(scaled.T @ scaled)
+        seen = values > 1e-12 * max(float(values[-1]), 1e-300)
+        self.Q = np.linalg.qr(scaled @ vectors[:, seen])[0]
+        self.e = residual - self.Q @ (self.Q.T @ residual)
+        self._own = 1.0 - np.einsum("np,np->n", self.Q, self.Q)
+
+    def without(self, out: list[int]) -> tuple[FloatArray, FloatArray]:
+        """Residual of every row about the fit to the rows that stay, and its variance: 1 - h there, 1 + h elsewhere."""
+        if not out:
+            return self.e, self._own
+        cross, W = self.Q @ self.Q[out].T, self.weight(out)
+        left = self.e + cross @ (W @ self.e[out])
+        variance = self._own - np.einsum("nd,de,ne->n", cross, W, cross)
+        left[out], variance[out] = W @ self.e[out], np.diag(W)
+        return left, variance
+
+    def weight(self, out: list[int]) -> FloatArray:
+        """(d, d) W, the covariance of what the rest leaves of the rows taken out."""
+        return np.asarray(np.linalg.pinv(np.eye(len(out)) - self.Q[out] @ self.Q[out].T, hermitian=True))
+
+    def gain(self, out: list[int]) -> float:
+        """Drop of the sum of squares when the rows go: e_D' W e_D."""
+        return float(self.e[out] @ self.weight(out) @ self.e[out])
 
 
-def _left_by_rest(residual: FloatArray, fitted: FloatArray, out: list[int]) -> tuple[FloatArray, FloatArray]:
-    """Residual of every row about the fit to the rows that stay, and its variance: 1 - h there, 1 + h elsewhere."""
-    stay = np.ones(len(residual), dtype=bool)
-    stay[out] = False
-    scale = np.maximum(np.linalg.norm(fitted[stay], axis=0), 1e-300)
-    J = fitted / scale
-    cofactor = np.linalg.pinv(J[stay].T @ J[stay], rcond=1e-12, hermitian=True)
-    left = residual - J @ (cofactor @ (J[stay].T @ residual[stay]))
-    h = np.einsum("ni,ij,nj->n", J, cofactor, J)
-    return left, np.where(stay, 1.0 - h, 1.0 + h)
-
-
-def _next(residual: FloatArray, fitted: FloatArray, measured: BoolArray, out: list[int]) -> int | None:
+def _next(fit: _LeftOut, measured: BoolArray, out: list[int]) -> int | None:
     """The reading whose deletion would bring most."""
-    left, variance = _left_by_rest(residual, fitted, out)
+    left, variance = fit.without(out)
     able = measured & (variance > _LEAST_OWN_SHARE)
     able[out] = False
     gain = np.where(able, left**2 / np.maximum(variance, 1e-12), -1.0)
@@ -105,11 +121,10 @@ def _next(residual: FloatArray, fitted: FloatArray, measured: BoolArray, out: li
     return k if gain[k] > 0.0 else None
 
 
-def _best_pair(residual: FloatArray, Q: FloatArray, measured: BoolArray) -> list[int]:
-    """The two readings whose deletion together brings most: r_D' (I - H_DD)^-1 r_D."""
-    r = residual - Q @ (Q.T @ residual)
+def _best_pair(fit: _LeftOut, measured: BoolArray) -> list[int]:
+    """The two readings whose deletion together brings most."""
     index = np.flatnonzero(measured)
-    r, H = r[index], Q[index] @ Q[index].T
+    r, H = fit.e[index], fit.Q[index] @ fit.Q[index].T
     own = 1.0 - np.diag(H)
     det = own[:, None] * own[None, :] - H**2
     gain = (r[:, None] ** 2 * own[None, :] + r[None, :] ** 2 * own[:, None] + 2.0 * H * np.outer(r, r)) / np.where(
@@ -120,11 +135,9 @@ def _best_pair(residual: FloatArray, Q: FloatArray, measured: BoolArray) -> list
     return [int(index[i]), int(index[j])]
 
 
-def _judged(
-    residual: FloatArray, fitted: FloatArray, measured: BoolArray, out: list[int], n: int, known: bool
-) -> Deleted | None:
+def _judged(fit: _LeftOut, measured: BoolArray, out: list[int], n: int, known: bool) -> Deleted | None:
     """The set with its evidence; None where one of it is not wrong about the rest."""
-    left, variance = _left_by_rest(residual, fitted, out)
+    left, variance = fit.without(out)
     stay = measured.copy()
     stay[out] = False
     usual = np.abs(left[stay]) / np.sqrt(np.maximum(variance[stay], _LEAST_OWN_SHARE))
@@ -134,20 +147,14 @@ def _judged(
     sigma = float(np.sqrt(np.sum(left[stay] ** 2) / freedom))
     sigma = max(sigma, float(np.quantile(usual, 0.9)) / float(stats.norm.isf(0.05)))
     sigma = max(sigma, 1.0) if known else max(sigma, np.finfo(float).tiny)
-    size = np.abs(left[out]) / np.sqrt(variance[out]) / sigma
+    size = np.abs(left[out]) / np.sqrt(np.maximum(variance[out], 1.0)) / sigma
     rare = WRONG if known else float(stats.t.isf(stats.norm.sf(WRONG), freedom))
     if np.any(size < rare):
         return None
-    stay_rows = np.ones(len(residual), dtype=bool)
-    stay_rows[out] = False
-    scale = np.maximum(np.linalg.norm(fitted, axis=0), 1e-300)
-    J = fitted / scale
-    cofactor = np.linalg.pinv(J[stay_rows].T @ J[stay_rows], rcond=1e-12, hermitian=True)
-    C = np.eye(len(out)) + J[out] @ cofactor @ J[out].T
-    gain = float(left[out] @ np.linalg.solve(C, left[out])) / sigma**2
-    k = len(out)
+    gain, k = fit.gain(out) / sigma**2, len(out)
     sets = float(special.gammaln(n + 1) - special.gammaln(k + 1) - special.gammaln(n - k + 1))
-    log_p = float(stats.chi2.logsf(gain, k)) if known else float(stats.f.logsf(gain / k, k, freedom))
-    rows = np.zeros(len(residual), dtype=bool)
+    share = (freedom + k) / (freedom + gain)  # of the noise that the rest has in that of all
+    log_p = log_p_value(gain, k) if known else log_p_value(share * gain, k, freedom + k)
+    rows = np.zeros(len(measured), dtype=bool)
     rows[out] = True
     return Deleted(rows, gain, min(log_p + sets, 0.0))
