@@ -114,7 +114,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         if not passing:
             break
         suspects = [*suspects, passing[0]]
-        selection = _beside(source, alpha, suspects)
+        selection = _with_one_more(source, alpha, selection, suspects)
     if not suspects:
         return selection, suspects
     suspects, joint = _needed(source, selection, suspects)
@@ -137,6 +137,24 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
 
 def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
     return select(source, alpha, given={term: s.beta for term, s in suspects})
+
+
+def _with_one_more(
+    source: Source, alpha: float, found: Selection, suspects: Sequence[tuple[Term, Statistic]]
+) -> Selection:
+    """The selection beside one more probe; or what was found, with the probe added, where that explains as much without
+    the probe as the other does with it, by Akaike's count of parameters: a probe can contain an effect's own functions.
+    """
+    beside = _beside(source, alpha, suspects)
+    if set(found.names) <= set(beside.names) or _price(beside.final) < _price(found.final):
+        return beside
+    term, s = suspects[-1]
+    return replace(found, final=source.fit((*found.final.terms, term), {**found.final.beta, term: s.beta}))
+
+
+def _price(fit: Fit) -> float:
+    """Akaike's criterion."""
+    return fit.deviance + 2.0 * sum(len(beta) for term, beta in fit.beta.items() if term.in_mean)
 
 
 class _Plain:
