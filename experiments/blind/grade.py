@@ -20,9 +20,12 @@ from experiments.residual_loop.prove import held_out
 from experiments.residual_loop.source import Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 
 #: An estimate counts as right within so many of its sigma, per degree of freedom as for one normal number.
 SIGMAS = 3.0
+#: A reading counts as wrong from 6 sigma on; its own noise takes 2 off that at most.
+BEYOND_DOUBT = 8.0
 
 
 @dataclass(frozen=True)
@@ -126,8 +129,10 @@ class _Truth:
     def __init__(self, folder: Path, answer: Mapping[str, Any]) -> None:
         recording = resolve(str(folder), None)
         flight = recording.kind == "flight"
+        self.sums = answer["kind"] == "gyro_turns"
         self.source: Source = flight_source(recording) if flight else pose_source(recording, answer["sensor"])
         self.terms = {_term(e["name"], e["interval"]): np.array(e["beta"], dtype=float) for e in answer["effects"]}
+        self.wrong = {_term(e["name"], e["interval"]): np.array(e["wrong"], dtype=float) for e in answer["effects"]}
         if answer["sensor"] == "mag" and not flight:
             from experiments.residual_loop.open_source import triad_readings
 
@@ -136,34 +141,51 @@ class _Truth:
                 t: b / divisor if t.in_mean and self.source.effect(t).in_field_units else b
                 for t, b in self.terms.items()
             }
-        self.in_mean = {t: b for t, b in self.terms.items() if t.in_mean and self._can(t)}
-        self.fit = self.source.fit(tuple(self.in_mean), self.in_mean)
+        self.in_mean, self.fit = self._modelled({t: b for t, b in self.terms.items() if t.in_mean and self._can(t)})
 
     def _can(self, term: Term) -> bool:
         return term.interval is not None or any(e.name == term.name for e in self.source.candidates)
+
+    def _modelled(self, terms: dict[Term, FloatArray]) -> tuple[dict[Term, FloatArray], Fit]:
+        """The terms that the model can have, and its fit with them: it may have left out the stream of a local one."""
+        try:
+            return terms, self.source.fit(tuple(terms), terms)
+        except InputError:
+            possible = {t: b for t, b in terms.items() if self._has_stream_of(t)}
+            return possible, self.source.fit(tuple(possible), possible)
+
+    def _has_stream_of(self, term: Term) -> bool:
+        try:
+            self.source.fit((term,), {term: self.terms[term]})
+        except InputError:
+            return False
+        return True
 
     def evidence(self, fit: Fit) -> Evidence:
         return self.source.evidence(fit, own_terms_only=True)
 
     def information(self) -> tuple[float, ...]:
-        """beta' Lambda beta of each hidden effect; outliers: their chi-square."""
+        """beta' Lambda beta of each hidden effect that the model can have, else 0; outliers: their chi-square."""
         evidence = self.evidence(self.fit)
         keys = [t.key for t in self.in_mean]
         found = []
         for term, beta in self.terms.items():
             if not term.in_mean:
-                found.append(self._of_outliers(term, beta))
+                found.append(self._of_outliers(term))
             elif term in self.in_mean:
                 found.append(predicted_lambda(evidence, term.key, beta, [k for k in keys if k != term.key]))
             else:
                 found.append(0.0)
         return tuple(found)
 
-    def _of_outliers(self, term: Term, share: FloatArray) -> float:
-        """Wrong readings are each worth their own chi-square of 36 or more: few are enough."""
-        stream = term.name.split(".")[0]
-        rows = max((len(r.t) for r in self.source.residuals(self.fit) if r.stream == stream), default=0)
-        return 36.0 * float(share[0]) * rows / 3.0
+    def _of_outliers(self, term: Term) -> float:
+        """The chi-square of the readings that are wrong beyond doubt; none where readings are no residuals: turns and
+        rests are sums over hundreds.
+        """
+        stream = self.source.effect(term).stream
+        if self.sums or all(r.stream != stream for r in self.source.residuals(self.fit)):
+            return 0.0
+        return float(np.sum(self.wrong[term][self.wrong[term] > BEYOND_DOUBT] ** 2))
 
     def related(self, wrong: Sequence[Term]) -> dict[str, tuple[str, ...]]:
         """For each wrong name the hidden effects with which it is in one class."""

@@ -346,6 +346,8 @@ class LeastSquaresSource:
 
     def _wrong_rows(self, rows: Rows, threshold: float = _OUTLIER) -> BoolArray:
         wrong = np.zeros(len(rows.residual), dtype=bool)
+        if not self._problem.rows_are_readings:  # a mean or a turn that is off is no wrong reading
+            return wrong
         index = np.flatnonzero(self._measured)
         index = index[np.argsort(self._problem.t[index], kind="stable")]
         wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None, threshold)
@@ -375,7 +377,7 @@ class LeastSquaresSource:
         return wrong
 
     def _outlier_finding(self, fit: Fit, rows: Rows) -> LocalFinding | None:
-        if any(not term.in_mean for term in fit.terms):
+        if not self._problem.rows_are_readings or any(not term.in_mean for term in fit.terms):
             return None
         used = _state(fit).used
         wrong = self._wrong_rows(rows) & used
@@ -386,7 +388,7 @@ class LeastSquaresSource:
         if found.log_p < log_p:
             log_p, statistic = found.log_p, max(statistic, found.gain)
             wrong[deleted] = True
-        if not np.any(wrong) or (np.sum(wrong) < 2 and not self._problem.rows_are_readings):
+        if not np.any(wrong):
             return None
         term = Term(f"{self._problem.stream}.outliers")
         return LocalFinding(term, statistic, 1, log_p, np.array([float(np.sum(wrong)) / self._n]))

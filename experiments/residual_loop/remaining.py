@@ -110,7 +110,7 @@ def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remain
     return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_coloured and total / n > GROSS)]
 
 
-def _bursts(r: StreamResidual, alpha: float, known: bool) -> list[Remaining]:
+def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaining]:
     """Blocks of time in which a stream's residual is far larger than usual.
 
     Under stationary noise the energy of a block, over the median of all, is F with the block's degrees of freedom,

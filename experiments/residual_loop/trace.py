@@ -118,7 +118,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         fit = source.fit((*fit.terms, passing[0][0]), {**fit.beta, passing[0][0]: passing[0][1].beta})
     if len(more) > len(suspects):
         suspects = more
-        selection = _beside(source, alpha, suspects)
+        selection = _better(_beside(source, alpha, suspects), replace(selection, final=fit))
     if not suspects:
         return selection, suspects
     suspects, joint = _needed(source, selection, suspects)
@@ -141,6 +141,20 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
 
 def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
     return select(source, alpha, given={term: s.beta for term, s in suspects})
+
+
+def _better(beside: Selection, found: Selection) -> Selection:
+    """The selection beside all probes; or what was found without some of them, with them added, where that explains as
+    much by Akaike's count of parameters and has other names: a probe can contain an effect's own functions.
+    """
+    if set(found.names) <= set(beside.names) or _price(beside.final) < _price(found.final):
+        return beside
+    return found
+
+
+def _price(fit: Fit) -> float:
+    """Akaike's criterion."""
+    return fit.deviance + 2.0 * sum(len(beta) for term, beta in fit.beta.items() if term.in_mean)
 
 
 class _Plain:

@@ -169,3 +169,9 @@ def test_level_is_not_judged() -> None:
     z = white(10)
     z[1200:1500] *= 5.0
     assert _bursts(residual(z, "level"), ALPHA) == []
+
+
+def test_burst_where_no_noise_is_declared_is_no_structure_of_the_mean() -> None:
+    z = white(7)
+    z[1200:1500] *= 3.0
+    assert [r.in_mean for r in _bursts(residual(z), ALPHA, known=False)] == [False]

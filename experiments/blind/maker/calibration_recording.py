@@ -22,7 +22,7 @@ from experiments.blind.maker.drawing import (
 from experiments.blind.maker.flight_recording import CURRENT_NOISE, TEMPERATURE_NOISE, columns, logged
 from experiments.blind.maker.flights import draw_hand
 from experiments.blind.maker.instruments import Instrument, draw_imu, draw_mag, specs
-from experiments.blind.maker.measure import STAMP_DECIMALS, Plan, Reported, report, stamps
+from experiments.blind.maker.measure import STAMP_DECIMALS, Plan, Reported, plain_reading, report, stamps
 from experiments.blind.maker.rough import Rough, draw_rough
 from experiments.blind.maker.scene import Scene, WarmUp
 from experiments.blind.maker.still import draw_poses, draw_tumbling
@@ -98,8 +98,8 @@ def make_poses(rng: np.random.Generator, order: Order, name: str) -> Made:
     plan = draw_plan(rng, order, scene, {sensor: Instrument(rate, noise, 0.0, bias)}, poses=True)
     plan = replace(plan, scales={sensor: (0.02 if sensor == "accel" else 0.08) * rng.normal(size=3)})
     t = np.round(np.arange(count) / rate, STAMP_DECIMALS)
-    reported = {sensor: report(rng, plan, sensor, t, 3)}
-    found = reported[sensor]
+    found = report(rng, plan, sensor, t, 3)
+    reported = {sensor: replace(found, wrong=along(found.wrong, plain_reading(sensor, motion(t), scene, 3)))}
     named = ACCEL_COLUMNS if sensor == "accel" else MAG_COLUMNS
     table = columns(named, found.reading)
     if "temperature_imu" in needs or rng.uniform() < 0.5:
@@ -115,6 +115,11 @@ def make_poses(rng: np.random.Generator, order: Order, name: str) -> Made:
     environment = Environment(gravity) if sensor == "accel" else Environment(gravity, scene.field_n)
     recording = Recording(name, "poses", streams, sensors, environment)
     return finished(recording, plan, reported, False, "tumbling" if turned else "poses")
+
+
+def along(wrong: FloatArray, truth: FloatArray) -> FloatArray:
+    """(n, 1) what wrong readings change of the norm, which is all that is known of a pose."""
+    return np.asarray(np.sum(wrong * truth, axis=1, keepdims=True) / np.linalg.norm(truth, axis=1, keepdims=True))
 
 
 def draw_gravity(rng: np.random.Generator) -> float:
@@ -185,7 +190,7 @@ def finished(recording: Recording, plan: Plan, reported: dict[str, Reported], mo
     return Made(
         recording=recording,
         truth=truth_stream(plan.scene, reported, 0.0) if moving else None,
-        hidden=hidden_on_clock(plan.hidden, 0.0),
+        hidden=hidden_on_clock(plan.hidden, reported, 0.0),
         outside=outside_on_clock(plan.outside, 0.0),
         strength=max(found.strength for found in reported.values()),
         rough=plan.rough,

@@ -112,11 +112,13 @@ class Hidden:
     name : as in EFFECTS.md
     beta : its parameters; empty until a time-localised one is sized by the noise; outliers: the share of readings
     interval : (from, to) [s] of a time-localised effect, else None
+    wrong : by how many sigma each reading is off that outliers have made wrong; where its norm alone is known, the norm
     """
 
     name: str
     beta: FloatArray
     interval: tuple[float, float] | None = None
+    wrong: tuple[float, ...] = ()
 
     @property
     def stream(self) -> str:

@@ -108,7 +108,7 @@ def make_flight(rng: np.random.Generator, order: Order, name: str) -> Made:
     return Made(
         recording=recording,
         truth=truth_stream(scene, reported, clock),
-        hidden=hidden_on_clock(hidden, clock),
+        hidden=hidden_on_clock(hidden, reported, clock),
         outside=outside_on_clock(plan.outside, clock),
         strength=max((r.strength for r in reported.values()), default=0.0),
         rough=rough,

@@ -118,6 +118,7 @@ def answer(seed: int, index: int, what: str, order: Order, made: Made) -> dict[s
                 "name": effect.name,
                 "beta": [float(b) for b in effect.beta],
                 "interval": None if effect.interval is None else list(effect.interval),
+                "wrong": list(effect.wrong),
             }
             for effect in made.hidden
         ],

@@ -60,12 +60,14 @@ class Reported:
     reading : (n, k) what is reported
     bias : (n, b) its bias, for the truth
     strength : sum over the rows of the disturbance's variance over that of the noise; 0 where there is none
+    wrong : (n, k) by how many sigma readings are off that a hidden effect made wrong, zero in the others
     """
 
     t: FloatArray
     reading: FloatArray
     bias: FloatArray
     strength: float
+    wrong: FloatArray
 
 
 def stamps(rng: np.random.Generator, scene: Scene, rate: float) -> FloatArray:
@@ -121,19 +123,21 @@ def belonging(plan: Plan, sensor: str, t: FloatArray, with_outside: bool = True)
     return instants
 
 
-def local_offset(rng: np.random.Generator, plan: Plan, sensor: str, t: FloatArray, sigma: FloatArray) -> FloatArray:
-    """(n, k) what steps, transients and outliers add; velocities of a receiver are left alone."""
-    offset = np.zeros((len(t), len(sigma)))
+def local_offset(
+    rng: np.random.Generator, plan: Plan, sensor: str, t: FloatArray, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, k) what steps, transients and outliers add; of that the outliers. A receiver keeps its velocities."""
+    offset, wrong = np.zeros((len(t), len(sigma))), np.zeros((len(t), len(sigma)))
     for effect in plan.of_stream(sensor):
         if effect.effect not in LOCAL_KINDS or effect.interval is None:
             continue
         if effect.effect == "outliers":
-            offset += isolated(rng, len(t), float(effect.beta[0]), sigma, OUTLIER_SIZE)
+            wrong += isolated(rng, len(t), float(effect.beta[0]), sigma, OUTLIER_SIZE)
         else:
             begin, end = effect.interval
             inside = (t >= begin) & ((t < end) | (effect.effect == "step"))
             offset[inside, : len(effect.beta)] += effect.beta
-    return offset
+    return offset + wrong, wrong
 
 
 def report(
@@ -155,7 +159,8 @@ def report(
     bias = random_walk(rng, t, instrument, min(size, 3)) if bias is None else bias
     error = white(rng, len(t), factor * sigma)
     error[:, : bias.shape[1]] += bias
-    error += local_offset(rng, plan, sensor, t, sigma)
+    offset, wrong = local_offset(rng, plan, sensor, t, sigma)
+    error += offset
     error += isolated(rng, len(t), rough.outliers.get(sensor, 0.0), sigma, OUTLIER_SIZE)
     if sensor == "gps" and rough.colour is not None:
         tau, share = rough.colour
@@ -171,7 +176,8 @@ def report(
         strength = float(np.sum((off - off.mean(axis=0)) ** 2))
     at = jittered(rng, t, rough.jitter[sensor]) if sensor in rough.jitter else t
     keep = outside_gaps(t, rough.gaps.get(sensor, ()))
-    return Reported(np.round(at[keep], STAMP_DECIMALS), np.round(reading[keep], READING_DECIMALS), bias[keep], strength)
+    stamped, reading = np.round(at[keep], STAMP_DECIMALS), np.round(reading[keep], READING_DECIMALS)
+    return Reported(stamped, reading, bias[keep], strength, wrong[keep] / sigma)
 
 
 def echoes(plan: Plan, t: FloatArray, farthest: float) -> BoolArray:

@@ -44,13 +44,17 @@ def truth_stream(scene: Scene, reported: Mapping[str, Reported], clock: float) -
     return Stream(np.round(t + clock, STAMP_DECIMALS), columns)
 
 
-def hidden_on_clock(hidden: Sequence[Hidden], clock: float) -> tuple[Hidden, ...]:
-    """Hidden effects with their intervals on the recording's clock."""
-    return tuple(
-        effect if effect.interval is None
-        else replace(effect, interval=(effect.interval[0] + clock, effect.interval[1] + clock))
-        for effect in hidden
-    )  # fmt: skip
+def hidden_on_clock(hidden: Sequence[Hidden], reported: Mapping[str, Reported], clock: float) -> tuple[Hidden, ...]:
+    """Hidden effects with their intervals on the recording's clock, and the readings that they made wrong."""
+    found = []
+    for effect in hidden:
+        if effect.interval is not None:
+            effect = replace(effect, interval=(effect.interval[0] + clock, effect.interval[1] + clock))
+        if effect.effect == "outliers":
+            sizes = np.linalg.norm(reported[effect.stream].wrong, axis=1)
+            effect = replace(effect, wrong=tuple(sizes[sizes > 0.0].tolist()))
+        found.append(effect)
+    return tuple(found)
 
 
 def outside_on_clock(outside: Outside | None, clock: float) -> Outside | None:
