@@ -31,7 +31,7 @@ class SlowNoise:
     v, tau and s are those of the largest likelihood, once with the interval's offset in the mean and once without; the
     difference of 2 log likelihood is what the offset explains beside the noise. It is judged by F, since the law of the
     noise is known from a number of cells alone. Where the data do not call for such noise once the offset is in the
-    mean, there is none.
+    mean, neither with the declared white noise nor with that which is left, there is none.
 
     Neglects what the noise changes within a cell.
 
@@ -94,7 +94,7 @@ class SlowNoise:
                 if beside[-1] == max(beside):
                     offset = estimate
                     at_best = C @ np.linalg.solve(root.T, y[:, 0] - y[:, 1:] @ estimate)
-            needed = max(beside) - beside[0] > _NEEDED  # with the offset in the model
+            needed |= max(beside) - beside[0] > _NEEDED  # with the offset in the model
             gain = max(beside) - max(without) if needed else beside[0]
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
