@@ -198,9 +198,10 @@ def remaining_sentence(item: Mapping[str, Any]) -> str:
     if item["kind"] == "colour":
         return f"neighbouring {sensor} residuals are correlated ({number(size)}; 0 would be white noise)"
     if item["follows"] != "time":
+        follows = item["follows"].replace("_", " ").removeprefix("the ")
         return (
-            f"the {sensor} residual follows the {item['follows'].replace('_', ' ')} in a way that no effect of the "
-            f"catalogue does ({number(size)} sigma in all)"
+            f"the {sensor} residual follows the {follows} in a way that no effect of the catalogue does "
+            f"({number(size)} sigma in all)"
         )
     return f"an offset of {number(size)} sigma in a stretch of the {sensor} residual"
 

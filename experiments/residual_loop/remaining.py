@@ -24,6 +24,8 @@ GROSS = 4.0
 #: the usual energy: twice the size.
 _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
+#: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
+_LEAST_FAULT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ def remaining(
     for term, s in suspects:
         stream, follows = followed([term.name])[0]
         found.append(Remaining(stream, "local", float(np.sqrt(s.statistic / max(s.dof, 1))), follows, s.p_value, True))
-    return found + _faults(source)
+    return found + _faults(source, fit)
 
 
 def stands_out(
@@ -141,14 +143,19 @@ def _repeats(r: StreamResidual) -> float:
     return 1.0 + 2.0 * float(np.sum(autocorrelation(z, min(_LAGS, len(z) // 4)) ** 2))
 
 
-def _faults(source: Source) -> list[Remaining]:
-    """One entry a stream and kind of fault; its excess is the number of stretches."""
+def _faults(source: Source, fit: Fit) -> list[Remaining]:
+    """One entry a stream and kind of fault; its excess is the number of stretches.
+
+    A few samples of a long recording are told, but are no unexplained error.
+    """
+    t = np.concatenate([r.t for r in source.residuals(fit)])
+    least = _LEAST_FAULT * float(np.ptp(t))
     lasted: dict[tuple[str, str], list[float]] = {}
     for stream, kind, start, stop in source.faults():
         lasted.setdefault((stream, kind), []).append(stop - start)
     return [
         Remaining(
-            stream, "local", float(len(times)), "time", FROZEN_LEVEL, True,
+            stream, "local", float(len(times)), "time", FROZEN_LEVEL, sum(times) > least,
             f"{stream} was {kind} in {len(times)} stretch{'es' if len(times) > 1 else ''}, {sum(times):.3g} s in all",
         )
         for (stream, kind), times in lasted.items()
