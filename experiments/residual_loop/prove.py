@@ -103,24 +103,34 @@ def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
     return [r.rows(r.held_out) for r in residuals if np.any(r.held_out)]
 
 
-def is_tested(source: Source, selection: Selection, term: Term) -> bool:
-    """Whether an effect that the fitting part knows touches held-out readings."""
-    if term.interval is None:
-        return term.in_mean
-    return any(np.any(r.held_out) for r in _inside(source, selection, term)) and is_known_from_fitting(
-        source, selection, term
-    )
+def known_from_fitting(source: Source, selection: Selection) -> frozenset[Term]:
+    """The terms whose size the fitting part of the data can tell: one in an interval may lie outside it."""
+    terms = selection.final.terms
+    inside = {term for term in terms if term.interval is not None and not _is_held_out(source, selection, term)}
+    known = {term for term in terms if term.interval is None}
+    if inside:
+        part = source.evidence(replace(selection.final, part="fitting"), own_terms_only=True)
+        for term in inside:
+            others = [t.key for t in terms if t.in_mean and t != term]
+            if predicted_lambda(part, term.key, selection.final.beta[term], others) > DETECTABLE_LAMBDA:
+                known.add(term)
+    return frozenset(known)
 
 
-def is_known_from_fitting(source: Source, selection: Selection, term: Term) -> bool:
-    """Whether the fitting part of the data can tell the size of an effect: one in an interval may lie outside it."""
-    if term.interval is None:
-        return True
-    if all(np.all(r.held_out) for r in _inside(source, selection, term)):
-        return False
-    part = source.evidence(replace(selection.final, part="fitting"), own_terms_only=True)
-    others = [t.key for t in selection.final.terms if t.in_mean and t != term]
-    return predicted_lambda(part, term.key, selection.final.beta[term], others) > DETECTABLE_LAMBDA
+def tested(source: Source, selection: Selection, known: frozenset[Term]) -> list[Term]:
+    """The effects in the mean that the fitting part knows and that touch held-out readings."""
+    return [
+        f.term
+        for f in selection.findings
+        if f.term.in_mean
+        and f.term in known
+        and (f.term.interval is None or any(np.any(r.held_out) for r in _inside(source, selection, f.term)))
+    ]
+
+
+def _is_held_out(source: Source, selection: Selection, term: Term) -> bool:
+    """Whether every reading in the interval of an effect is held out."""
+    return all(np.all(r.held_out) for r in _inside(source, selection, term))
 
 
 def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResidual]:
@@ -135,9 +145,11 @@ def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResi
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
     """Fit on the fitting part, count on the held-out part, before and after; and the same in sample."""
     stream = stream_in_question(source, selection)
-    untested = tuple(f.term for f in selection.findings if f.term.in_mean and not is_tested(source, selection, f.term))
-    known = [t for t in selection.final.terms if not t.in_mean or is_known_from_fitting(source, selection, t)]
-    fitting = source.fit(known, {t: selection.final.beta[t] for t in known}, "fitting")
+    known = known_from_fitting(source, selection)
+    asked = tested(source, selection, known)
+    untested = tuple(f.term for f in selection.findings if f.term.in_mean and f.term not in asked)
+    terms = [t for t in selection.final.terms if t in known]
+    fitting = source.fit(terms, {t: selection.final.beta[t] for t in terms}, "fitting")
     plain = source.fit((), part="fitting")
     noise = _noise(source, selection.final)
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
@@ -155,7 +167,7 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
 
     The last found is asked first: two effects that hide each other need each other.
     """
-    terms = [f.term for f in selection.findings if f.term.in_mean and is_tested(source, selection, f.term)]
+    terms = tested(source, selection, known_from_fitting(source, selection))
     beta = {term: selection.final.beta[term] for term in terms}
     fitted = source.fit(terms, beta, "fitting")
     present = _held_out_squares(source, fitted)

@@ -301,7 +301,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
     log_p_raw = min(plain + option.search_raw, 0.0)
     log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
-    if is_local:  # against its peers, and against the noise that the refit leaves
+    if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = min(max(log_p, plain + option.search), 0.0)
     else:
         log_p = max(log_p, source.log_p_beside_slow_noise(refit, term))
