@@ -93,8 +93,11 @@ def stands_out(
     """Whether an effect found beside an error that nothing explains would still be found in what that error leaves.
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
-    as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores.
+    as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
+    interval never does: what has no name takes any shape in time.
     """
+    if finding.term.interval is not None:
+        return False
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
@@ -146,13 +149,14 @@ def _repeats(r: StreamResidual) -> float:
 def _faults(source: Source, fit: Fit) -> list[Remaining]:
     """One entry a stream and kind of fault; its excess is the number of stretches.
 
-    A few samples of a long recording are told, but are no unexplained error.
+    A few samples of a long recording are told, but are no unexplained error. A stretch lasts until the next reading.
     """
-    t = np.concatenate([r.t for r in source.residuals(fit)])
-    least = _LEAST_FAULT * float(np.ptp(t))
+    residuals = source.residuals(fit)
+    least = _LEAST_FAULT * float(np.ptp(np.concatenate([r.t for r in residuals])))
+    spacing = {r.stream: float(np.ptp(r.t)) / max(len(r.t) - 1, 1) for r in residuals}
     lasted: dict[tuple[str, str], list[float]] = {}
     for stream, kind, start, stop in source.faults():
-        lasted.setdefault((stream, kind), []).append(stop - start)
+        lasted.setdefault((stream, kind), []).append(stop - start + spacing.get(stream, 0.0))
     return [
         Remaining(
             stream, "local", float(len(times)), "time", FROZEN_LEVEL, sum(times) > least,

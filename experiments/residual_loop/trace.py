@@ -14,7 +14,7 @@ from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
-from experiments.residual_loop.select import Finding, Selection, fit_without, select
+from experiments.residual_loop.select import CONFUSED, Finding, Selection, fit_without, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
 
@@ -147,7 +147,7 @@ def _better(beside: Selection, found: Selection) -> Selection:
     """The selection beside all probes; or what was found without some of them, with them added, where that explains as
     much by Akaike's count of parameters and has other names: a probe can contain an effect's own functions.
     """
-    if set(found.names) <= set(beside.names) or _price(beside.final) < _price(found.final):
+    if set(found.names) <= set(beside.names) or _price(beside.final) + CONFUSED < _price(found.final):
         return beside
     return found
 
@@ -184,11 +184,12 @@ def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
 def _explains_more(suspect: Statistic, selection: Selection) -> bool:
     """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters.
 
-    The true effects leave nothing that could be explained, so nothing explains more than they do.
+    The true effects leave nothing that could be explained, so nothing explains more than they do; where the two are not
+    told apart, the effects stay.
     """
     gain = selection.plain.deviance - selection.final.deviance
     parameters = sum(len(finding.beta) for finding in selection.findings)
-    return suspect.statistic - 2.0 * suspect.dof > gain - 2.0 * parameters
+    return suspect.statistic - 2.0 * suspect.dof > gain - 2.0 * parameters + CONFUSED
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:

@@ -216,7 +216,10 @@ def stuck_axis(rng: np.random.Generator, setting: Setting) -> Outside:
 
 
 def clipped_axes(rng: np.random.Generator, setting: Setting) -> Outside:
-    """Readings beyond the range are reported as its end: poses of the accelerometer or magnetometer."""
+    """Readings beyond the range are reported as its end: poses of the accelerometer or magnetometer.
+
+    Of few clipped poses it is true that they are wrong readings.
+    """
     stream = "mag" if "mag" in setting.instruments else "accel"
     share = float(rng.uniform(0.8, 0.97))
     axis = int(rng.integers(3))
@@ -227,7 +230,7 @@ def clipped_axes(rng: np.random.Generator, setting: Setting) -> Outside:
         clipped[:, axis] = np.clip(reading[:, axis], -limit, limit)
         return clipped
 
-    return Outside("clipped_axes", (stream,), distort=distort)
+    return Outside("clipped_axes", (stream,), (f"{stream}.outliers",), distort=distort)
 
 
 def remanence(rng: np.random.Generator, setting: Setting) -> Outside:
