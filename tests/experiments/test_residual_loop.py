@@ -165,6 +165,43 @@ def test_remanence_follows_the_reading_before() -> None:
     assert "the reading before" in {item.follows for item in result.remaining}
 
 
+def test_no_interval_is_named_beside_an_error_without_a_name() -> None:
+    """The reading keeps a part of the one before; 12 sets of 40 accelerometer poses, in most of which that is found."""
+    rng = np.random.default_rng(35)
+    found = []
+    for _ in range(12):
+        problem = poses(rng, 40, 0.01, sensor="accel")
+        before = np.vstack([problem.reading[:1], problem.reading[:-1]])
+        problem.reading += rng.uniform(0.1, 0.4) * np.sign(before)
+        result = trace(LeastSquaresSource(problem))
+        if "the reading before" in {item.follows for item in result.remaining}:
+            found.append(result)
+    assert len(found) >= 8
+    assert not any(f.term.interval is not None for result in found for f in result.selection.findings)
+
+
+def test_a_few_poses_at_the_end_of_the_range_are_unexplained() -> None:
+    """Single poses, far apart: none of the stretches has a length."""
+    problem = poses(np.random.default_rng(36), 60)
+    keep = np.setdiff1d(np.arange(60), [4, 30])
+    end = (("mag", "saturated", 4.0, 4.0), ("mag", "saturated", 30.0, 30.0))
+    t, reading, known = problem.t[keep], problem.reading[keep], np.full(58, 0.003)
+    result = trace(LeastSquaresSource(NormPoses("simulated", "mag", t, reading, 1.0, "1", known, faults=end)))
+    assert result.verdict == "unexplained"
+    assert any("saturated in 2 stretches" in item.what for item in result.remaining)
+
+
+def test_powers_of_an_axis_do_not_take_the_place_of_a_nonlinear_scale() -> None:
+    """A probe contains the quadratic term: in 20 sets of poses the effect is named and nothing is left."""
+    rng = np.random.default_rng(37)
+    for k in range(20):
+        beta = tuple(rng.choice([-1.0, 1.0], 3) * rng.uniform(0.0005, 0.003, 3))
+        n = int(rng.integers(24, 60))
+        problem = poses(rng, n, 0.003, Term("accel.scale_nonlinearity"), beta, k % 2 == 0, "accel")
+        result = trace(LeastSquaresSource(problem))
+        assert (result.verdict, result.selection.names) == ("effects", ("accel.scale_nonlinearity",))
+
+
 @pytest.mark.parametrize("n", [14, 60, 2000])
 def test_probes_are_uniform_without_an_effect(n: int) -> None:
     """Kolmogorov-Smirnov at one in a thousand over all probes; thousands of readings do not follow their noise."""
