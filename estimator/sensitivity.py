@@ -68,7 +68,7 @@ class Sensitivity:
     ----------
     effects : the candidates; `slices` : their columns, p in all
     edges : (blocks + 1,) s
-    information : (blocks, p, p); score : (blocks, p)
+    information : (blocks, p, p); score : (blocks, p); none of 0 blocks
     V : (n, p) sensitivity of the state error at the end
     rows, white, event : (r, p) L^-1 S_beta, (r,) L^-1 nu and (r,) place in the journal of each component that was used,
         every `keep_rows`-th reading; empty unless asked for
@@ -113,7 +113,7 @@ def sensitivity_pass(
     candidates : effects, or their names
     betas : effects that are in the model, with their parameters; the sensitivities are those there
     motion : reference at the samples of the IMU table, from `reference_motion`; default: found by `run_filter`'s passes
-    blocks : of equal length over the recording
+    blocks : of equal length over the recording; 0: neither information nor score, which the rows have in them
     keep_rows : keep the whitened rows of every so many readings; 0: none
     stride : IMU samples between two logged states; 0: none
 
@@ -139,14 +139,15 @@ def accumulate(
     inputs: RunInputs, effects: tuple[Effect, ...], slices: tuple[slice, ...], columns: Columns, order: IntArray,
     blocks: int, keep_rows: int, stride: int,
 ) -> tuple[Journal, Sensitivity]:  # fmt: skip
-    """Run block by block; `order` (p,) is the packed column of each column of the answer."""
+    """Run block by block, 0 for one without information; `order` (p,) is the packed column of each of the answer's."""
     outputs = outputs_for(inputs, stride)
     engine = CompiledRun(inputs, outputs, columns)
     t, last = inputs.imu.t, len(inputs.imu) - 1
-    inner = np.linspace(t[0], t[-1], blocks + 1)[1:-1]
+    inner = np.linspace(t[0], t[-1], max(blocks, 1) + 1)[1:-1]
     edges = np.unique(np.concatenate([[0], np.searchsorted(t, inner), [last]]))
     p = len(order)
-    information, score, kept = np.zeros((len(edges) - 1, p, p)), np.zeros((len(edges) - 1, p)), []
+    summed = len(edges) - 1 if blocks else 0
+    information, score, kept = np.zeros((summed, p, p)), np.zeros((summed, p)), []
     row = inputs.events.row
     spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in pairwise(edges)]
     longest = max((int(row[k1] - row[k0]) for k0, k1 in spans), default=0)
@@ -155,11 +156,12 @@ def accumulate(
     for block, (i0, i1) in enumerate(pairwise(edges)):
         count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
         part = W[:count, :p]
-        information[block] = (part.T @ part)[np.ix_(order, order)]
-        score[block] = (white[:count] @ part)[order]
+        if blocks:
+            information[block] = (part.T @ part)[np.ix_(order, order)]
+            score[block] = (white[:count] @ part)[order]
         if keep_rows:
-            chosen = event[:count] % keep_rows == 0
-            kept.append((part[chosen][:, order], white[:count][chosen], event[:count][chosen]))
+            chosen = np.flatnonzero(event[:count] % keep_rows == 0)
+            kept.append((part[np.ix_(chosen, order)], white[:count][chosen], event[:count][chosen]))
     x, P = engine.result()
     n = inputs.model.layout.n
     V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]

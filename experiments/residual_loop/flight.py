@@ -225,7 +225,7 @@ class FlightSource:
             candidates,
             pairs,
             motion=motion,
-            blocks=1,
+            blocks=0,
             keep_rows=1,
             stride=0,
         )

@@ -176,9 +176,13 @@ class _Plain:
 
 
 def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
-    """Whether a probe explains the plain residual far better than any effect of the catalogue."""
-    known = [one.statistic for one in plain.statistics] + [found.statistic for found in plain.local]
-    return suspect.statistic > OBVIOUS * max(known, default=0.0)
+    """Whether a probe explains the plain residual far better than any effect of the catalogue.
+
+    The intervals, which are searched, are asked last.
+    """
+    if suspect.statistic <= OBVIOUS * max((one.statistic for one in plain.statistics), default=0.0):
+        return False
+    return suspect.statistic > OBVIOUS * max((found.statistic for found in plain.local), default=0.0)
 
 
 def _explains_more(suspect: Statistic, selection: Selection) -> bool:
