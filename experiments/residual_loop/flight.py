@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -303,14 +304,9 @@ class FlightSource:
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best step and the best transient of every stream, and the wrong readings, about the fit."""
         state = _state(fit)
-        last = self._end if fit.part == "all" else self._split
-
-        def rows_of(onsets: Sequence[Effect]) -> Rows:
-            return self._local_rows(fit, onsets)
-
         worth = float(np.log(0.01 / self.families))
         stamps = {stream: self._stamps(stream) for stream in self._local_streams}
-        found = best_onsets(stamps, self._start, last, rows_of, len(state.journal.nu), worth)
+        found = best_onsets(stamps, *self._span_of(fit), partial(self._local_rows, fit), len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
         return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
 
@@ -325,15 +321,12 @@ class FlightSource:
         mine = self._columns_of(fit, term)
 
         def rows_of(onsets: Sequence[Effect]) -> Rows:
-            rows = self._local_rows(fit, onsets)
-            white = rows.white + rows.own[:, mine] @ fit.beta[term]
-            return replace(rows, own=rows.own[:, ~mine], white=white)
+            return self._local_rows(fit, onsets).without(mine, fit.beta[term])
 
         stream = term.name.split(".")[0]
-        last = self._end if fit.part == "all" else self._split
         spacing = _RELOCATION * (self._end - self._start)
         stamps = self._stamps(stream)
-        best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, self._start, last)
+        best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, *self._span_of(fit))
         return replace(term, interval=best.interval)
 
     def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
@@ -344,11 +337,14 @@ class FlightSource:
         stream = slowest_stream([r for r in self.residuals(fit) if r.stream in STREAMS], declaration(term).stream)
         if stream is None:
             return -np.inf
-        mine, last = self._columns_of(fit, term), self._end if fit.part == "all" else self._split
-        span = self._start, last
         return log_p_beside_slow_noise(
-            lambda steps: self._local_rows(fit, steps), mine, fit.beta[term], stream, self._local_streams, span
-        )
+            partial(self._local_rows, fit), self._columns_of(fit, term), fit.beta[term], stream, self._local_streams,
+            self._span_of(fit),
+        )  # fmt: skip
+
+    def _span_of(self, fit: Fit) -> tuple[float, float]:
+        """Begin and end of the data of a fit [s]."""
+        return self._start, self._end if fit.part == "all" else self._split
 
     @staticmethod
     def _columns_of(fit: Fit, term: Term) -> BoolArray:
@@ -397,7 +393,7 @@ class FlightSource:
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """Every probe and the evidence for it about the fit, the fit's own terms projected out."""
         state = _state(fit)
-        streams = [s for s in candidate_streams(self.model) if s in STREAMS]
+        streams = list(self._local_streams)
         own = [e for e, _ in state.betas]
         here = {e.name for e in own}
         covariates = {s: covariates_for(self.recording, s, state.motion.t) for s in streams}

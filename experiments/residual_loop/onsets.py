@@ -52,6 +52,10 @@ class Rows:
     sensor: npt.NDArray[np.str_]
     t: FloatArray
 
+    def without(self, mine: BoolArray, beta: FloatArray) -> Rows:
+        """The rows without one of the own terms: `mine` are its parameters, `beta` their estimate."""
+        return replace(self, own=self.own[:, ~mine], white=self.white + self.own[:, mine] @ beta)
+
 
 #: effects over their intervals -> sensitivities to them
 Pass = Callable[[Sequence[Effect]], Rows]
@@ -161,7 +165,7 @@ def log_p_beside_slow_noise(
     sizes = {s: effect(f"{s}.step").size for s in noisy}
     rows = rows_of([step for s in noisy for step in _steps(s, grid)])
     column = rows.own[:, mine]
-    without = replace(rows, own=rows.own[:, ~mine], white=rows.white + column @ beta)
+    without = rows.without(mine, beta)
     *parts, term = _columns(
         replace(without, wanted=np.hstack([rows.wanted, column])), [*(len(grid) * sizes[s] for s in noisy), len(beta)]
     )

@@ -68,7 +68,8 @@ def remaining(
     """
     found: list[Remaining] = []
     known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
-    for r in source.residuals(fit):
+    residuals = source.residuals(fit)
+    for r in residuals:
         colour = whiteness(r.whitened)
         is_coloured = colour is not None and colour[1] < alpha
         if known:
@@ -84,7 +85,7 @@ def remaining(
     for term, s in suspects:
         stream, follows = followed([term.name])[0]
         found.append(Remaining(stream, "local", float(np.sqrt(s.statistic / max(s.dof, 1))), follows, s.p_value, True))
-    return found + _faults(source, fit)
+    return found + _faults(source, residuals)
 
 
 def stands_out(
@@ -146,12 +147,11 @@ def _repeats(r: StreamResidual) -> float:
     return 1.0 + 2.0 * float(np.sum(autocorrelation(z, min(_LAGS, len(z) // 4)) ** 2))
 
 
-def _faults(source: Source, fit: Fit) -> list[Remaining]:
+def _faults(source: Source, residuals: Sequence[StreamResidual]) -> list[Remaining]:
     """One entry a stream and kind of fault; its excess is the number of stretches.
 
     A few samples of a long recording are told, but are no unexplained error. A stretch lasts until the next reading.
     """
-    residuals = source.residuals(fit)
     least = _LEAST_FAULT * float(np.ptp(np.concatenate([r.t for r in residuals])))
     spacing = {r.stream: float(np.ptp(r.t)) / max(len(r.t) - 1, 1) for r in residuals}
     lasted: dict[tuple[str, str], list[float]] = {}

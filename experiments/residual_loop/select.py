@@ -16,8 +16,6 @@ from sensors.errors import InputError
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
-#: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
-SHORTLISTS = 2
 #: The same beside an error that is in no catalogue.
 MOST_BESIDE = 3
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after

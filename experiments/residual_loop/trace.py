@@ -145,7 +145,8 @@ def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statist
 
 def _better(beside: Selection, found: Selection) -> Selection:
     """The selection beside all probes; or what was found without some of them, with them added, where that explains as
-    much by Akaike's count of parameters and has other names: a probe can contain an effect's own functions.
+    much, to what can be told apart, by Akaike's count of parameters and has other names: a probe can contain an
+    effect's own functions.
     """
     if set(found.names) <= set(beside.names) or _price(beside.final) + CONFUSED < _price(found.final):
         return beside
