@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,7 +14,7 @@ from typing import Any
 
 from experiments.blind.examine import examine, index_of
 from experiments.blind.grade import Grade, grade
-from experiments.blind.maker.make import make
+from experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
 from sensors.errors import InputError
 
 REPORTS = "reports"
@@ -31,7 +32,8 @@ def run(
 ) -> list[Grade]:
     """Recordings into `out`/recordings, sealed answers beside them, reports and grades into `out`/reports.
 
-    A recording whose grade is there already is not traced again: a run that was stopped goes on.
+    A recording whose grade is there already is not traced again: a run that was stopped goes on. A grade of another
+    recording of that name, of another seed, is not taken for it.
 
     Parameters
     ----------
@@ -65,14 +67,18 @@ def run(
 def one(out: Path, name: str) -> Grade:
     """Trace one recording and grade the report; what is there already is read."""
     recordings, path = out / "recordings", out / REPORTS / f"{name}.json"
+    answer = hashlib.sha256((answers_folder(recordings) / name / ANSWER_FILE).read_bytes()).hexdigest()
     if path.is_file():
-        return graded(json.loads(path.read_text(encoding="utf-8"))["grade"])
+        before = json.loads(path.read_text(encoding="utf-8"))
+        if before.get("answer") == answer:
+            return graded(before["grade"])
     try:
         document = examine(recordings / name, index_of(recordings)[name])
     except InputError as error:  # a recording that the tracer refuses is one that it has not explained
         document = refused(str(error))
     result = grade(recordings, name, document)
-    path.write_text(json.dumps({"report": document, "grade": asdict(result)}, indent=1), encoding="utf-8")
+    kept = {"answer": answer, "report": document, "grade": asdict(result)}
+    path.write_text(json.dumps(kept, indent=1), encoding="utf-8")
     return result
 
 

@@ -24,7 +24,7 @@ from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
-from experiments.residual_loop.noise_left import slowest_stream
+from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import Rows, best_onsets, log_p_beside_slow_noise, refined
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
@@ -330,17 +330,21 @@ class FlightSource:
         return replace(term, interval=best.interval)
 
     def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
-        """Logarithm of the p-value of a term of the fit beside slow noise of its stream, where that residual is slow.
+        """Logarithm of the p-value of a term of the fit beside slow noise of that stream whose residual is slow and
+        whose noise explains most of it.
 
-        Of an effect on the IMU, the slowest of all streams is asked.
+        An error of the position is seen in every other stream too.
         """
-        stream = slowest_stream([r for r in self.residuals(fit) if r.stream in STREAMS], declaration(term).stream)
-        if stream is None:
-            return -np.inf
-        return log_p_beside_slow_noise(
-            partial(self._local_rows, fit), self._columns_of(fit, term), fit.beta[term], stream, self._local_streams,
-            self._span_of(fit),
-        )  # fmt: skip
+        streams = [s for s in slow_streams(self.residuals(fit)) if s in STREAMS]
+        ask = partial(
+            log_p_beside_slow_noise,
+            partial(self._local_rows, fit),
+            self._columns_of(fit, term),
+            fit.beta[term],
+            streams=self._local_streams,
+            span=self._span_of(fit),
+        )
+        return max((ask(stream=stream) for stream in streams), default=-np.inf)
 
     def _span_of(self, fit: Fit) -> tuple[float, float]:
         """Begin and end of the data of a fit [s]."""

@@ -10,7 +10,7 @@ from experiments.residual_loop.source import Fit, Source, StreamResidual
 
 _LAGS = 500
 #: A residual is slow where its sum over long times varies this many times as much as that of white noise.
-_SLOW = 1.5
+_SLOW = 1.1
 
 
 def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
@@ -30,14 +30,13 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     return max([1.0, *(size / unit for size, unit in zip(sizes, units, strict=True))])
 
 
-def slowest_stream(residuals: Sequence[StreamResidual], stream: str) -> str | None:
-    """The stream whose residual adds up most over long times, where that is more than white noise would: the one asked
-    for, if it has residuals, else any.
-    """
-    mine = [r for r in residuals if r.stream == stream] or list(residuals)
-    slow = {r.stream: _long_run_variance(r) / max(r.nis_per_dof, 1e-300) for r in mine if len(r.t) > 1}
-    name = max(slow, key=lambda s: slow[s], default=None)
-    return name if name is not None and slow[name] > _SLOW else None
+def slow_streams(residuals: Sequence[StreamResidual]) -> tuple[str, ...]:
+    """The streams whose residual adds up over long times to more than white noise would."""
+    return tuple(
+        r.stream
+        for r in residuals
+        if len(r.t) > 1 and _long_run_variance(r) > _SLOW * max(r.nis_per_dof, 1e-300)
+    )
 
 
 def _long_run_variance(r: StreamResidual) -> float:

@@ -159,16 +159,25 @@ def select(
     options: list[Option] = []
     plain_local: tuple[LocalFinding, ...] = ()
     looked_at: float | None = None
+    settled = searched = False
     while True:
         if fit.deviance != looked_at:
-            options, local = _options(source, fit, evidence, threshold)
-            plain_local = local if fit is plain else plain_local
+            options, settled = _candidates(source, fit, evidence, threshold)
             looked_at = fit.deviance
+            searched = False
+        if not searched and not settled:
+            local = tuple(source.local_findings(fit))
+            options += [_local_option(found, evidence.noise_dof) for found in local]
+            plain_local = local if fit is plain else plain_local
+            searched = True
         if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
             break
         full = sum(f.term.interval is not None for f in findings) >= MOST_LOCAL
         open_to = [option for option in options if option.term.interval is None] if full else options
         accepted = _best(source, fit, open_to, threshold, refused, SHORTLIST_BESIDE if given else SHORTLIST)
+        if accepted is None and not searched:  # what was to come before any interval did not stand
+            settled = False
+            continue
         if accepted is None:
             break
         steps.append(Step(fit, accepted[1].term))
@@ -193,11 +202,9 @@ def select(
     return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left, *path)
 
 
-def _options(
-    source: Source, fit: Fit, evidence: Evidence, threshold: float
-) -> tuple[list[Option], tuple[LocalFinding, ...]]:
-    """Every candidate that is not in the model yet; and the best interval of each localised family, unless a candidate
-    passes whose blocks agree on one beta: a local disturbance would not let them.
+def _candidates(source: Source, fit: Fit, evidence: Evidence, threshold: float) -> tuple[list[Option], bool]:
+    """Every candidate that is not in the model yet; and whether one passes whose blocks agree on one beta: a local
+    disturbance would not let them, so no interval has to be searched before it.
     """
     given = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
@@ -207,10 +214,7 @@ def _options(
             s = statistic_of(evidence, entry.name, given)
             options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta))
             settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT
-    if settled:
-        return options, ()
-    local = tuple(source.local_findings(fit))
-    return options + [_local_option(found, evidence.noise_dof) for found in local], local
+    return options, settled
 
 
 def _local_option(found: LocalFinding, noise_dof: float) -> Option:
@@ -300,9 +304,8 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     log_p_raw = min(plain + option.search_raw, 0.0)
     log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
-        log_p = min(max(log_p, plain + option.search), 0.0)
-    else:
-        log_p = max(log_p, source.log_p_beside_slow_noise(refit, term))
+        log_p = max(log_p, plain + option.search)
+    log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, term) + option.search_raw), 0.0)
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
     return refit, finding
 

@@ -110,12 +110,18 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         suspects = strongest
         selection = _beside(source, alpha, suspects)
     fit, more = selection.final, list(suspects)
+    in_vain: set[str] = set()
     while len(more) < MOST_SUSPECTS:
-        passing = _passing(source, fit, alpha)
+        passing = [one for one in _passing(source, fit, alpha) if one[0].name not in in_vain]
         if not passing:
             break
-        more.append(passing[0])
-        fit = source.fit((*fit.terms, passing[0][0]), {**fit.beta, passing[0][0]: passing[0][1].beta})
+        term, s = passing[0]
+        with_it = source.fit((*fit.terms, term), {**fit.beta, term: s.beta})
+        if _is_missed(source, with_it, fit, term, s):
+            more.append(passing[0])
+            fit = with_it
+        else:
+            in_vain.add(term.name)
     if len(more) > len(suspects):
         suspects = more
         selection = _better(_beside(source, alpha, suspects), replace(selection, final=fit))
@@ -212,20 +218,23 @@ def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statist
 def _needed(
     source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]]
 ) -> tuple[list[tuple[Term, Statistic]], Fit]:
-    """The probes that the data would miss beside the effects found, and the fit with those alone.
-
-    Slow noise follows the place as long as nobody comes back to it: a probe counts for what it explains in units of the
-    slow noise that it leaves.
-    """
+    """The probes that the data would miss beside the effects found, and the fit with those alone."""
     fit = selection.final
     for term, s in list(suspects):
         without = fit_without(source, fit, term)
-        gain = without.deviance - fit.deviance
-        noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
-        if gain / noise - s.dof < DETECTABLE_LAMBDA or gain < _least_gain(source, fit, term):
+        if not _is_missed(source, fit, without, term, s):
             suspects = [one for one in suspects if one[0] != term]
             fit = without
     return suspects, fit
+
+
+def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic) -> bool:
+    """Whether a probe explains more than the noise would, in units of the slow noise that it leaves: slow noise follows
+    the place as long as nobody comes back to it.
+    """
+    gain = without.deviance - fit.deviance
+    noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
+    return gain / noise - s.dof >= DETECTABLE_LAMBDA and gain >= _least_gain(source, fit, term)
 
 
 def verdict_of(selection: Selection, left: list[Remaining]) -> str:

@@ -264,6 +264,14 @@ def test_second_run_reads_the_reports(poses: tuple[Path, list[Grade]], monkeypat
     assert repr(run_poses(out)) == repr(first)
 
 
+def test_grade_of_another_recording_is_not_taken(tmp_path: Path) -> None:
+    """A folder that another seed had used: its recordings have the same names."""
+    first = benchmark.run(tmp_path, 1, 3, "declared", ["one"], ["accel_poses"])
+    second = benchmark.run(tmp_path, 1, 4, "declared", ["one"], ["accel_poses"])
+    assert first[0].run == second[0].run
+    assert (first[0].hidden, first[0].duration) != (second[0].hidden, second[0].duration)
+
+
 def test_grade_comes_back_from_its_file(poses: tuple[Path, list[Grade]]) -> None:
     out, found = poses
     row = json.loads((out / REPORTS / f"{found[0].run}.json").read_text(encoding="utf-8"))["grade"]
