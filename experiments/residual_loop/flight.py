@@ -25,7 +25,7 @@ from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.noise_left import slow_streams
-from experiments.residual_loop.onsets import Rows, best_onsets, log_p_beside_slow_noise, refined
+from experiments.residual_loop.onsets import Rows, best_onsets, log_p_beside_slow_noise, refined, slow_noise_steps
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, covariates_vary, declaration
@@ -329,22 +329,32 @@ class FlightSource:
         best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, *self._span_of(fit))
         return replace(term, interval=best.interval)
 
-    def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
-        """Logarithm of the p-value of a term of the fit beside slow noise of that stream whose residual is slow and
-        whose noise explains most of it.
+    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
+        the fit as it is, of another to first order.
 
-        An error of the position is seen in every other stream too.
+        All streams are asked: an error of the position is seen in every other one too.
         """
-        streams = [s for s in slow_streams(self.residuals(fit)) if s in STREAMS]
-        ask = partial(
-            log_p_beside_slow_noise,
-            partial(self._local_rows, fit),
-            self._columns_of(fit, term),
-            fit.beta[term],
-            streams=self._local_streams,
-            span=self._span_of(fit),
-        )
-        return max((ask(stream=stream) for stream in streams), default=-np.inf)
+        noisy = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
+        if not noisy:
+            return [-np.inf] * len(terms)
+        span = self._span_of(fit)
+        steps = slow_noise_steps(noisy, self._local_streams, span)
+        new = [declaration(term) for term in terms if term not in fit.beta]
+        parts = [*steps.values(), *([entry] for entry in new)]
+        rows = self._local_rows(fit, [entry for part in parts for entry in part])
+        ends = np.cumsum([sum(entry.size for entry in part) for part in parts])[:-1]
+        columns = iter(np.split(rows.wanted, ends, axis=1))
+        noise = {stream: next(columns) for stream in steps}
+        found = []
+        for term in terms:
+            if term in fit.beta:
+                mine = self._columns_of(fit, term)
+                one = replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
+            else:
+                one = replace(rows, wanted=next(columns))
+            found.append(log_p_beside_slow_noise(one, noise, noisy, span))
+        return found
 
     def _span_of(self, fit: Fit) -> tuple[float, float]:
         """Begin and end of the data of a fit [s]."""

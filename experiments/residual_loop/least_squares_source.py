@@ -426,9 +426,9 @@ class LeastSquaresSource:
 
     # ---- residuals
 
-    def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
+    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Minus infinity: the readings have no filter that slow noise could fool."""
-        return -np.inf
+        return [-np.inf] * len(terms)
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term itself: its interval was searched reading by reading."""

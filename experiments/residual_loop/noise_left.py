@@ -33,9 +33,7 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
 def slow_streams(residuals: Sequence[StreamResidual]) -> tuple[str, ...]:
     """The streams whose residual adds up over long times to more than white noise would."""
     return tuple(
-        r.stream
-        for r in residuals
-        if len(r.t) > 1 and _long_run_variance(r) > _SLOW * max(r.nis_per_dof, 1e-300)
+        r.stream for r in residuals if len(r.t) > 1 and _long_run_variance(r) > _SLOW * max(r.nis_per_dof, 1e-300)
     )
 
 

@@ -147,32 +147,35 @@ def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = 
     return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
 
 
+def slow_noise_steps(
+    noisy: Sequence[str], streams: Iterable[str], span: tuple[float, float]
+) -> dict[str, list[Effect]]:
+    """Steps on a grid over the span, of streams with slow noise and of those of `streams` that share its error."""
+    grid = np.linspace(*span, _ONSETS + 1)[:-1]
+    shared = [other for stream in noisy for other in _SHARED_ERROR.get(stream, ()) if other in streams]
+    return {stream: _steps(stream, grid) for stream in dict.fromkeys([*noisy, *shared])}
+
+
 def log_p_beside_slow_noise(
-    rows_of: Pass, mine: BoolArray, beta: FloatArray, stream: str, streams: Iterable[str], span: tuple[float, float]
+    rows: Rows, steps: Mapping[str, FloatArray], noisy: Sequence[str], span: tuple[float, float]
 ) -> float:
-    """Logarithm of the p-value of one of the model's own terms, beside slow noise of a stream.
+    """Logarithm of the p-value of an effect beside slow noise of that stream which explains most of it.
 
     Parameters
     ----------
-    rows_of : the sensitivity pass
-    mine : which of the own parameters are the term's
-    beta : their estimate
-    stream : the one with the noise; `streams` are all that there are
+    rows : `wanted` are the sensitivities to the effect
+    steps : by stream, the sensitivities to `slow_noise_steps`
+    noisy : streams with slow noise
     span : begin and end of the data [s]
     """
     grid = np.linspace(*span, _ONSETS + 1)[:-1]
-    noisy = [stream, *(s for s in _SHARED_ERROR.get(stream, ()) if s in streams)]
-    sizes = {s: effect(f"{s}.step").size for s in noisy}
-    rows = rows_of([step for s in noisy for step in _steps(s, grid)])
-    column = rows.own[:, mine]
-    without = rows.without(mine, beta)
-    *parts, term = _columns(
-        replace(without, wanted=np.hstack([rows.wanted, column])), [*(len(grid) * sizes[s] for s in noisy), len(beta)]
-    )
-    joints = {s: _Joint(part, sizes[s], grid, len(grid), span) for s, part in zip(noisy, parts, strict=True)}
-    alone = _Joint(term, len(beta), grid[:1], 1, span)
-    _, dof, _ = alone.gain(np.array([[0, -1]]))
-    return _slow_noise(stream, joints).log_p_beside(alone.W, int(dof[0]))
+    joints = {}
+    for stream, wanted in steps.items():
+        size = effect(f"{stream}.step").size
+        joints[stream] = _Joint(replace(rows, wanted=wanted), size, grid, len(grid), span)
+    alone = _Joint(rows, rows.wanted.shape[1], grid[:1], 1, span)
+    dof = int(alone.gain(np.array([[0, -1]]))[1][0])
+    return max(_slow_noise(stream, joints).log_p_beside(alone.W, dof) for stream in noisy)
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:

@@ -253,10 +253,10 @@ def _best(
     passing.sort(key=lambda o: o.log_p_raw)
     best = passing[0].statistic
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:most]
-    tried = [_trial(source, fit, option) for option in shortlist]
-    trials = [trial for trial in tried if trial is not None and trial[1].log_p < threshold]
+    tried = {o.term.key: _trial(source, fit, o) for o in _not_slow_noise(source, fit, shortlist, threshold)}
+    trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
-        refused.update({o.term.key: trial is None for o, trial in zip(shortlist, tried, strict=True)})
+        refused.update({o.term.key: o.term.key in tried and tried[o.term.key] is None for o in shortlist})
         return _best(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
@@ -267,6 +267,17 @@ def _best(
         if rival.deviance < chosen.deviance + CONFUSED and term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
+
+
+def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
+    """Those of a shortlist that slow noise does not explain already to first order, which costs no refit.
+
+    Of an interval the search has asked that.
+    """
+    lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
+    log_p = source.log_p_beside_slow_noise(fit, [o.term for o in lasting])
+    explained = {o.term for o, p in zip(lasting, log_p, strict=True) if p >= threshold}
+    return [o for o in shortlist if o.term not in explained]
 
 
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
@@ -305,7 +316,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
-    log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, term) + option.search_raw), 0.0)
+    log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
     finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
     return refit, finding
 

@@ -156,8 +156,10 @@ class Source(Protocol):
     def relocated(self, fit: Fit, term: Term) -> Term:
         """A time-localised term of the fit with the interval that suits the fit best, near its own."""
 
-    def log_p_beside_slow_noise(self, fit: Fit, term: Term) -> float:
-        """Logarithm of the p-value of a term of the fit beside slow noise, where there may be such; minus infinity."""
+    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a
+        term of the fit as it is, of another to first order.
+        """
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """What the errors might follow that is in no catalogue, and the evidence for each about the fit."""

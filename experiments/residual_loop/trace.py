@@ -36,7 +36,8 @@ class Trace:
     verdict : no_effect, effects, ambiguous or unexplained
     selection : the effects and the evidence
     proof : errors before and after
-    same_names : whether the fitting part alone chooses the same names; where there are none, nothing is to be confirmed
+    same_names : whether the fitting part alone chooses the same names; where no effect changes a mean, nothing is to be
+        confirmed
     rolled_back : effects that passed the test but did not improve the held-out error
     remaining : what the final model leaves
     truth : errors against a reference, plain and final; None without one
@@ -76,7 +77,8 @@ def trace(
             selection = _without(source, selection, dropped)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
     given = {term: s.beta for term, s in suspects}
-    on_fitting = select(source, alpha, "fitting", given) if selection.findings else selection
+    confirm = any(finding.term.in_mean for finding in selection.findings)
+    on_fitting = select(source, alpha, "fitting", given) if confirm else selection
     left = remaining(source, selection.final, selection.left, suspects, alpha)
     truth = (score(selection.plain), score(selection.final)) if score is not None else None
     return Trace(
@@ -106,22 +108,21 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
-    if not suspects and strongest and _explains_more(strongest[0][1], selection):
+    if not suspects and strongest and _explains_more(source, plain.fit, *strongest[0], selection):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
     fit, more = selection.final, list(suspects)
-    in_vain: set[str] = set()
+    in_vain: set[Term] = set()
     while len(more) < MOST_SUSPECTS:
-        passing = [one for one in _passing(source, fit, alpha) if one[0].name not in in_vain]
+        passing = [one for one in _passing(source, fit, alpha) if one[0] not in in_vain]
         if not passing:
             break
-        term, s = passing[0]
-        with_it = source.fit((*fit.terms, term), {**fit.beta, term: s.beta})
-        if _is_missed(source, with_it, fit, term, s):
+        with_it = _with(source, fit, *passing[0])
+        if _is_missed(source, with_it, fit, *passing[0]):
             more.append(passing[0])
             fit = with_it
         else:
-            in_vain.add(term.name)
+            in_vain.add(passing[0][0])
     if len(more) > len(suspects):
         suspects = more
         selection = _better(_beside(source, alpha, suspects), replace(selection, final=fit))
@@ -147,6 +148,10 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
 
 def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
     return select(source, alpha, given={term: s.beta for term, s in suspects})
+
+
+def _with(source: Source, fit: Fit, term: Term, s: Statistic) -> Fit:
+    return source.fit((*fit.terms, term), {**fit.beta, term: s.beta}, fit.part)
 
 
 def _better(beside: Selection, found: Selection) -> Selection:
@@ -192,7 +197,7 @@ def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
     return suspect.statistic > OBVIOUS * max((found.statistic for found in plain.local), default=0.0)
 
 
-def _explains_more(suspect: Statistic, selection: Selection) -> bool:
+def _explains_more(source: Source, plain: Fit, term: Term, suspect: Statistic, selection: Selection) -> bool:
     """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters.
 
     The true effects leave nothing that could be explained, so nothing explains more than they do; where the two are not
@@ -200,7 +205,9 @@ def _explains_more(suspect: Statistic, selection: Selection) -> bool:
     """
     gain = selection.plain.deviance - selection.final.deviance
     parameters = sum(len(finding.beta) for finding in selection.findings)
-    return suspect.statistic - 2.0 * suspect.dof > gain - 2.0 * parameters + CONFUSED
+    if suspect.statistic - 2.0 * suspect.dof <= gain - 2.0 * parameters + CONFUSED:
+        return False
+    return _is_missed(source, _with(source, plain, term, suspect), plain, term, suspect)
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:
