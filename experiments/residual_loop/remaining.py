@@ -17,13 +17,15 @@ from experiments.residual_loop.select import Finding, Option
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 
-#: A coloured residual whose variance is this many times the declared noise is an error that nobody declared, not noise
-#: that was declared badly: twice the standard deviation.
+#: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
+#: an error that nobody declared, not noise that was declared badly: twice the standard deviation.
 GROSS = 4.0
 #: Blocks of a stream whose energy is compared, with at least so many readings each; what stands out has this many times
 #: the usual energy: twice the size.
 _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
+#: Readings from which the normal approximation of skewness and kurtosis holds (SciPy's `normaltest`).
+_LEAST_OF_A_LAW = 20
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
 _LEAST_FAULT = 1e-3
 
@@ -57,7 +59,7 @@ def remaining(
 
     Variance off the declared noise and stationary colour are no structure of the mean. What is: time-localised offsets
     that pass their test; what follows a place or a covariate; stretches in which a sensor did not measure; a burst, and
-    a coloured residual far larger than the declared noise.
+    a residual far larger than the declared noise that is coloured, or not Gaussian.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def remaining(
         colour = whiteness(r.whitened)
         is_coloured = colour is not None and colour[1] < alpha
         if known:
-            found += _variance(r, is_coloured, alpha)
+            found += _variance(r, is_coloured or not _is_gaussian(r, alpha), alpha)
         if colour is not None and is_coloured:
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
@@ -108,12 +110,22 @@ def stands_out(
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold
 
 
-def _variance(r: StreamResidual, is_coloured: bool, alpha: float) -> list[Remaining]:
+def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remaining]:
     n, total = r.whitened.size, float(np.sum(r.whitened**2))
     p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
     if p >= alpha:
         return []
-    return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_coloured and total / n > GROSS)]
+    return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_no_noise and total / n > GROSS)]
+
+
+def _is_gaussian(r: StreamResidual, alpha: float) -> bool:
+    """By skewness and kurtosis of each component (D'Agostino and Pearson 1973): where a share of the readings is of
+    something else, say a second echo, they are mixed.
+    """
+    if len(r.t) < _LEAST_OF_A_LAW:
+        return True
+    p = np.asarray(stats.normaltest(r.whitened, axis=0).pvalue)
+    return bool(np.min(p) >= alpha / len(p))
 
 
 def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaining]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import stats
 
+from estimator.score import Evidence
 from experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
-from experiments.residual_loop.remaining import _bursts
-from experiments.residual_loop.source import StreamResidual
+from experiments.residual_loop.remaining import _bursts, remaining
+from experiments.residual_loop.source import Fit, StreamResidual
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, Effect
 from sensors.effects.streams import STREAMS
@@ -175,3 +178,45 @@ def test_burst_where_no_noise_is_declared_is_no_structure_of_the_mean() -> None:
     z = white(7)
     z[1200:1500] *= 3.0
     assert [r.in_mean for r in _bursts(residual(z), ALPHA, known=False)] == [False]
+
+
+# ---- variance
+
+
+class OnlyResiduals:
+    """A source of one stream with declared noise, and nothing else."""
+
+    def __init__(self, z: FloatArray) -> None:
+        self._one = residual(z)
+
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
+
+    def residuals(self, fit: Fit) -> list[StreamResidual]:
+        return [self._one]
+
+    def faults(self) -> list[tuple[str, str, float, float]]:
+        return []
+
+
+def variance_left(z: FloatArray) -> list[bool]:
+    """Whether what is left of kind `variance` is structure of the mean."""
+    source: Any = OnlyResiduals(z)
+    left = remaining(source, Fit((), {}, {}, 0.0, "all", None), (), (), ALPHA)
+    return [item.in_mean for item in left if item.kind == "variance"]
+
+
+def test_noise_five_times_the_declared_is_no_structure() -> None:
+    assert variance_left(5.0 * white(11)) == [False]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.3])
+def test_a_second_echo_at_random_is_structure(share: float) -> None:
+    """White, but of two kinds; at a share of 0.21 the kurtosis is that of noise."""
+    other = np.random.default_rng(12).uniform(size=(3000, 1)) < share
+    assert variance_left(white(13) + 20.0 * (other - share)) == [True]
+
+
+def test_a_second_echo_as_small_as_the_noise_is_noise() -> None:
+    other = np.random.default_rng(14).uniform(size=(3000, 1)) < 0.3
+    assert True not in variance_left(white(15) + 2.0 * (other - 0.3))
