@@ -226,6 +226,8 @@ class _Truth:
     def held_out_ratio(self, error: Mapping[str, Any]) -> float:
         """Held-out error of the report over that of the model with the hidden effects, of the same stream."""
         knew = self.source.fit(tuple(self.in_mean), self.in_mean, "fitting")
+        if self.source.set_aside(knew):
+            knew = self.source.fit(knew.terms, knew.beta, "fitting")
         rows = [r for r in held_out(self.source.residuals(knew)) if r.stream == error["stream"]]
         return float(error["after"]["rms"] / rows[0].rms) if rows and rows[0].rms > 0.0 else float("nan")
 

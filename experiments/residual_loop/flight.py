@@ -329,6 +329,12 @@ class FlightSource:
         best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, *self._span_of(fit))
         return replace(term, interval=best.interval)
 
+    def set_aside(self, fit: Fit) -> bool:
+        """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
+        self.recording, more = without_wrong_rows(self.recording, self.model, _state(fit).journal)
+        self.wrong = {stream: (found + more.get(stream, 0), count) for stream, (found, count) in self.wrong.items()}
+        return bool(more)
+
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
         the fit as it is, of another to first order.
@@ -482,26 +488,28 @@ def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Re
     A reading is wrong when its whitened innovation leaves those of its neighbours by six sigma, alone: an effect of the
     catalogue, a step or a disturbance moves neighbours too.
     """
-    streams = dict(recording.streams)
-    found: dict[str, tuple[int, int]] = {}
+    found = {name: (0, len(recording.streams[name])) for name in model.sensors if name in recording.streams}
     for _ in range(2):  # what a gross one hides shows when it is gone
-        current = recording.replace(streams=streams)
-        journal = run_filter(current, model.replace(relinearise=False), {}, engine="numba", stride=0)
-        more = False
-        for name in model.sensors:
-            if name not in streams:
-                continue
-            rows = wrong_rows(journal, name)
-            before = found.get(name, (0, len(recording.streams[name])))
-            found[name] = (before[0] + len(rows), before[1])
-            if len(rows):
-                keep = np.ones(len(streams[name]), dtype=bool)
-                keep[rows] = False
-                streams[name] = streams[name].rows(keep)
-                more = True
+        journal = run_filter(recording, model.replace(relinearise=False), {}, engine="numba", stride=0)
+        recording, more = without_wrong_rows(recording, model, journal)
+        found = {name: (before + more.get(name, 0), count) for name, (before, count) in found.items()}
         if not more:
             break
-    return recording.replace(streams=streams), found
+    return recording, found
+
+
+def without_wrong_rows(recording: Recording, model: FlightModel, journal: Journal) -> tuple[Recording, dict[str, int]]:
+    """The recording without the rows that are wrong in its journal, and how many those are by stream that has any."""
+    wrong = {name: wrong_rows(journal, name) for name in model.sensors if name in recording.streams}
+    wrong = {name: rows for name, rows in wrong.items() if len(rows)}
+    if not wrong:
+        return recording, {}
+    streams = dict(recording.streams)
+    for name, rows in wrong.items():
+        keep = np.ones(len(streams[name]), dtype=bool)
+        keep[rows] = False
+        streams[name] = streams[name].rows(keep)
+    return recording.replace(streams=streams), {name: len(rows) for name, rows in wrong.items()}
 
 
 def _state(fit: Fit) -> _State:

@@ -426,6 +426,10 @@ class LeastSquaresSource:
 
     # ---- residuals
 
+    def set_aside(self, fit: Fit) -> bool:
+        """Never: each fit leaves out the readings that are wrong about it."""
+        return False
+
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Minus infinity: the readings have no filter that slow noise could fool."""
         return [-np.inf] * len(terms)

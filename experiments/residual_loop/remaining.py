@@ -97,7 +97,8 @@ def stands_out(
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
-    interval never does: what has no name takes any shape in time.
+    interval never does: what has no name takes any shape in time. Nor does anything where a stream that it shows in is
+    left with an error far larger than its noise: the probes have then not told what that error looks like.
     """
     if finding.term.interval is not None:
         return False
@@ -105,6 +106,8 @@ def stands_out(
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
     known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    if known and noise_left(source, fit, stream, slow=False) > GROSS:
+        return False
     inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
     threshold = float(np.log(alpha / max(source.families, 1)))
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold

@@ -187,6 +187,8 @@ def select(
         if unchanged:  # readings that were set aside beforehand now have a name
             options = [option for option in options if option.term != finding.term]
             continue
+        if source.set_aside(fit):  # readings that the effect had hidden
+            plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
     findings = [_updated(finding, fit, evidence) for finding in findings]

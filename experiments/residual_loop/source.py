@@ -156,6 +156,9 @@ class Source(Protocol):
     def relocated(self, fit: Fit, term: Term) -> Term:
         """A time-localised term of the fit with the interval that suits the fit best, near its own."""
 
+    def set_aside(self, fit: Fit) -> bool:
+        """Take out readings that are wrong about this fit and were not seen before, for good; whether there are any."""
+
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a
         term of the fit as it is, of another to first order.

@@ -137,7 +137,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
     beside = replace(
         selection,
-        plain=plain.fit,
+        plain=source.fit(()),  # of the readings that are left
         final=final,
         findings=tuple(replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term]) for f in findings),
         plain_statistics=plain.statistics,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,20 @@ def test_coloured_positions_pass_for_no_effect(index: int, tmp_path: Path) -> No
     names = select(FlightSource(recording, flight_model(recording))).names
     assert names
     assert [name for name in names if not name.endswith(".outliers")] == []
+
+
+def test_wrong_readings_that_a_strong_effect_hides_are_no_transients(tmp_path: Path) -> None:
+    """Over a steep slope single readings nine sigma off do not leave their neighbours in the plain model."""
+    recording, _ = flown("yaw_turns", 25, "laser.terrain_slope=0.3,-0.2")
+    laser = recording.streams["laser"]
+    distance = next(iter(laser.columns))
+    wrong = laser.columns[distance].copy()
+    wrong[[100, 230, 231, 300, 410]] += 9.0 * recording.sensors["laser"].noise_std
+    streams = {**recording.streams, "laser": replace(laser, columns={**laser.columns, distance: wrong})}
+    recording = recording.replace(streams=streams)
+    selection = select(FlightSource(recording, flight_model(recording)))
+    assert selection.names == ("laser.terrain_slope", "laser.outliers")
+    assert selection.plain.deviance > selection.final.deviance
 
 
 def test_no_effect_is_a_statement() -> None:
