@@ -13,9 +13,9 @@ import numpy as np
 
 from experiments.residual_loop.term import varies
 from sensors.arrays import FloatArray
+from sensors.effects import CATALOGUE
 from sensors.effects.declaration import Effect, Parameter
 from sensors.effects.streams import STREAMS
-from sensors.effects.time_offset import RATES
 from sensors.motion import Motion
 from sensors.rotation import matrix_from_quaternion, rotate_back
 
@@ -52,8 +52,8 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
             continue
         if motion.has("p_n") and float(np.ptp(motion.p_n[:, :2])) > 0.0 and float(np.ptp(motion.v_n[:, :2])) > 0.0:
             found.append(_of_place(stream, motion.p_n[:, :2]))
-        if stream in RATES:
-            found.append(_of_clock(stream, motion.t))
+        late = [name for name in (f"{stream}.time_offset", f"{stream}.latency") if name in CATALOGUE]
+        found += [_of_clock(stream, CATALOGUE[name], motion.t) for name in late]
         if stream == "baro":
             found += [_of_speed(stream), _of_play(stream, float(np.ptp(motion.p_n[:, 2])))]
         if stream == "mag":
@@ -158,16 +158,15 @@ def _of_field(stream: str) -> Effect:
     return probe(stream, "direction", 6, shape, needs=("q_nb", "m_n"))
 
 
-def _of_clock(stream: str, t: FloatArray) -> Effect:
-    """Stamps that are late by more and more."""
+def _of_clock(stream: str, late: Effect, t: FloatArray) -> Effect:
+    """Stamps that are late by more and more; `late` is the effect of those that are always as late."""
     begin, length = float(t[0]), float(t[-1] - t[0])
 
     def shape(motion: Motion) -> FloatArray:
         share = (motion.t - begin) / length - 0.5  # about its mean: a constant lateness is an effect of the catalogue
-        rate = RATES[stream](motion)[:, :, None]
-        return rate * np.stack([share, share**2 - 1.0 / 12.0], axis=1)[:, None, :]
+        return late.regressor(motion) * np.stack([share, share**2 - 1.0 / 12.0], axis=1)[:, None, :]
 
-    return probe(stream, "a drifting clock", 2, shape, plausible=0.3)
+    return probe(stream, "a drifting clock", 2, shape, needs=late.needs, plausible=0.3)
 
 
 def _of_speed(stream: str) -> Effect:

@@ -26,6 +26,8 @@ _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
 #: Readings from which the normal approximation of skewness and kurtosis holds (SciPy's `normaltest`).
 _LEAST_OF_A_LAW = 20
+#: Share of what it explains that a probe may miss: a function that is off by a third of its size.
+_LEFT_BY_PROBES = 0.1
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
 _LEAST_FAULT = 1e-3
 
@@ -98,7 +100,8 @@ def stands_out(
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
     interval never does: what has no name takes any shape in time. Nor does anything where a stream that it shows in is
-    left with an error far larger than its noise: the probes have then not told what that error looks like.
+    left with an error far larger than its noise, since the probes have then not told what that error looks like; nor
+    what explains no more than the probes, which are generic, may have left of theirs.
     """
     if finding.term.interval is not None:
         return False
@@ -106,8 +109,12 @@ def stands_out(
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
     known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
-    if known and noise_left(source, fit, stream, slow=False) > GROSS:
-        return False
+    if known:
+        own = {r.stream for r in source.residuals(fit)}
+        probed = [s.statistic for term, s in suspects if stream not in own or followed([term.name])[0][0] == stream]
+        left = _LEFT_BY_PROBES * max(probed, default=0.0)
+        if finding.gain < left or noise_left(source, fit, stream, slow=False) > GROSS:
+            return False
     inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
     threshold = float(np.log(alpha / max(source.families, 1)))
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold

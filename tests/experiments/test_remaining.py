@@ -48,13 +48,26 @@ def test_regressor_of_a_probe(probe: Effect) -> None:
     motion = flight()
     along = motion.with_covariates(**covariates(motion.t).get(probe.stream, {}))
     G = probe.regressor(along)
-    assert G.shape == (len(motion), len(STREAMS[probe.stream].components), probe.size)
+    rows = len(STREAMS[probe.stream].components)
+    assert G.shape[::2] == (len(motion), probe.size)
+    assert G.shape[1] in (rows, 6 if probe.stream == "gps" else rows)  # position, or velocity too
     assert np.all(np.isfinite(G))
     assert np.all(np.any(G != 0.0, axis=(0, 1)))
 
 
 def test_every_stream_has_a_probe() -> None:
     assert {probe.stream for probe in probes()} == {"accel", "gyro", *KNOWN}
+
+
+def test_drifting_clock_is_a_lateness_that_grows() -> None:
+    """Of the GPS too, whose lateness is an effect of its own; the first part is odd about the middle of the time."""
+    found = {p.name: p for p in probes()}
+    motion = flight()
+    share = (motion.t - motion.t[0]) / (motion.t[-1] - motion.t[0]) - 0.5
+    late = {"gps": "gps.latency", "baro": "baro.time_offset"}
+    for stream, name in late.items():
+        G = found[f"unexplained.{stream}.a drifting clock"].regressor(motion)
+        np.testing.assert_allclose(G[:, :, 0], CATALOGUE[name].regressor(motion)[:, :, 0] * share[:, None])
 
 
 def test_stream_without_readings_has_no_probe() -> None:
