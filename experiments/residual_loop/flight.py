@@ -342,7 +342,7 @@ class FlightSource:
         All streams are asked: an error of the position is seen in every other one too.
         """
         noisy = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
-        if not noisy:
+        if not noisy or not terms:
             return [-np.inf] * len(terms)
         span = self._span_of(fit)
         steps = slow_noise_steps(noisy, self._local_streams, span)

@@ -108,7 +108,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
-    if not suspects and strongest and _explains_more(source, plain.fit, *strongest[0], selection):
+    if not suspects and strongest and _explains_more(source, *strongest[0], selection):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
     fit, more = selection.final, list(suspects)
@@ -197,8 +197,9 @@ def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
     return suspect.statistic > OBVIOUS * max((found.statistic for found in plain.local), default=0.0)
 
 
-def _explains_more(source: Source, plain: Fit, term: Term, suspect: Statistic, selection: Selection) -> bool:
-    """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters.
+def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Selection) -> bool:
+    """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters, and more
+    than the noise that it leaves.
 
     The true effects leave nothing that could be explained, so nothing explains more than they do; where the two are not
     told apart, the effects stay.
@@ -207,6 +208,7 @@ def _explains_more(source: Source, plain: Fit, term: Term, suspect: Statistic, s
     parameters = sum(len(finding.beta) for finding in selection.findings)
     if suspect.statistic - 2.0 * suspect.dof <= gain - 2.0 * parameters + CONFUSED:
         return False
+    plain = source.fit(())  # of the readings that are left
     return _is_missed(source, _with(source, plain, term, suspect), plain, term, suspect)
 
 
