@@ -46,7 +46,7 @@ from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
-from estimator.wiener import signal_part
+from estimator.wiener import signal_part, without_vibration
 from sensors.arrays import FloatArray, IntArray
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
@@ -209,12 +209,14 @@ def pack(
             place += int(widths[i])
     first, count = np.zeros(len(events.sensors), dtype=np.int64), np.zeros(len(events.sensors), dtype=np.int64)
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
+    shaken = any(entry.stream in events.sensors and {"f_b", "w_ib_b"} & set(entry.needs) for entry in effects)
+    vehicle = without_vibration(motion) if shaken else motion
     for s, name in enumerate(events.sensors):
         mine = [i for i, entry in enumerate(effects) if entry.stream == name]
         first[s], count[s] = place, int(widths[mine].sum()) if mine else 0
         if not mine:
             continue
-        G = sensor_regressors(recording, model, name, [effects[i] for i in mine], terms, motion)
+        G = sensor_regressors(recording, model, name, [effects[i] for i in mine], terms, vehicle)
         of_sensor = events.sensor == s
         start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
         parts.append(G.ravel())

@@ -8,15 +8,23 @@ which the filter integrates that same noise. So regressors on the IMU are taken 
 with P the power of the reading averaged over neighbouring frequencies and N the declared noise's: Wiener's filter, with
 k > 1 so that bins of noise alone, whose estimate of P scatters, are shut.
 
+What a sensor that is read beside the IMU follows is slower still: between two instants some hundredths of a second
+apart a vibration is another, and no receiver's velocity follows it. Its effects are taken along the motion without it.
+
 Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979 (subtraction of the noise's spectrum).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sensors.arrays import FloatArray
+from sensors.motion import Motion
 
+#: Above this a rate or an acceleration is vibration, no motion of the vehicle [Hz].
+VEHICLE_BANDWIDTH = 10.0
 #: Frequencies over which power is averaged.
 NEIGHBOURS = 65
 #: k above: the mean of so many frequencies of noise exceeds twice its own once in 300,000.
@@ -37,3 +45,17 @@ def signal_part(values: FloatArray, sigma: float) -> FloatArray:
     sums = np.cumsum(np.concatenate([np.zeros((1, values.shape[1])), padded]), axis=0)
     power = np.maximum((sums[NEIGHBOURS:] - sums[:-NEIGHBOURS]) / NEIGHBOURS, 1e-300)
     return np.asarray(idct(np.maximum(0.0, 1.0 - SUBTRACTED * sigma**2 / power) * spectrum, norm="ortho", axis=0))
+
+
+def without_vibration(motion: Motion) -> Motion:
+    """The motion with what is slower than `VEHICLE_BANDWIDTH` of its rate and of its acceleration, without delay
+    (Butterworth, fourth order, both ways). Even sampling is taken for granted.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    rate = 1.0 / float(np.median(np.diff(motion.t)))
+    if rate <= 2.0 * VEHICLE_BANDWIDTH or len(motion) < 4.0 * rate / VEHICLE_BANDWIDTH:
+        return motion
+    sections = butter(4, VEHICLE_BANDWIDTH, fs=rate, output="sos")
+    a_n, w_ib_b = np.split(sosfiltfilt(sections, np.hstack([motion.acceleration_n(), motion.w_ib_b]), axis=0), 2, 1)
+    return replace(motion, a_n=a_n, w_ib_b=w_ib_b)

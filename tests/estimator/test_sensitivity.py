@@ -12,6 +12,7 @@ from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import flight_model
 from estimator.sensitivity import driver_regressors, sensitivity_pass, sensor_regressors
 from estimator.strapdown import strapdown_step
+from estimator.wiener import without_vibration
 from sensors.arrays import FloatArray
 from sensors.effects import effect
 from sensors.rotation import right_jacobian
@@ -87,7 +88,7 @@ def test_fused_pass_is_the_dense_recursion(flown) -> None:
             G_u[:, rows, columns] = driver_regressors(recording, model, entry.stream, [entry], Terms(), motion)
         else:
             G_z[entry.stream][:, :, columns] = sensor_regressors(
-                recording, model, entry.stream, [entry], Terms(), motion
+                recording, model, entry.stream, [entry], Terms(), without_vibration(motion)
             )
     dense = DenseSensitivity(journal.run, G_u, G_z)
     for _ in dense.steps():
