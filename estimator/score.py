@@ -38,6 +38,8 @@ class Evidence:
     plausible : (p,) plausible 1-sigma sizes, the unit in which directions of beta are compared
     noise_dof : degrees of freedom from which the noise level was estimated, with what the model lacks still in it;
         infinite where the noise is declared
+    readings : n, where -2 log L is n log SSE since the noise is estimated; infinite where it is declared
+    spare : readings less parameters of the fit; infinite where nobody counts them
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,13 @@ class Evidence:
     score: FloatArray
     plausible: FloatArray
     noise_dof: float = np.inf
+    readings: float = np.inf
+    spare: float = np.inf
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise is declared."""
+        return not np.isfinite(self.noise_dof)
 
     def columns(self, *names: str) -> list[int]:
         """Column numbers of the named candidates."""
@@ -132,6 +141,25 @@ def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float
     F = (gain / dof) / (rest / left) / scatter
     log_p = float(stats.f.logsf(F, dof, left))
     return log_p if np.isfinite(log_p) else -0.5 * left * float(np.log1p(dof * F / left))  # the tail's leading term
+
+
+def log_p_of_deviance(evidence: Evidence, gain: float, dof: int, scatter: float = 1.0) -> float:
+    """Logarithm of the p-value of a drop of -2 log L between two fits.
+
+    With estimated noise it is n log(SSE before / SSE after), from which F follows.
+
+    Parameters
+    ----------
+    evidence : about the fit with the parameters in question
+    gain : the drop
+    dof, scatter : see `log_p_value`
+    """
+    if gain <= 0.0:
+        return 0.0
+    if evidence.noise_known:
+        return log_p_value(gain, dof, scatter=scatter)
+    before = evidence.noise_dof + dof
+    return log_p_value(before * (1.0 - float(np.exp(-gain / evidence.readings))), dof, before, scatter)
 
 
 def log_p_of_divided(gain: float, dof: int, scatter: float, scatter_dof: int) -> float:

@@ -94,7 +94,7 @@ def trace_page(
 
 def _noise_figure(source: Source, result: Trace) -> tuple[Figure, str]:
     streams = source.residuals(result.selection.final)
-    known = not np.isfinite(source.evidence(result.selection.final, own_terms_only=True).noise_dof)
+    known = source.noise_known
     scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened.ravel() for r in streams]) ** 2)))
     sigma = "what the declared noise predicts" if known else "its own spread, since no noise is declared"
     return (

@@ -111,6 +111,11 @@ class FlightSource:
         return len(self._candidates) + 3 * len(self._local_streams)
 
     @property
+    def noise_known(self) -> bool:
+        """Always: the filter has noise levels, declared or from the log."""
+        return True
+
+    @property
     def _local_streams(self) -> tuple[str, ...]:
         return tuple(name for name in candidate_streams(self.model) if name in STREAMS)
 

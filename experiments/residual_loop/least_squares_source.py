@@ -167,6 +167,11 @@ class LeastSquaresSource:
         return self._problem.name
 
     @property
+    def noise_known(self) -> bool:
+        """Whether the problem declares its noise."""
+        return self._problem.noise_known
+
+    @property
     def candidates(self) -> tuple[Effect, ...]:
         """Effects with a regressor known from the start that leave enough readings to contradict them."""
         return self._candidates
@@ -225,12 +230,26 @@ class LeastSquaresSource:
     def _minimise(
         self, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
     ) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
-        """Minimum over nuisance and beta, and the information matrix there (scaled columns are used inside)."""
+        """Minimum over nuisance and beta, and the information matrix there (scaled columns are used inside).
+
+        Raises
+        ------
+        InputError : the parameters have gone where the model has no number
+        """
+        try:
+            with np.errstate(all="ignore"):  # a step too far is halved; where the start is, that is an error
+                return self._gauss_newton(x, beta, active)
+        except np.linalg.LinAlgError:
+            raise self._astray() from None
+
+    def _gauss_newton(
+        self, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
+    ) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
         moving = [term for term in beta if term.in_mean]
         rows = self._problem.rows(x, beta, ())
         cost = float(np.sum(rows.residual[active] ** 2))
         for _ in range(50):
-            J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
+            J = self._slopes(rows, moving, active)
             scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
             step = np.linalg.lstsq(J / scale, rows.residual[active], rcond=1e-10)[0] / scale
             size = float(np.linalg.norm(J @ step))
@@ -251,12 +270,19 @@ class LeastSquaresSource:
             cost = cost_new
             if done or size**2 <= 1e-10 * max(cost, 1e-300):
                 break
+        J = self._slopes(rows, moving, active)
+        return x, beta, J.T @ J
+
+    def _slopes(self, rows: Rows, moving: Sequence[Term], active: BoolArray) -> FloatArray:
+        """The rows in use by nuisance and beta."""
         J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
         if not np.all(np.isfinite(J)):
-            raise InputError(
-                self._problem.where, "a fit that does not converge", "readings that the sensor's model can explain"
-            )
-        return x, beta, J.T @ J
+            raise self._astray()
+        return np.asarray(J)
+
+    def _astray(self) -> InputError:
+        expected = "readings that the sensor's model can explain"
+        return InputError(self._problem.where, "a fit that does not converge", expected)
 
     # ---- evidence
 
@@ -297,9 +323,10 @@ class LeastSquaresSource:
         by_name = {entry.name: entry for entry in wanted} | {term.key: self.effect(term) for term in moving}
         sizes = tuple(rows.effects[name].shape[1] for name in names)
         plausible = [self._problem.plausible(by_name[name]) for name in names]
-        return Evidence(
-            tuple(names), sizes, information, score, np.concatenate(plausible) if plausible else np.zeros(0), noise_dof
-        )
+        readings = np.inf if self._problem.noise_known else float(np.sum(active & self._measured))
+        sigmas = np.concatenate(plausible) if plausible else np.zeros(0)
+        spare = float(np.sum(active) - columns)
+        return Evidence(tuple(names), sizes, information, score, sigmas, noise_dof, readings, spare)
 
     def _blocks(self, active: BoolArray) -> IntArray:
         """Block of time of each active row, blocks of equal numbers of rows."""

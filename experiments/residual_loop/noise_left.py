@@ -24,7 +24,7 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     """
     residuals = source.residuals(fit)
     mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
-    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    known = source.noise_known
     units = [1.0 if known else max(r.nis_per_dof, 1e-300) for r in mine]
     sizes = [_long_run_variance(r) if slow else r.nis_per_dof for r in mine]
     return max([1.0, *(size / unit for size, unit in zip(sizes, units, strict=True))])

@@ -188,7 +188,7 @@ def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
     Least squares with an estimated noise level have no scale for it: 0.
     """
     part = source.evidence(fitted, own_terms_only=True)
-    if np.isfinite(part.noise_dof):
+    if not source.noise_known:
         return 0.0
     whole = source.evidence(replace(fitted, part="all"), own_terms_only=True)
     others = [t.key for t in fitted.terms if t.in_mean and t != term]
@@ -206,6 +206,6 @@ def _held_out_squares(source: Source, fit: Fit) -> float:
 
 def _noise(source: Source, fit: Fit) -> float:
     """Variance of the whitened residual where the noise is not declared: that of the final model; else 1."""
-    if np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof):
+    if not source.noise_known:
         return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
     return 1.0

@@ -71,7 +71,7 @@ def remaining(
     alpha : level of each test
     """
     found: list[Remaining] = []
-    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    known = source.noise_known
     residuals = source.residuals(fit)
     for r in residuals:
         colour = whiteness(r.whitened)
@@ -108,7 +108,7 @@ def stands_out(
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    known = not np.isfinite(source.evidence(fit, own_terms_only=True).noise_dof)
+    known = source.noise_known
     if known:
         own = {r.stream for r in source.residuals(fit)}
         probed = [s.statistic for term, s in suspects if stream not in own or followed([term.name])[0][0] == stream]

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic, log_p_value, predicted_lambda, statistic_of
+from estimator.score import (
+    Evidence,
+    Statistic,
+    log_p_of_deviance,
+    log_p_value,
+    predicted_lambda,
+    statistic_of,
+)
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Source
 from experiments.residual_loop.term import Term
@@ -36,6 +43,10 @@ IMPLAUSIBLE = 10.0
 
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
+#: Readings that have to be left, beyond the number of parameters.
+LEAST_SPARE = 3
+#: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
+_FORETOLD = 0.1
 #: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
 AGREEMENT = 2.0
 
@@ -283,7 +294,9 @@ def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], thres
 
 
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
-    """Refit with one more effect; None where the estimate is far outside its plausible size or nothing is gained."""
+    """Refit with one more effect; None where it cannot be: its estimate is far outside its plausible size, no model
+    follows from it, or hardly a reading is left that could say otherwise.
+    """
     term = option.term
     try:
         refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
@@ -306,16 +319,18 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
+    if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
+        return None
     if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
         return None
     others = [t.key for t in refit.terms if t.in_mean and t is not term]
     is_local = term.interval is not None
     scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
-    if not np.isfinite(evidence.noise_dof):  # declared, and perhaps too small
+    if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
-    plain = _log_p_of_gain(gain, option.dof, evidence.noise_dof, 1.0)
+    plain = log_p_of_deviance(evidence, gain, option.dof)
     log_p_raw = min(plain + option.search_raw, 0.0)
-    log_p = min(_log_p_of_gain(gain, option.dof, evidence.noise_dof, scatter) + option.search_raw, 0.0)
+    log_p = min(log_p_of_deviance(evidence, gain, option.dof, scatter) + option.search_raw, 0.0)
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
     log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
@@ -329,26 +344,20 @@ def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
     return source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
 
 
-def _log_p_of_gain(deviance_gain: float, dof: int, noise_dof: float, scatter: float) -> float:
-    """Log p of a drop in -2 log L; with estimated noise the deviance is n log SSE, and `noise_dof` is that after."""
-    if deviance_gain <= 0.0:
-        return 0.0
-    if not np.isfinite(noise_dof):
-        return log_p_value(deviance_gain, dof, noise_dof, scatter)
-    before = noise_dof + dof
-    return log_p_value(before * (1.0 - np.exp(-deviance_gain / before)), dof, before, scatter)
-
-
 def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
     """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
+    evidence = source.evidence(fit, own_terms_only=True)
+    in_mean = [term.key for term in fit.terms if term.in_mean]
     for finding in findings[:-1]:
-        if not finding.term.in_mean:
+        term, dof = finding.term, len(finding.beta)
+        if not term.in_mean:
             continue
-        without = fit_without(source, fit, finding.term)
-        noise_dof = source.evidence(fit, own_terms_only=True).noise_dof
-        dof = len(finding.beta)
-        if _log_p_of_gain(without.deviance - fit.deviance, dof, noise_dof, 1.0) > threshold:
-            return _prune(source, without, [f for f in findings if f.term != finding.term], threshold)
+        foretold = predicted_lambda(evidence, term.key, fit.beta[term], [key for key in in_mean if key != term.key])
+        if evidence.noise_known and log_p_value(_FORETOLD * foretold, dof) < threshold:
+            continue  # a refit would not find otherwise
+        without = fit_without(source, fit, term)
+        if log_p_of_deviance(evidence, without.deviance - fit.deviance, dof) > threshold:
+            return _prune(source, without, [f for f in findings if f.term != term], threshold)
     return fit, findings
 
 

@@ -141,6 +141,10 @@ class Source(Protocol):
     def families(self) -> int:
         """Number of hypotheses that share the family-wise error: candidates and time-localised families."""
 
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise is declared; else it is estimated from the residual."""
+
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term."""
 

@@ -8,7 +8,9 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from scipy import stats
 
+from estimator.score import log_p_of_deviance
 from experiments.datasets import resolve
 from experiments.residual_loop.least_squares_source import LeastSquaresSource, isolated_outliers
 from experiments.residual_loop.open_source import pose_source
@@ -16,6 +18,7 @@ from experiments.residual_loop.poses import NormPoses
 from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.trace import report, trace
+from sensors.errors import InputError
 from sensors.motion import Motion
 
 
@@ -178,6 +181,38 @@ def test_no_interval_is_named_beside_an_error_without_a_name() -> None:
             found.append(result)
     assert len(found) >= 8
     assert not any(f.term.interval is not None for result in found for f in result.selection.findings)
+
+
+def test_twelve_poses_do_not_bear_twelve_parameters() -> None:
+    """Bias, scale and two intervals would fit any twelve readings; what one interval leaves is unexplained."""
+    rng = np.random.default_rng(38)
+    for _ in range(10):
+        problem = poses(rng, 12, 0.01, sensor="accel")
+        before = np.vstack([problem.reading[:1], problem.reading[:-1]])
+        problem.reading += 0.3 * np.sign(before)
+        result = trace(LeastSquaresSource(problem))
+        parameters = 6 + sum(len(f.beta) for f in result.selection.findings if f.term.in_mean)
+        assert 12 - parameters >= 3
+
+
+def test_p_value_of_a_refit_is_that_of_least_squares() -> None:
+    """Few poses, noise estimated: what -2 log L loses is F distributed by the readings that are left."""
+    values = []
+    for seed in range(60):
+        source = LeastSquaresSource(poses(np.random.default_rng([39, seed]), 17, 0.01, declared=False, sensor="accel"))
+        term, plain = Term("accel.temperature"), source.fit(())
+        refit = source.fit((term,))
+        evidence = source.evidence(refit, own_terms_only=True)
+        values.append(np.exp(log_p_of_deviance(evidence, plain.deviance - refit.deviance, 3)))
+    assert stats.kstest(values, "uniform").pvalue > 0.01
+
+
+def test_a_fit_that_runs_away_is_refused() -> None:
+    """A cubic scale in units that overflow: no crash, and no such effect."""
+    source = LeastSquaresSource(poses(np.random.default_rng(40), 20, sensor="accel"))
+    term = Term("accel.scale_nonlinearity")
+    with pytest.raises(InputError, match="does not converge"):
+        source.fit((term,), {term: np.full(3, 1e200)})
 
 
 def test_a_few_poses_at_the_end_of_the_range_are_unexplained() -> None:
