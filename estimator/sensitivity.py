@@ -13,9 +13,9 @@ gives E[nu] = S_beta beta. Information and score are taken over all candidates t
 A filter whose state is augmented by beta has the same answer: with a prior P_beta,
 beta = (Lambda + P_beta^-1)^-1 b and the state x + V beta.
 
-Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed); where a
-beta is
-not zero, the slope of the exact form there.
+Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed): on the IMU
+along what of it is signal, on the other sensors along what of it is no vibration. Where a beta is not zero, they are
+the slope of the exact form there.
 """
 
 from __future__ import annotations

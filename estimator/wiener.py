@@ -8,8 +8,8 @@ which the filter integrates that same noise. So regressors on the IMU are taken 
 with P the power of the reading averaged over neighbouring frequencies and N the declared noise's: Wiener's filter, with
 k > 1 so that bins of noise alone, whose estimate of P scatters, are shut.
 
-What a sensor that is read beside the IMU follows is slower still: between two instants some hundredths of a second
-apart a vibration is another, and no receiver's velocity follows it. Its effects are taken along the motion without it.
+What a sensor that is read beside the IMU follows is slower still: some hundredths of a second later a vibration has
+another phase, and no receiver's velocity follows it. Its effects are taken along the motion without it.
 
 Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979 (subtraction of the noise's spectrum).
 """
@@ -49,12 +49,13 @@ def signal_part(values: FloatArray, sigma: float) -> FloatArray:
 
 def without_vibration(motion: Motion) -> Motion:
     """The motion with what is slower than `VEHICLE_BANDWIDTH` of its rate and of its acceleration, without delay
-    (Butterworth, fourth order, both ways). Even sampling is taken for granted.
+    (Butterworth, fourth order, both ways); force and slope of the rate stay as they are. Even sampling is taken for
+    granted.
     """
     from scipy.signal import butter, sosfiltfilt
 
     rate = 1.0 / float(np.median(np.diff(motion.t)))
-    if rate <= 2.0 * VEHICLE_BANDWIDTH or len(motion) < 4.0 * rate / VEHICLE_BANDWIDTH:
+    if rate <= 2.0 * VEHICLE_BANDWIDTH or len(motion) <= max(15.0, 4.0 * rate / VEHICLE_BANDWIDTH):
         return motion
     sections = butter(4, VEHICLE_BANDWIDTH, fs=rate, output="sos")
     a_n, w_ib_b = np.split(sosfiltfilt(sections, np.hstack([motion.acceleration_n(), motion.w_ib_b]), axis=0), 2, 1)

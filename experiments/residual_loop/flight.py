@@ -347,10 +347,14 @@ class FlightSource:
         All streams are asked: an error of the position is seen in every other one too.
         """
         noisy = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
-        if not noisy or not terms:
-            return [-np.inf] * len(terms)
+        found = np.full(len(terms), -np.inf)
+        for stream in noisy if terms else ():
+            found = np.maximum(found, self._beside_slow_noise(fit, terms, stream))
+        return [float(log_p) for log_p in found]
+
+    def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
         span = self._span_of(fit)
-        steps = slow_noise_steps(noisy, self._local_streams, span)
+        steps = slow_noise_steps(stream, self._local_streams, span)
         new = [declaration(term) for term in terms if term not in fit.beta]
         parts = [*steps.values(), *([entry] for entry in new)]
         rows = self._local_rows(fit, [entry for part in parts for entry in part])
@@ -364,7 +368,7 @@ class FlightSource:
                 one = replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
             else:
                 one = replace(rows, wanted=next(columns))
-            found.append(log_p_beside_slow_noise(one, noise, noisy, span))
+            found.append(log_p_beside_slow_noise(one, noise, stream, span))
         return found
 
     def _span_of(self, fit: Fit) -> tuple[float, float]:

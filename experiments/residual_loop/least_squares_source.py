@@ -259,8 +259,11 @@ class LeastSquaresSource:
                 for term in moving:
                     beta_new[term] = beta[term] + step[column : column + len(beta[term])]
                     column += len(beta[term])
-                rows_new = self._problem.rows(x_new, beta_new, ())
-                cost_new = float(np.sum(rows_new.residual[active] ** 2))
+                try:
+                    rows_new = self._problem.rows(x_new, beta_new, ())
+                    cost_new = float(np.sum(rows_new.residual[active] ** 2))
+                except np.linalg.LinAlgError:
+                    cost_new = np.inf
                 if np.isfinite(cost_new) and cost_new <= cost * (1 + 1e-12) + 1e-300:
                     break
                 step = 0.5 * step

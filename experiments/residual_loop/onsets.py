@@ -147,35 +147,31 @@ def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = 
     return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
 
 
-def slow_noise_steps(
-    noisy: Sequence[str], streams: Iterable[str], span: tuple[float, float]
-) -> dict[str, list[Effect]]:
-    """Steps on a grid over the span, of streams with slow noise and of those of `streams` that share its error."""
+def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, float]) -> dict[str, list[Effect]]:
+    """Steps on a grid over the span, of a stream with slow noise and of those of `streams` that share its error."""
     grid = np.linspace(*span, _ONSETS + 1)[:-1]
-    shared = [other for stream in noisy for other in _SHARED_ERROR.get(stream, ()) if other in streams]
-    return {stream: _steps(stream, grid) for stream in dict.fromkeys([*noisy, *shared])}
+    return {s: _steps(s, grid) for s in (stream, *_SHARED_ERROR.get(stream, ())) if s in streams}
 
 
 def log_p_beside_slow_noise(
-    rows: Rows, steps: Mapping[str, FloatArray], noisy: Sequence[str], span: tuple[float, float]
+    rows: Rows, steps: Mapping[str, FloatArray], stream: str, span: tuple[float, float]
 ) -> float:
-    """Logarithm of the p-value of an effect beside slow noise of that stream which explains most of it.
+    """Logarithm of the p-value of an effect beside slow noise of a stream.
 
     Parameters
     ----------
     rows : `wanted` are the sensitivities to the effect
     steps : by stream, the sensitivities to `slow_noise_steps`
-    noisy : streams with slow noise
+    stream : the one with slow noise
     span : begin and end of the data [s]
     """
     grid = np.linspace(*span, _ONSETS + 1)[:-1]
     joints = {}
-    for stream, wanted in steps.items():
-        size = effect(f"{stream}.step").size
-        joints[stream] = _Joint(replace(rows, wanted=wanted), size, grid, len(grid), span)
+    for name, wanted in steps.items():
+        joints[name] = _Joint(replace(rows, wanted=wanted), effect(f"{name}.step").size, grid, len(grid), span)
     alone = _Joint(rows, rows.wanted.shape[1], grid[:1], 1, span)
     dof = int(alone.gain(np.array([[0, -1]]))[1][0])
-    return max(_slow_noise(stream, joints).log_p_beside(alone.W, dof) for stream in noisy)
+    return _slow_noise(stream, joints).log_p_beside(alone.W, dof)
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:

@@ -159,7 +159,7 @@ def _of_field(stream: str) -> Effect:
 
 
 def _of_clock(stream: str, late: Effect, t: FloatArray) -> Effect:
-    """Stamps that are late by more and more; `late` is the effect of those that are always as late."""
+    """Stamps that are late by more and more; `late` is the effect of a constant lateness."""
     begin, length = float(t[0]), float(t[-1] - t[0])
 
     def shape(motion: Motion) -> FloatArray:

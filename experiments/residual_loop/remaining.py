@@ -26,6 +26,8 @@ _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
 #: Readings from which the normal approximation of skewness and kurtosis holds (SciPy's `normaltest`).
 _LEAST_OF_A_LAW = 20
+#: Largest distance from the law of noise that tails and coarse counts make: a twentieth of the readings on either side.
+_MIXED = 0.1
 #: Share of what it explains that a probe may miss: a function that is off by a third of its size.
 _LEFT_BY_PROBES = 0.1
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
@@ -61,7 +63,7 @@ def remaining(
 
     Variance off the declared noise and stationary colour are no structure of the mean. What is: time-localised offsets
     that pass their test; what follows a place or a covariate; stretches in which a sensor did not measure; a burst, and
-    a residual far larger than the declared noise that is coloured, or not Gaussian.
+    a residual far larger than the declared noise that is coloured, or of two kinds of readings.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def remaining(
         colour = whiteness(r.whitened)
         is_coloured = colour is not None and colour[1] < alpha
         if known:
-            found += _variance(r, is_coloured or not _is_gaussian(r, alpha), alpha)
+            found += _variance(r, is_coloured or _is_mixed(r, alpha), alpha)
         if colour is not None and is_coloured:
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
@@ -111,7 +113,8 @@ def stands_out(
     known = source.noise_known
     if known:
         own = {r.stream for r in source.residuals(fit)}
-        probed = [s.statistic for term, s in suspects if stream not in own or followed([term.name])[0][0] == stream]
+        followed_by = [(followed([term.name])[0][0], s.statistic) for term, s in suspects]
+        probed = [gain for other, gain in followed_by if stream not in own or other == stream or other not in own]
         left = _LEFT_BY_PROBES * max(probed, default=0.0)
         if finding.gain < left or noise_left(source, fit, stream, slow=False) > GROSS:
             return False
@@ -128,14 +131,19 @@ def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remain
     return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_no_noise and total / n > GROSS)]
 
 
-def _is_gaussian(r: StreamResidual, alpha: float) -> bool:
-    """By skewness and kurtosis of each component (D'Agostino and Pearson 1973): where a share of the readings is of
-    something else, say a second echo, they are mixed.
+def _is_mixed(r: StreamResidual, alpha: float) -> bool:
+    """Whether a share of the readings is of something else, say a second echo: skewness and kurtosis are not those of
+    noise (D'Agostino and Pearson 1973), nor is the law, by a distance that tails do not make.
     """
-    if len(r.t) < _LEAST_OF_A_LAW:
-        return True
-    p = np.asarray(stats.normaltest(r.whitened, axis=0).pvalue)
-    return bool(np.min(p) >= alpha / len(p))
+    if len(r.t) < _LEAST_OF_A_LAW or r.stream == "level":
+        return False
+    z = r.whitened[:, np.ptp(r.whitened, axis=0) > 0.0]
+    if not z.size:
+        return False
+    z = (z - z.mean(axis=0)) / z.std(axis=0)
+    p = np.asarray(stats.normaltest(z, axis=0).pvalue)
+    away = max(float(stats.kstest(column, "norm").statistic) for column in z.T)
+    return bool(np.min(p) < alpha / len(p)) and away > _MIXED
 
 
 def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaining]:

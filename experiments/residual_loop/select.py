@@ -43,6 +43,8 @@ IMPLAUSIBLE = 10.0
 
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
+#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be.
+SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE = "slow noise", "no evidence", "impossible"
 #: Readings that have to be left, beyond the number of parameters.
 LEAST_SPARE = 3
 #: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
@@ -114,7 +116,7 @@ class Selection:
 
     Attributes
     ----------
-    plain, final : the first and the last fit
+    plain, final : without and with the effects, both of the readings that are left in the end
     findings : what was accepted, in order of discovery
     plain_statistics : of every candidate, about the plain model
     plain_local : the best interval of each time-localised family about the plain model, where they were searched
@@ -145,11 +147,13 @@ def select(
 ) -> Selection:
     """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
 
-    1. All candidates are scored about the present fit, the effects already in it projected out.
+    1. All candidates are scored about the present fit, the effects already in it projected out; where none of them
+       stands, the intervals too.
     2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
-    each
-       other's scatter, those that pass without it are tried, and have to pass with it after the refit.
-    3. The shortlist is refitted in exact form; the strongest plausible one is accepted.
+       each other's scatter, those that pass without it are tried, and have to pass with it after the refit. What slow
+       noise of a stream explains is not tried.
+    3. The shortlist is refitted in exact form; the strongest plausible one is accepted, and readings that it had hidden
+       and that are wrong are set aside.
     4. An effect that another has made superfluous is dropped.
 
     Parameters
@@ -166,14 +170,14 @@ def select(
     plain_statistics = tuple(statistic_of(evidence, entry.name, stay) for entry in source.candidates)
     findings: list[Finding] = []
     steps: list[Step] = []
-    refused: dict[str, bool] = {}
+    refused: dict[str, str] = {}
     options: list[Option] = []
     plain_local: tuple[LocalFinding, ...] = ()
     looked_at: float | None = None
     settled = searched = False
     while True:
         if fit.deviance != looked_at:
-            options, settled = _candidates(source, fit, evidence, threshold)
+            options, settled = _candidates(source, fit, evidence, threshold, refused)
             looked_at = fit.deviance
             searched = False
         if not searched and not settled:
@@ -195,10 +199,11 @@ def select(
         unchanged = accepted[0].deviance == fit.deviance
         fit, finding = accepted
         findings.append(finding)
+        refused = {key: why for key, why in refused.items() if why != SLOW_NOISE}  # of that model
         if unchanged:  # readings that were set aside beforehand now have a name
             options = [option for option in options if option.term != finding.term]
             continue
-        if source.set_aside(fit):  # readings that the effect had hidden
+        if part == "all" and source.set_aside(fit):  # readings that the effect had hidden
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
@@ -209,15 +214,17 @@ def select(
         statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names
     )
     # what lost its evidence in the refit is nothing; what could not be that effect still is something
-    passing = (o for o in options if o.log_p < threshold and refused.get(o.term.key, True))
+    passing = (o for o in options if o.log_p < threshold and refused.get(o.term.key, IMPOSSIBLE) == IMPOSSIBLE)
     left = tuple(sorted(passing, key=lambda o: o.log_p))
     path = tuple(steps), tuple(options)
     return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left, *path)
 
 
-def _candidates(source: Source, fit: Fit, evidence: Evidence, threshold: float) -> tuple[list[Option], bool]:
-    """Every candidate that is not in the model yet; and whether one passes whose blocks agree on one beta: a local
-    disturbance would not let them, so no interval has to be searched before it.
+def _candidates(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
+) -> tuple[list[Option], bool]:
+    """Every candidate that is not in the model yet; and whether one that was not refused passes whose blocks agree on
+    one beta: a local disturbance would not let them, so no interval has to be searched before it.
     """
     given = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
@@ -226,7 +233,7 @@ def _candidates(source: Source, fit: Fit, evidence: Evidence, threshold: float) 
         if entry.name not in names:
             s = statistic_of(evidence, entry.name, given)
             options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta))
-            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT
+            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
     return options, settled
 
 
@@ -246,15 +253,15 @@ def _best(
     fit: Fit,
     options: Sequence[Option],
     threshold: float,
-    refused: dict[str, bool],
+    refused: dict[str, str],
     most: int,
     rounds: int = SHORTLISTS,
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
     The scatter of the block scores decides what passes, the likelihood what is taken: two strong effects inflate each
-    other's scatter, and an interval, which has none, must not go before them for that. `refused` learns what was tried
-    in vain, and whether because the effect cannot have that size.
+    other's scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did
+    not stand, and why.
     """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
     if not passing:
@@ -269,7 +276,9 @@ def _best(
     tried = {o.term.key: _trial(source, fit, o) for o in _not_slow_noise(source, fit, shortlist, threshold)}
     trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
-        refused.update({o.term.key: o.term.key in tried and tried[o.term.key] is None for o in shortlist})
+        for option in shortlist:
+            key = option.term.key
+            refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else NO_EVIDENCE
         return _best(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda trial: trial[1].log_p_raw)
     chosen, finding = trials[0]
@@ -346,6 +355,8 @@ def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
 
 def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
     """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
+    if len(findings) < 2:
+        return fit, findings
     evidence = source.evidence(fit, own_terms_only=True)
     in_mean = [term.key for term in fit.terms if term.in_mean]
     for finding in findings[:-1]:

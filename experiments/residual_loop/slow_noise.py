@@ -1,4 +1,4 @@
-"""Whether an offset in an interval explains more than slow noise of its stream, of which nobody told, would."""
+"""Whether an effect explains more than slow noise of a stream, of which nobody told, would."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class SlowNoise:
     """White innovations plus the mark of an offset that is a stationary first-order Markov process on cells of time.
 
     With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
-    v, tau and s are those of the largest likelihood, once with the interval's offset in the mean and once without; the
-    difference of 2 log likelihood is what the offset explains beside the noise. It is judged by F, since the law of the
-    noise is known from a number of cells alone. Where the data do not call for such noise once the offset is in the
-    mean, neither with the declared white noise nor with that which is left, there is none.
+    v, tau and s are those of the largest likelihood, once with the effect (an interval's offset, or any other) in the
+    mean and once without; the difference of 2 log likelihood is what the effect explains beside the noise. It is judged
+    by F, since the law of the noise is known from a number of cells alone. Where the data do not call for such noise
+    once the effect is in the mean, neither with the declared white noise nor with that which is left, there is none.
 
     Neglects what the noise changes within a cell.
 

@@ -28,7 +28,8 @@ class Fit:
     ----------
     terms : the effects, in order of discovery
     beta, std : of each term
-    deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part
+    deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part between two
+        `set_aside`
     part : the data that were used
     detail : what the source needs to go on from here; nobody else looks at it
     """

@@ -11,12 +11,12 @@ import numpy as np
 from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.probes import followed
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import CONFUSED, Finding, Selection, fit_without, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
+from sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
 Score = Callable[[Fit], Mapping[str, float]]
@@ -108,7 +108,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
-    if not suspects and strongest and _explains_more(source, *strongest[0], selection):
+    if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
     fit, more = selection.final, list(suspects)
@@ -118,19 +118,20 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         if not passing:
             break
         with_it = _with(source, fit, *passing[0])
-        if _is_missed(source, with_it, fit, *passing[0]):
+        if with_it is not None and _is_missed(source, with_it, fit, *passing[0], alpha):
             more.append(passing[0])
             fit = with_it
         else:
             in_vain.add(passing[0][0])
     if len(more) > len(suspects):
         suspects = more
-        selection = _better(_beside(source, alpha, suspects), replace(selection, final=fit))
+        beside = _beside(source, alpha, suspects)
+        selection = _better(beside, replace(selection, final=_refitted(source, fit)))
     if not suspects:
         return selection, suspects
-    suspects, joint = _needed(source, selection, suspects)
+    suspects, joint = _needed(source, selection, suspects, alpha)
     if not suspects:
-        return alone or select(source, alpha), []
+        return _of_what_is_left(source, alone) if alone else select(source, alpha), []
     findings = tuple(f for f in selection.findings if stands_out(source, joint, f, suspects, alpha))
     terms = [finding.term for finding in findings]
     final = source.fit(terms, {term: joint.beta[term] for term in terms})
@@ -150,8 +151,31 @@ def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statist
     return select(source, alpha, given={term: s.beta for term, s in suspects})
 
 
-def _with(source: Source, fit: Fit, term: Term, s: Statistic) -> Fit:
-    return source.fit((*fit.terms, term), {**fit.beta, term: s.beta}, fit.part)
+def _with(source: Source, fit: Fit, term: Term, s: Statistic) -> Fit | None:
+    """The fit with a probe as well; None where no model follows from it."""
+    try:
+        return source.fit((*fit.terms, term), {**fit.beta, term: s.beta}, fit.part)
+    except InputError:
+        return None
+
+
+def _refitted(source: Source, fit: Fit) -> Fit:
+    """The same of the readings that are left: a later selection may have set some aside."""
+    return source.fit(fit.terms, fit.beta, fit.part)
+
+
+def _of_what_is_left(source: Source, selection: Selection) -> Selection:
+    return _with_final(replace(selection, plain=_refitted(source, selection.plain)), _refitted(source, selection.final))
+
+
+def _with_final(selection: Selection, final: Fit) -> Selection:
+    """The selection with the estimates of another fit of those of its effects that are in it."""
+    findings = tuple(
+        replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term])
+        for f in selection.findings
+        if f.term in final.beta
+    )
+    return replace(selection, final=final, findings=findings)
 
 
 def _better(beside: Selection, found: Selection) -> Selection:
@@ -197,7 +221,7 @@ def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
     return suspect.statistic > OBVIOUS * max((found.statistic for found in plain.local), default=0.0)
 
 
-def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Selection) -> bool:
+def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Selection, alpha: float) -> bool:
     """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters, and more
     than the noise that it leaves.
 
@@ -208,8 +232,8 @@ def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Se
     parameters = sum(len(finding.beta) for finding in selection.findings)
     if suspect.statistic - 2.0 * suspect.dof <= gain - 2.0 * parameters + CONFUSED:
         return False
-    plain = source.fit(())  # of the readings that are left
-    return _is_missed(source, _with(source, plain, term, suspect), plain, term, suspect)
+    with_it = _with(source, selection.plain, term, suspect)
+    return with_it is not None and _is_missed(source, with_it, selection.plain, term, suspect, alpha)
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:
@@ -225,25 +249,28 @@ def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statist
 
 
 def _needed(
-    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]]
+    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
 ) -> tuple[list[tuple[Term, Statistic]], Fit]:
     """The probes that the data would miss beside the effects found, and the fit with those alone."""
     fit = selection.final
     for term, s in list(suspects):
         without = fit_without(source, fit, term)
-        if not _is_missed(source, fit, without, term, s):
+        if not _is_missed(source, fit, without, term, s, alpha):
             suspects = [one for one in suspects if one[0] != term]
             fit = without
     return suspects, fit
 
 
-def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic) -> bool:
-    """Whether a probe explains more than the noise would, in units of the slow noise that it leaves: slow noise follows
-    the place as long as nobody comes back to it.
+def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic, alpha: float) -> bool:
+    """Whether a probe explains more than noise would: slow noise follows the place as long as nobody comes back to it,
+    so where the residual is slow the probe is held against that; else against the noise that it leaves.
     """
     gain = without.deviance - fit.deviance
+    log_p = source.log_p_beside_slow_noise(without, [term])[0]
+    if np.isfinite(log_p):
+        return gain - s.dof >= DETECTABLE_LAMBDA and log_p < np.log(alpha / source.families)
     noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
-    return gain / noise - s.dof >= DETECTABLE_LAMBDA and gain >= _least_gain(source, fit, term)
+    return gain / noise - s.dof >= DETECTABLE_LAMBDA
 
 
 def verdict_of(selection: Selection, left: list[Remaining]) -> str:
@@ -256,13 +283,7 @@ def verdict_of(selection: Selection, left: list[Remaining]) -> str:
 
 
 def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) -> Selection:
-    final = fit_without(source, selection.final, *dropped)
-    findings = tuple(
-        replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term])
-        for f in selection.findings
-        if f.term not in dropped
-    )
-    return replace(selection, final=final, findings=findings)
+    return _with_final(selection, fit_without(source, selection.final, *dropped))
 
 
 def _separating_manoeuvre(selection: Selection) -> str:
@@ -271,14 +292,6 @@ def _separating_manoeuvre(selection: Selection) -> str:
         return ""
     first = selection.findings[0]
     return separating_manoeuvre(first.term.name, first.confused_with)
-
-
-def _least_gain(source: Source, fit: Fit, term: Term) -> float:
-    """For a probe of place, as much as the noise itself: one visit cannot tell a place from a slow noise."""
-    stream, follows = followed([term.name])[0]
-    if follows != "place":
-        return 0.0
-    return float(sum(r.whitened.size for r in source.residuals(fit) if r.stream == stream))
 
 
 # ---- the report

@@ -193,6 +193,7 @@ def test_twelve_poses_do_not_bear_twelve_parameters() -> None:
         result = trace(LeastSquaresSource(problem))
         parameters = 6 + sum(len(f.beta) for f in result.selection.findings if f.term.in_mean)
         assert 12 - parameters >= 3
+        assert result.verdict == "unexplained"
 
 
 def test_p_value_of_a_refit_is_that_of_least_squares() -> None:
@@ -208,7 +209,7 @@ def test_p_value_of_a_refit_is_that_of_least_squares() -> None:
 
 
 def test_a_fit_that_runs_away_is_refused() -> None:
-    """A cubic scale in units that overflow: no crash, and no such effect."""
+    """A scale in units that overflow: an error that says so, which a selection takes for "cannot be"."""
     source = LeastSquaresSource(poses(np.random.default_rng(40), 20, sensor="accel"))
     term = Term("accel.scale_nonlinearity")
     with pytest.raises(InputError, match="does not converge"):
