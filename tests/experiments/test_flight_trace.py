@@ -19,6 +19,9 @@ from experiments.residual_loop.trace import report, trace
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.simulate import simulate
 
+#: Shares from which the recordings of the blind maker are drawn here.
+KINDS = {"flight": 0.64, "hand": 0.06, "accel_poses": 0.1, "mag_poses": 0.1, "gyro_turns": 0.1}
+
 
 def flown(scenario: str, seed: int, *effects: str):
     return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])
@@ -57,11 +60,21 @@ def test_coloured_positions_pass_for_no_effect(index: int, tmp_path: Path) -> No
 
     Wrong readings, which they have, are named though a candidate seemed to come before them.
     """
-    kinds = {"flight": 0.64, "hand": 0.06, "accel_poses": 0.1, "mag_poses": 0.1, "gyro_turns": 0.1}
-    recording = resolve(str(make_one(tmp_path, 5001, index, kinds, "mixed", {"none": 1.0})), None)
+    recording = resolve(str(make_one(tmp_path, 5001, index, KINDS, "mixed", {"none": 1.0})), None)
     names = select(FlightSource(recording, flight_model(recording))).names
     assert names
     assert [name for name in names if not name.endswith(".outliers")] == []
+
+
+def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
+    """What a few bumps leave of it is slow; but slow noise, which is everywhere alike, explains it far worse."""
+    classes = {"one": 0.3, "several": 0.15, "outside": 0.15}
+    recording = resolve(str(make_one(tmp_path, 6004, 18, KINDS, "mixed", classes)), None)
+    source = FlightSource(recording, flight_model(recording))
+    result = trace(source)
+    assert result.verdict == "unexplained"
+    assert ("mag", "place") in {(item.stream, item.follows) for item in result.remaining}
+    assert not any(name.startswith("mag.") for name in result.selection.names)
 
 
 def test_wrong_readings_that_a_strong_effect_hides_are_no_transients() -> None:
