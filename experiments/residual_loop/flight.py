@@ -54,6 +54,8 @@ _SETTLED_DEVIANCE = 1.0
 _LONGEST_STEP = 20.0
 #: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
 _WIDE_START = 0.2
+#: Declared 1-sigma of the first attitude from which on its square matters: two sigma are 2 mm/s^2 [rad].
+_SECOND_ORDER = 0.01
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class FlightSource:
         self._notes = journal.notes
         self._plain_motion = reference_motion(self.recording, journal, declared_terms(self.recording), self._table)
         self._start_std = self._attitude_std_at_start(journal)
-        if self._start_std is not None:  # which is coarse
+        if self._start_std is not None and self._start_std >= COARSE_ATTITUDE:
             self.model = self.model.replace(relinearise=True)
         self._plain_motion = self._settled(self._plain_motion)
         self._candidates = self._possible()
@@ -237,14 +239,17 @@ class FlightSource:
         )
 
     def _attitude_std_at_start(self, journal: Journal) -> float | None:
-        """Sigma with which the attitude starts where the recording declares none; None: as the filter starts it.
+        """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
 
-        The first readings, from which it is found, have the effects in them that are looked for: it may be wrong by
-        as much as a magnetometer or an accelerometer may be turned or bent. Every pass starts at the smoothed attitude
-        of the one before, so the sigma is no prior; it is as wide as the filter can take and still be linear.
+        Where the recording declares no attitude, the first readings, from which it is found, have the effects in them
+        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent. The
+        sigma is no prior then; it is as wide as the filter can take and still be linear. Where it declares a coarse
+        one, that is its sigma: until the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force,
+        which is of second order and passes for an error of the accelerometer.
         """
-        if self.recording.initial.attitude_std is not None:
-            return None
+        declared = self.recording.initial.attitude_std
+        if declared is not None:
+            return declared if declared > _SECOND_ORDER else None
         assert isinstance(journal.run, RunInputs)
         widest = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
         return max(widest, COARSE_ATTITUDE) if widest < _WIDE_START else None

@@ -122,3 +122,10 @@ def test_report_has_the_errors_before_and_after() -> None:
     assert truth_errors["after"]["attitude_rms"] < truth_errors["before"]["attitude_rms"]
     sizes = {c["name"]: c["detectable_from"] for c in document["candidates"]}
     assert any(s is not None for s in sizes["baro.temperature"]) if "baro.temperature" in sizes else True
+
+
+def test_a_coarse_declared_attitude_is_no_error_of_the_accelerometer(tmp_path: Path) -> None:
+    """Declared to 0.04 rad: until the tilt is found its square is a force of 0.02 m/s^2, nine sigma of a transient."""
+    recording = resolve(str(make_one(tmp_path, 6001, 545, KINDS, "mixed", {"none": 1.0})), None)
+    assert recording.initial.attitude_std is not None
+    assert select(FlightSource(recording, flight_model(recording))).names == ()
