@@ -16,7 +16,7 @@ from scipy import stats
 from estimator.score import Evidence, Statistic, statistic_of
 from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
-from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
+from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -32,8 +32,6 @@ _OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 _SUSPECT = 4.0
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
 _ENDS_WITHIN = 3
-#: Degrees of freedom that an effect must leave: a fit through every reading proves nothing.
-_LEAST_FREEDOM = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
 _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it foretells.
@@ -149,7 +147,7 @@ class LeastSquaresSource:
         self._block[self._measured] = order * blocks // max(self._n, 1)
         held = self._block[self._measured] % _SPLIT_EVERY == _SPLIT_EVERY - 1
         freedom = self._n - rows.nuisance.shape[1] + int(np.sum(~self._measured))
-        self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= _LEAST_FREEDOM)
+        self._candidates = tuple(e for e in problem.candidates if freedom - e.size >= LEAST_SPARE)
         self._probes = problem.probes(int(_PROBE_SHARE * freedom))
         self._held_out = np.zeros(len(self._measured), dtype=bool)
         self._held_out[self._measured] = held

@@ -187,9 +187,9 @@ def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
 
     Least squares with an estimated noise level have no scale for it: 0.
     """
-    part = source.evidence(fitted, own_terms_only=True)
     if not source.noise_known:
         return 0.0
+    part = source.evidence(fitted, own_terms_only=True)
     whole = source.evidence(replace(fitted, part="all"), own_terms_only=True)
     others = [t.key for t in fitted.terms if t.in_mean and t != term]
     beta, expected = fitted.beta[term], 0.0

@@ -14,7 +14,7 @@ from estimator.whiteness import autocorrelation, whiteness
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.select import Finding, Option
-from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
@@ -119,8 +119,7 @@ def stands_out(
         if finding.gain < left or noise_left(source, fit, stream, slow=False) > GROSS:
             return False
     inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
-    threshold = float(np.log(alpha / max(source.families, 1)))
-    return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < threshold
+    return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < log_p_needed(source, alpha)
 
 
 def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remaining]:

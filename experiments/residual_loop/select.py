@@ -16,7 +16,7 @@ from estimator.score import (
     statistic_of,
 )
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.source import Fit, LocalFinding, Part, Source
+from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Source, log_p_needed
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -45,8 +45,6 @@ IMPLAUSIBLE = 10.0
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be.
 SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE = "slow noise", "no evidence", "impossible"
-#: Readings that have to be left, beyond the number of parameters.
-LEAST_SPARE = 3
 #: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
 _FORETOLD = 0.1
 #: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
@@ -162,36 +160,21 @@ def select(
     part : the data that may be used
     given : terms that are in the model from the start and stay there, with a first estimate
     """
-    threshold = float(np.log(alpha / max(source.families, 1)))
-    fit = source.fit(tuple(given or ()), given, part)
-    plain = fit
+    threshold = log_p_needed(source, alpha)
+    most, shortlist = (MOST_BESIDE, SHORTLIST_BESIDE) if given else (MOST_EFFECTS, SHORTLIST)
+    plain = fit = source.fit(tuple(given or ()), given, part)
     evidence = source.evidence(fit)
     stay = [term.key for term in fit.terms]
     plain_statistics = tuple(statistic_of(evidence, entry.name, stay) for entry in source.candidates)
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: dict[str, str] = {}
-    options: list[Option] = []
-    plain_local: tuple[LocalFinding, ...] = ()
-    looked_at: float | None = None
-    settled = searched = False
-    while True:
-        if fit.deviance != looked_at:
-            options, settled = _candidates(source, fit, evidence, threshold, refused)
-            looked_at = fit.deviance
-            searched = False
-        if not searched and not settled:
-            local = tuple(source.local_findings(fit))
-            options += [_local_option(found, evidence.noise_dof) for found in local]
-            plain_local = local if fit is plain else plain_local
-            searched = True
-        if len(findings) >= (MOST_BESIDE if given else MOST_EFFECTS):
-            break
+    first = offered = _Offered(source, fit, evidence, threshold, refused)
+    while len(findings) < most:
         full = sum(f.term.interval is not None for f in findings) >= MOST_LOCAL
-        open_to = [option for option in options if option.term.interval is None] if full else options
-        accepted = _best(source, fit, open_to, threshold, refused, SHORTLIST_BESIDE if given else SHORTLIST)
-        if accepted is None and not searched:  # what was to come before any interval did not stand
-            settled = False
+        accepted = _best(source, fit, offered.open_to(full), threshold, refused, shortlist)
+        if accepted is None and not offered.searched:  # what was to come before any interval did not stand
+            offered.search()
             continue
         if accepted is None:
             break
@@ -201,23 +184,51 @@ def select(
         findings.append(finding)
         refused = {key: why for key, why in refused.items() if why != SLOW_NOISE}  # of that model
         if unchanged:  # readings that were set aside beforehand now have a name
-            options = [option for option in options if option.term != finding.term]
+            offered.options = [option for option in offered.options if option.term != finding.term]
             continue
         if part == "all" and source.set_aside(fit):  # readings that the effect had hidden
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
-    findings = [_updated(finding, fit, evidence) for finding in findings]
+        offered = _Offered(source, fit, evidence, threshold, refused)
+    found = tuple(_updated(finding, fit, evidence) for finding in findings)
+    final_statistics = _statistics_of_the_others(source, fit, evidence)
+    # what lost its evidence in the refit is nothing; what could not be that effect still is something
+    passing = (o for o in offered.options if o.log_p < threshold and refused.get(o.term.key, IMPOSSIBLE) == IMPOSSIBLE)
+    left = tuple(sorted(passing, key=lambda o: o.log_p))
+    path = tuple(steps), tuple(offered.options)
+    return Selection(plain, fit, found, plain_statistics, tuple(first.local), final_statistics, left, *path)
+
+
+class _Offered:
+    """The options about one fit: the candidates, and the intervals once they are searched."""
+
+    def __init__(
+        self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
+    ) -> None:
+        self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
+        self.options, settled = _candidates(source, fit, evidence, threshold, refused)
+        self.local: Sequence[LocalFinding] = ()
+        self.searched = False
+        if not settled:
+            self.search()
+
+    def search(self) -> None:
+        """Add the best interval of each time-localised family."""
+        self.local = self._source.local_findings(self._fit)
+        self.options += [_local_option(found, self._noise_dof) for found in self.local]
+        self.searched = True
+
+    def open_to(self, full: bool) -> list[Option]:
+        """All of them, or where intervals enough have been found those that last."""
+        return [option for option in self.options if option.term.interval is None] if full else self.options
+
+
+def _statistics_of_the_others(source: Source, fit: Fit, evidence: Evidence) -> tuple[Statistic, ...]:
+    """Of every candidate that is not in the fit."""
     present = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
-    final_statistics = tuple(
-        statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names
-    )
-    # what lost its evidence in the refit is nothing; what could not be that effect still is something
-    passing = (o for o in options if o.log_p < threshold and refused.get(o.term.key, IMPOSSIBLE) == IMPOSSIBLE)
-    left = tuple(sorted(passing, key=lambda o: o.log_p))
-    path = tuple(steps), tuple(options)
-    return Selection(plain, fit, tuple(findings), plain_statistics, plain_local, final_statistics, left, *path)
+    return tuple(statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names)
 
 
 def _candidates(

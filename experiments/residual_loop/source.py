@@ -20,6 +20,10 @@ from sensors.effects import Effect
 Part = Literal["all", "fitting"]
 
 
+#: Readings that a fit must leave beyond its parameters: one through every reading proves nothing.
+LEAST_SPARE = 3
+
+
 @dataclass(frozen=True)
 class Fit:
     """A model with some effects in it, fitted to a part of the data in the effects' exact form.
@@ -180,3 +184,8 @@ class Source(Protocol):
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""
+
+
+def log_p_needed(source: Source, alpha: float) -> float:
+    """Logarithm of the p-value at which one of a source's hypotheses passes at family-wise error alpha."""
+    return float(np.log(alpha / max(source.families, 1)))

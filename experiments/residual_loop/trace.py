@@ -14,7 +14,7 @@ from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import CONFUSED, Finding, Selection, fit_without, select
-from experiments.residual_loop.source import Fit, LocalFinding, Source
+from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
 from sensors.errors import InputError
 
@@ -111,18 +111,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
-    fit, more = selection.final, list(suspects)
-    in_vain: set[Term] = set()
-    while len(more) < MOST_SUSPECTS:
-        passing = [one for one in _passing(source, fit, alpha) if one[0] not in in_vain]
-        if not passing:
-            break
-        with_it = _with(source, fit, *passing[0])
-        if with_it is not None and _is_missed(source, with_it, fit, *passing[0], alpha):
-            more.append(passing[0])
-            fit = with_it
-        else:
-            in_vain.add(passing[0][0])
+    fit, more = _more_suspects(source, selection.final, suspects, alpha)
     if len(more) > len(suspects):
         suspects = more
         beside = _beside(source, alpha, suspects)
@@ -139,12 +128,30 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     beside = replace(
         selection,
         plain=source.fit(()),  # of the readings that are left
-        final=final,
-        findings=tuple(replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term]) for f in findings),
+        findings=findings,
         plain_statistics=plain.statistics,
         plain_local=plain.local,
     )
-    return beside, suspects
+    return _with_final(beside, final), suspects
+
+
+def _more_suspects(
+    source: Source, fit: Fit, suspects: Sequence[tuple[Term, Statistic]], alpha: float
+) -> tuple[Fit, list[tuple[Term, Statistic]]]:
+    """The fit with every further probe that the data would miss, the strongest first; and all probes then."""
+    more, in_vain = list(suspects), set[Term]()
+    waiting = _passing(source, fit, alpha) if len(more) < MOST_SUSPECTS else []
+    while waiting and len(more) < MOST_SUSPECTS:
+        term, s = waiting.pop(0)
+        with_it = _with(source, fit, term, s) if term not in in_vain else None
+        if with_it is None or not _is_missed(source, with_it, fit, term, s, alpha):
+            in_vain.add(term)
+            continue
+        fit = with_it
+        more.append((term, s))
+        if len(more) < MOST_SUSPECTS:
+            waiting = _passing(source, fit, alpha)
+    return fit, more
 
 
 def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
@@ -268,7 +275,7 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     gain = without.deviance - fit.deviance
     log_p = source.log_p_beside_slow_noise(without, [term])[0]
     if np.isfinite(log_p):
-        return gain - s.dof >= DETECTABLE_LAMBDA and log_p < np.log(alpha / source.families)
+        return gain - s.dof >= DETECTABLE_LAMBDA and log_p < log_p_needed(source, alpha)
     noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
     return gain / noise - s.dof >= DETECTABLE_LAMBDA
 
