@@ -68,10 +68,9 @@ def one(out: Path, name: str) -> Grade:
     """Trace one recording and grade the report; what is there already is read."""
     recordings, path = out / "recordings", out / REPORTS / f"{name}.json"
     answer = hashlib.sha256((answers_folder(recordings) / name / ANSWER_FILE).read_bytes()).hexdigest()
-    if path.is_file():
-        before = json.loads(path.read_text(encoding="utf-8"))
-        if before.get("answer") == answer:
-            return graded(before["grade"])
+    kept = _kept(path)
+    if kept.get("answer") == answer:
+        return graded(kept["grade"])
     try:
         document = examine(recordings / name, index_of(recordings)[name])
     except InputError as error:  # a recording that the tracer refuses is one that it has not explained
@@ -80,6 +79,15 @@ def one(out: Path, name: str) -> Grade:
     kept = {"answer": answer, "report": document, "grade": asdict(result)}
     path.write_text(json.dumps(kept, indent=1), encoding="utf-8")
     return result
+
+
+def _kept(path: Path) -> dict[str, Any]:
+    """What an earlier run has left of a recording; nothing where it was stopped while it wrote."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    return kept if isinstance(kept, dict) else {}
 
 
 def refused(why: str) -> dict[str, Any]:

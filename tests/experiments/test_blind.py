@@ -272,6 +272,15 @@ def test_grade_of_another_recording_is_not_taken(tmp_path: Path) -> None:
     assert (first[0].hidden, first[0].duration) != (second[0].hidden, second[0].duration)
 
 
+@pytest.mark.parametrize("left", ['{"report": tr', "[1]", "{}"])
+def test_report_that_was_not_written_to_its_end_is_made_again(tmp_path: Path, left: str) -> None:
+    first = benchmark.run(tmp_path, 1, 3, "declared", ["one"], ["accel_poses"])
+    path = tmp_path / REPORTS / f"{first[0].run}.json"
+    path.write_text(left, encoding="utf-8")
+    assert benchmark.run(tmp_path, 1, 3, "declared", ["one"], ["accel_poses"])[0].named == first[0].named
+    assert graded(json.loads(path.read_text(encoding="utf-8"))["grade"]).hidden == first[0].hidden
+
+
 def test_grade_comes_back_from_its_file(poses: tuple[Path, list[Grade]]) -> None:
     out, found = poses
     row = json.loads((out / REPORTS / f"{found[0].run}.json").read_text(encoding="utf-8"))["grade"]
