@@ -753,6 +753,7 @@ def run_chunk(
                             h_other,
                             r_other,
                         )
+                    if len(W_white) > 1:  # asked for
                         for a in range(m):
                             W_white[rows] = y[a]
                             W_event[rows] = k

@@ -38,11 +38,13 @@ class Grade:
     hidden : names of the effects in it; of an effect outside the catalogue its own name
     named : names that the tracer gave
     verdict : of the tracer
-    information : predicted lambda of each hidden effect, the other hidden ones projected out; zero: not seen at all
-    missing : detectable hidden effects that were not named
+    information : predicted lambda of each hidden effect, all other candidates projected out; zero: not seen at all
+    class_information : the same, but for the candidates of its class, which are not projected out
+    joint_information : the same with the other hidden effects alone projected out
+    missing : hidden effects that were not named
     wrong : names that are not true
     wrong_outside_class : those that are not in a class with a hidden effect either
-    missing_outside_class : detectable hidden effects of which not even the class was named
+    missing_outside_class : hidden effects of which not even the class was named
     z : |error of beta| in sigma of each hidden effect that was named, in normal equivalents
     held_out_ratio : held-out error over that of the model that knew the effects; NaN where there is none
     strength : of an effect outside the catalogue, how many sigma its mark is in the plain readings
@@ -58,6 +60,8 @@ class Grade:
     named: tuple[str, ...]
     verdict: str
     information: tuple[float, ...]
+    class_information: tuple[float, ...]
+    joint_information: tuple[float, ...]
     missing: tuple[str, ...]
     wrong: tuple[str, ...]
     wrong_outside_class: tuple[str, ...]
@@ -70,8 +74,22 @@ class Grade:
 
     @property
     def detectable(self) -> bool:
-        """Whether every hidden effect can be found."""
-        return bool(self.information) and min(self.information) > DETECTABLE_LAMBDA
+        """Whether every hidden effect can be told from all other candidates."""
+        return _all_above(self.information)
+
+    @property
+    def class_detectable(self) -> bool:
+        """Whether the class of every hidden effect can be told from all other candidates."""
+        return _all_above(self.class_information)
+
+    @property
+    def jointly_detectable(self) -> bool:
+        """Whether every hidden effect could be found by one who knows that there is none but these."""
+        return _all_above(self.joint_information)
+
+
+def _all_above(information: Sequence[float]) -> bool:
+    return bool(information) and min(information) > DETECTABLE_LAMBDA
 
 
 def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
@@ -92,7 +110,7 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
     outside = answer["outside"]
     if outside is not None:
         allowed |= set(outside["acceptable"])
-    information: tuple[float, ...] = ()
+    lambdas: list[_Lambda] = []
     ratio = np.nan
     z: tuple[float, ...] = ()
     wrong = tuple(n for n in names if n not in allowed)
@@ -100,8 +118,8 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
     wrong_outside, missing_outside = wrong, missing
     if hidden:
         truth = _Truth(runs / name, answer)
-        information = truth.information()
-        missing = tuple(n for n, x in zip(hidden, information, strict=True) if x > DETECTABLE_LAMBDA and n not in names)
+        lambdas = truth.lambdas()
+        missing = tuple(n for n in hidden if n not in names)
         wrong_terms = [_term(e[0], e[1]) for e in named if e[0] in wrong]
         related = truth.related(wrong_terms)
         wrong_outside = tuple(n for n in wrong if not related.get(n))
@@ -111,8 +129,9 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
         ratio = truth.held_out_ratio(document["error"])
     return Grade(
         name, answer["kind"], answer["world"], answer["class"],
-        hidden if outside is None else (outside["name"],), names, str(document["verdict"]), information,
-        missing, wrong, wrong_outside, missing_outside, z, ratio,
+        hidden if outside is None else (outside["name"],), names, str(document["verdict"]),
+        tuple(x.of_all for x in lambdas), tuple(x.of_other_classes for x in lambdas),
+        tuple(x.of_hidden for x in lambdas), missing, wrong, wrong_outside, missing_outside, z, ratio,
         np.nan if outside is None else float(outside["strength"]), float(document["cpu_seconds"]),
         float(answer["duration"]),
     )  # fmt: skip
@@ -121,6 +140,26 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
 def _term(name: str, interval: Sequence[float] | None) -> Term:
     local = interval is not None and not name.endswith(".outliers")
     return Term(name, (float(interval[0]), float(interval[1])) if local and interval is not None else None)
+
+
+@dataclass(frozen=True)
+class _Lambda:
+    """beta' Lambda beta of one hidden effect with others projected out: all candidates; those of other classes; the
+    hidden ones.
+    """
+
+    of_all: float
+    of_other_classes: float
+    of_hidden: float
+
+    @classmethod
+    def alone(cls, value: float) -> _Lambda:
+        """Of an effect that no other resembles."""
+        return cls(value, value, value)
+
+
+def _in_one_class(evidence: Evidence, first: str, second: str) -> bool:
+    return squared_correlation(evidence, first, second) > CLASS_BOUND
 
 
 class _Truth:
@@ -161,22 +200,22 @@ class _Truth:
             return False
         return True
 
-    def evidence(self, fit: Fit) -> Evidence:
-        return self.source.evidence(fit, own_terms_only=True)
-
-    def information(self) -> tuple[float, ...]:
-        """beta' Lambda beta of each hidden effect that the model can have, else 0; outliers: their chi-square."""
-        evidence = self.evidence(self.fit)
+    def lambdas(self) -> list[_Lambda]:
+        """Of each hidden effect that the model can have, else 0; outliers: their chi-square."""
+        evidence = self.source.evidence(self.fit)
         keys = [t.key for t in self.in_mean]
         found = []
         for term, beta in self.terms.items():
             if not term.in_mean:
-                found.append(self._of_outliers(term))
+                found.append(_Lambda.alone(self._of_outliers(term)))
             elif term in self.in_mean:
-                found.append(predicted_lambda(evidence, term.key, beta, [k for k in keys if k != term.key]))
+                others = [key for key in evidence.names if key != term.key]
+                apart = [key for key in others if not _in_one_class(evidence, term.key, key)]
+                hidden = [key for key in keys if key != term.key]
+                found.append(_Lambda(*(predicted_lambda(evidence, term.key, beta, x) for x in (others, apart, hidden))))
             else:
-                found.append(0.0)
-        return tuple(found)
+                found.append(_Lambda.alone(0.0))
+        return found
 
     def _of_outliers(self, term: Term) -> float:
         """The chi-square of the readings that are wrong beyond doubt; none where readings are no residuals: turns and
@@ -197,12 +236,8 @@ class _Truth:
                 both = self.source.fit((*self.in_mean, term), {**self.in_mean})
             except (ValueError, np.linalg.LinAlgError):
                 continue
-            evidence = self.evidence(both)
-            near = tuple(
-                own.name for own in self.in_mean
-                if squared_correlation(evidence, own.key, term.key) > CLASS_BOUND
-            )  # fmt: skip
-            found[term.name] = near
+            evidence = self.source.evidence(both, own_terms_only=True)
+            found[term.name] = tuple(own.name for own in self.in_mean if _in_one_class(evidence, own.key, term.key))
         return found
 
     def deviations(self, named: Sequence[tuple[str, Any, FloatArray, FloatArray]]) -> tuple[float, ...]:

@@ -11,10 +11,12 @@ import numpy as np
 from experiments.blind.grade import SIGMAS, Grade
 
 #: What is asked of the tracer, in the words of the report.
-ONE, SEVERAL, CLASS, WRONG, ALARM, OUTSIDE, BETA, HELD_OUT, TIME = (
+ONE, SEVERAL, CLASS, ONE_JOINTLY, SEVERAL_JOINTLY, WRONG, ALARM, OUTSIDE, BETA, HELD_OUT, TIME = (
     "right effect alone, one hidden, detectable",
     "right effects alone, two or three hidden, detectable",
     "right within the class",
+    "right effect alone, one hidden, other candidates not projected out",
+    "right effects alone, two or three hidden, only those projected out",
     "wrong name",
     "named where there is none",
     "outside the catalogue: unexplained, or a true local name",
@@ -51,15 +53,18 @@ def table(grades: Sequence[Grade]) -> dict[str, dict[str, Any]]:
 
 def _of_world(grades: Sequence[Grade]) -> dict[str, Any]:
     hidden = [g for g in grades if g.what in ("one", "several")]
-    clear = [g for g in hidden if g.detectable]
-    z = [abs(z) for g in clear for z in g.z]
-    ratios = [g.held_out_ratio for g in clear if np.isfinite(g.held_out_ratio)]
+    of_class = [g for g in hidden if g.class_detectable]
+    joint = [g for g in hidden if g.jointly_detectable]
+    z = [abs(z) for g in joint for z in g.z]
+    ratios = [g.held_out_ratio for g in joint if np.isfinite(g.held_out_ratio)]
     pace = [60.0 * g.seconds / g.duration for g in grades if g.kind in ("flight", "hand")]
     outside = [g for g in grades if g.what == "outside" and g.strength > STRONG]
     return {
-        ONE: _rate([g for g in clear if g.what == "one"], right),
-        SEVERAL: _rate([g for g in clear if g.what == "several"], right),
-        CLASS: _rate(clear, lambda g: not g.wrong_outside_class and not g.missing_outside_class),
+        ONE: _rate([g for g in hidden if g.detectable and g.what == "one"], right),
+        SEVERAL: _rate([g for g in hidden if g.detectable and g.what == "several"], right),
+        CLASS: _rate(of_class, lambda g: not g.wrong_outside_class and not g.missing_outside_class),
+        ONE_JOINTLY: _rate([g for g in joint if g.what == "one"], right),
+        SEVERAL_JOINTLY: _rate([g for g in joint if g.what == "several"], right),
         WRONG: _rate(hidden, lambda g: bool(g.wrong_outside_class)),
         ALARM: _rate([g for g in grades if g.what == "none"], lambda g: bool(g.wrong)),
         OUTSIDE: _rate(outside, lambda g: g.verdict == "unexplained" or (bool(g.named) and not g.wrong)),
@@ -99,7 +104,7 @@ def text(rates: dict[str, dict[str, Any]]) -> str:
     lines = []
     for world, asked in rates.items():
         lines.append(f"world {names[world]}")
-        lines += [f"  {what:62} {shown(entry)}" for what, entry in asked.items()]
+        lines += [f"  {what:66} {shown(entry)}" for what, entry in asked.items()]
     return "\n".join(lines)
 
 

@@ -54,7 +54,7 @@ def blind_page(path: Path, grades: Sequence[Grade], document: Mapping[str, Any])
     page.heading("What is named, by what is hidden")
     page.figure(
         confusion(grades),
-        "Recordings with one detectable effect: how often (the number) what is hidden in the row was named as the "
+        "Recordings with one effect whose class is detectable: how often (the number) what is hidden in the row was named as the "
         "column. Blue, on the diagonal: right. Red: wrong. Orange: nothing was named. Grey: another name that is "
         "true too, such as the wrong readings that a rough recording has. Two names count in two columns.",
     )
@@ -90,7 +90,7 @@ def identification(grades: Sequence[Grade]) -> Figure:
 
 def confusion(grades: Sequence[Grade]) -> Figure:
     """Hidden against named, recordings with one detectable effect."""
-    clear = [g for g in grades if g.what == "one" and g.detectable]
+    clear = [g for g in grades if g.what == "one" and g.class_detectable]
     rows = sorted({g.hidden[0] for g in clear})
     columns = [*rows, *sorted({n for g in clear for n in g.named} - set(rows)), "nothing"]
     counts = Counter((g.hidden[0], name, _colour(g, name)) for g in clear for name in g.named or ("nothing",))

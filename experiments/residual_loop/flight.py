@@ -25,8 +25,19 @@ from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
 from experiments.residual_loop.least_squares_source import isolated_outliers
 from experiments.residual_loop.noise_left import slow_streams
-from experiments.residual_loop.onsets import Rows, best_onsets, log_p_beside_slow_noise, refined, slow_noise_steps
+from experiments.residual_loop.onsets import (
+    Rows,
+    Step,
+    best_onsets,
+    declared_step,
+    grid_of,
+    log_p_beside,
+    refined,
+    slow_noise_of,
+    slow_noise_steps,
+)
 from experiments.residual_loop.probes import probes_for
+from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, covariates_vary, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -63,6 +74,7 @@ class _State:
     journal: Journal
     betas: tuple[tuple[Effect, FloatArray], ...]
     motion: Motion
+    sensitivity: Sensitivity  # to the betas
 
 
 class FlightSource:
@@ -80,6 +92,7 @@ class FlightSource:
         self._as_recorded = recording
         self.recording, self.wrong = without_wrong_readings(recording, self.model)
         self._table = imu_table(self.recording, self.model)
+        self._steps: dict[Part, StepColumns] = {}
         t = self.recording.streams["imu"].t
         self._start, self._end = float(t[0]), float(t[-1])
         self._split = self._start + _FITTING_SHARE * (self._end - self._start)
@@ -151,7 +164,7 @@ class FlightSource:
         effects = [declaration(term) for term in terms if term.in_mean]
         beta = [np.asarray((start or {}).get(term, np.zeros(declaration(term).size))) for term in terms if term.in_mean]
         motion = self._plain_motion
-        best: tuple[float, list[FloatArray], Journal, Motion, FloatArray] | None = None
+        best: tuple[float, list[FloatArray], Journal, Motion, FloatArray, Sensitivity] | None = None
         halvings = 0
         for _ in range(_MOST_STEPS):
             try:
@@ -175,7 +188,7 @@ class FlightSource:
                 continue
             W, white = self._rows(sensitivity, journal, part)
             information = W.T @ W
-            best = (deviance, beta, journal, motion, information)
+            best = (deviance, beta, journal, motion, information, sensitivity)
             if not effects:
                 break
             step = self._step(information, W.T @ white, effects)
@@ -184,7 +197,7 @@ class FlightSource:
                 break
             beta = [b + s for b, s in zip(beta, np.split(step, np.cumsum([len(b) for b in beta])[:-1]), strict=True)]
         assert best is not None
-        deviance, beta, journal, motion, information = best
+        deviance, beta, journal, motion, information, sensitivity = best
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         splits = np.split(std, np.cumsum([len(b) for b in beta])[:-1]) if beta else []
@@ -193,7 +206,7 @@ class FlightSource:
         for term in terms:
             if not term.in_mean:
                 values[term], stds[term] = self._outlier_share(term)
-        state = _State(journal, tuple(zip(effects, beta, strict=True)), motion)
+        state = _State(journal, tuple(zip(effects, beta, strict=True)), motion, sensitivity)
         return Fit(tuple(terms), values, stds, deviance, part, state)
 
     def _settled(self, motion: Motion) -> Motion:
@@ -225,10 +238,11 @@ class FlightSource:
         effects: Sequence[Effect],
         beta: Sequence[FloatArray],
         motion: Motion,
+        recording: Recording | None = None,
     ) -> tuple[Journal, Sensitivity]:
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
-            self._started(self.recording, motion),
+            self._started(recording or self.recording, motion),
             self.model,
             candidates,
             pairs,
@@ -290,7 +304,9 @@ class FlightSource:
         """Of effects, the first of which are the fit's own with these names."""
         state = _state(fit)
         own = [effect for effect, _ in state.betas]
-        journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion)
+        journal, sensitivity = state.journal, state.sensitivity
+        if len(columns) > len(own):
+            journal, sensitivity = self._pass(columns, own, [b for _, b in state.betas], state.motion)
         W, white = self._rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._in_part(journal.t[sensitivity.event], fit.part)]
         block = np.minimum((_BLOCKS * (t - self._start) / (self._end - self._start)).astype(int), _BLOCKS - 1)
@@ -316,7 +332,7 @@ class FlightSource:
         state = _state(fit)
         worth = float(np.log(0.01 / self.families))
         stamps = {stream: self._stamps(stream) for stream in self._local_streams}
-        found = best_onsets(stamps, *self._span_of(fit), partial(self._local_rows, fit), len(state.journal.nu), worth)
+        found = best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), len(state.journal.nu), worth)
         named = {term.name for term in fit.terms}
         return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
 
@@ -330,13 +346,13 @@ class FlightSource:
             return term
         mine = self._columns_of(fit, term)
 
-        def rows_of(onsets: Sequence[Effect]) -> Rows:
-            return self._local_rows(fit, onsets).without(mine, fit.beta[term])
+        def rows_of(steps: Sequence[Step]) -> Rows:
+            return self._step_rows(fit, steps).without(mine, fit.beta[term])
 
         stream = term.name.split(".")[0]
         spacing = _RELOCATION * (self._end - self._start)
         stamps = self._stamps(stream)
-        best = refined(rows_of, effect(f"{stream}.step"), term.interval, spacing, stamps, *self._span_of(fit))
+        best = refined(rows_of, stream, term.interval, spacing, stamps, *self._span_of(fit))
         return replace(term, interval=best.interval)
 
     def set_aside(self, fit: Fit) -> bool:
@@ -360,21 +376,19 @@ class FlightSource:
     def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
         span = self._span_of(fit)
         steps = slow_noise_steps(stream, self._local_streams, span)
-        new = [declaration(term) for term in terms if term not in fit.beta]
-        parts = [*steps.values(), *([entry] for entry in new)]
-        rows = self._local_rows(fit, [entry for part in parts for entry in part])
-        ends = np.cumsum([sum(entry.size for entry in part) for part in parts])[:-1]
-        columns = iter(np.split(rows.wanted, ends, axis=1))
-        noise = {stream: next(columns) for stream in steps}
-        found = []
-        for term in terms:
-            if term in fit.beta:
-                mine = self._columns_of(fit, term)
-                one = replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
-            else:
-                one = replace(rows, wanted=next(columns))
-            found.append(log_p_beside_slow_noise(one, noise, stream, span))
-        return found
+        columns = {s: self._step_rows(fit, of_stream).wanted for s, of_stream in steps.items()}
+        rows = self._own_rows(fit)
+        new = [term for term in terms if term not in fit.beta]
+        found = {}
+        if new:
+            noise = slow_noise_of(rows, columns, stream, span)
+            for term, wanted in zip(new, self._columns(fit, [declaration(term) for term in new]), strict=True):
+                found[term] = log_p_beside(noise, replace(rows, wanted=wanted))
+        for term in set(terms) - set(new):
+            mine = self._columns_of(fit, term)
+            one = replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
+            found[term] = log_p_beside(slow_noise_of(one, columns, stream, span), one)
+        return [found[term] for term in terms]
 
     def _span_of(self, fit: Fit) -> tuple[float, float]:
         """Begin and end of the data of a fit [s]."""
@@ -389,15 +403,31 @@ class FlightSource:
     def _stamps(self, stream: str) -> FloatArray:
         return self.recording.streams["imu" if stream in ("accel", "gyro") else stream].t
 
-    def _local_rows(self, fit: Fit, onsets: Sequence[Effect]) -> Rows:
+    def _own_rows(self, fit: Fit) -> Rows:
+        """Of the fit's own terms, nothing wanted besides."""
         state = _state(fit)
-        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
-        journal, sensitivity = self._pass([*own, *onsets], own, beta, state.motion)
+        journal, sensitivity = state.journal, state.sensitivity
         W, white = self._rows(sensitivity, journal, fit.part)
-        width = sum(entry.size for entry in own)
         event = sensitivity.event[self._in_part(journal.t[sensitivity.event], fit.part)]
         sensor = np.array(journal.sensors)[journal.sensor[event]]
-        return Rows(W[:, :width], W[:, width:], white, sensor, journal.t[event])
+        return Rows(W, W[:, :0], white, sensor, journal.t[event])
+
+    def _step_rows(self, fit: Fit, steps: Sequence[Step]) -> Rows:
+        rows = self._own_rows(fit)
+        kept = self._steps.setdefault(fit.part, StepColumns(grid_of(self._span_of(fit))))
+        attitude = _state(fit).motion.q_nb
+        wanted = kept.of(rows, attitude, steps, lambda new: self._columns(fit, [declared_step(step) for step in new]))
+        return replace(rows, wanted=wanted)
+
+    def _columns(self, fit: Fit, effects: Sequence[Effect]) -> list[FloatArray]:
+        """(r, size) sensitivities to effects that are not in the fit, of each."""
+        if not effects:
+            return []
+        state = _state(fit)
+        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
+        journal, sensitivity = self._pass(effects, own, beta, state.motion)
+        W, _ = self._rows(sensitivity, journal, fit.part)
+        return np.split(W, np.cumsum([entry.size for entry in effects])[:-1], axis=1)
 
     def _outliers(self, state: _State) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""
@@ -405,9 +435,8 @@ class FlightSource:
 
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
-        betas: Any = list(state.betas)
-        recorded = self._started(self._as_recorded, state.motion)
-        journal = run_filter(recorded, self.model, betas, engine="numba", stride=0)
+        own, beta = [e for e, _ in state.betas], [b for _, b in state.betas]
+        journal, _ = self._pass([], own, beta, state.motion, self._as_recorded)
         found = []
         for stream, (before, count) in self.wrong.items():
             wrong = min(before, len(wrong_rows(journal, stream)))

@@ -57,8 +57,10 @@ class Rows:
         return replace(self, own=self.own[:, ~mine], white=self.white + self.own[:, mine] @ beta)
 
 
-#: effects over their intervals -> sensitivities to them
-Pass = Callable[[Sequence[Effect]], Rows]
+#: A stream, and the time from which on it is off [s].
+Step = tuple[str, float]
+#: steps -> sensitivities to them
+Pass = Callable[[Sequence[Step]], Rows]
 #: Innovations times columns that one pass may keep in memory.
 _MOST_ELEMENTS = 3e7
 
@@ -84,8 +86,7 @@ def best_onsets(
     for stream, family, best, searched in coarse:
         worth = log_p_value(best.gain, best.dof) + searched < refine_below
         if worth and best.gain > _WORTH_REFINING * strongest:
-            step = effect(f"{stream}.step")
-            best = refined(rows_of, step, best.interval, spacing, streams[stream], start, end)
+            best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
         if worth:
             log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof))
@@ -98,7 +99,7 @@ def _joints(
     streams: Mapping[str, FloatArray], start: float, end: float, rows_of: Pass, readings: int
 ) -> dict[str, _Joint]:
     """By stream, steps from each onset of a grid on, and from each reading at which the stream jumps."""
-    grid = np.linspace(start, end, _ONSETS + 1)[:-1]
+    grid = grid_of((start, end))
     joints: dict[str, _Joint] = {}
     for group in _groups(streams, readings):
         sizes = {stream: effect(f"{stream}.step").size for stream in group}
@@ -116,8 +117,18 @@ def _joints(
     return joints
 
 
-def _steps(stream: str, onsets: FloatArray) -> list[Effect]:
-    return [effect(f"{stream}.step").over(float(t), np.inf) for t in onsets]
+def _steps(stream: str, onsets: FloatArray) -> list[Step]:
+    return [(stream, float(t)) for t in onsets]
+
+
+def declared_step(step: Step) -> Effect:
+    """The declaration of a step."""
+    return effect(f"{step[0]}.step").over(step[1], np.inf)
+
+
+def grid_of(span: tuple[float, float]) -> FloatArray:
+    """Onsets over a span [s] among which intervals are searched first."""
+    return np.linspace(*span, _ONSETS + 1)[:-1]
 
 
 def _columns(rows: Rows, widths: Sequence[int]) -> list[Rows]:
@@ -147,31 +158,34 @@ def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = 
     return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
 
 
-def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, float]) -> dict[str, list[Effect]]:
+def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, float]) -> dict[str, list[Step]]:
     """Steps on a grid over the span, of a stream with slow noise and of those of `streams` that share its error."""
-    grid = np.linspace(*span, _ONSETS + 1)[:-1]
+    grid = grid_of(span)
     return {s: _steps(s, grid) for s in (stream, *_SHARED_ERROR.get(stream, ())) if s in streams}
 
 
-def log_p_beside_slow_noise(
-    rows: Rows, steps: Mapping[str, FloatArray], stream: str, span: tuple[float, float]
-) -> float:
-    """Logarithm of the p-value of an effect beside slow noise of a stream.
+def slow_noise_of(rows: Rows, steps: Mapping[str, FloatArray], stream: str, span: tuple[float, float]) -> SlowNoise:
+    """Slow noise of a stream beside the own terms of the rows.
 
     Parameters
     ----------
-    rows : `wanted` are the sensitivities to the effect
     steps : by stream, the sensitivities to `slow_noise_steps`
     stream : the one with slow noise
     span : begin and end of the data [s]
     """
-    grid = np.linspace(*span, _ONSETS + 1)[:-1]
-    joints = {}
-    for name, wanted in steps.items():
-        joints[name] = _Joint(replace(rows, wanted=wanted), effect(f"{name}.step").size, grid, len(grid), span)
-    alone = _Joint(rows, rows.wanted.shape[1], grid[:1], 1, span)
+    grid = grid_of(span)
+    joints = {
+        name: _Joint(replace(rows, wanted=wanted), effect(f"{name}.step").size, grid, len(grid), span)
+        for name, wanted in steps.items()
+    }
+    return _slow_noise(stream, joints)
+
+
+def log_p_beside(noise: SlowNoise, rows: Rows) -> float:
+    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, beside slow noise."""
+    alone = _Joint(rows, rows.wanted.shape[1], np.zeros(1))
     dof = int(alone.gain(np.array([[0, -1]]))[1][0])
-    return _slow_noise(stream, joints).log_p_beside(alone.W, dof)
+    return noise.log_p_beside(alone.W, dof)
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:
@@ -238,8 +252,9 @@ class _Joint:
     ) -> None:  # fmt: skip
         own, W, white = rows.own, rows.wanted, rows.white
         if own.shape[1]:
-            Q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300))[0]
-            W, white = W - Q @ (Q.T @ W), white - Q @ (Q.T @ white)
+            unit = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+            inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True)
+            W, white = W - unit @ (inverse @ (unit.T @ W)), white - unit @ (inverse @ (unit.T @ white))
         m = len(onsets)
         order = np.argsort(onsets, kind="stable")
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)
@@ -315,7 +330,7 @@ def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
 
 def refined(
     rows_of: Pass,
-    step: Effect,
+    stream: str,
     interval: tuple[float, float],
     spacing: float,
     stamps: FloatArray,
@@ -327,7 +342,7 @@ def refined(
     Parameters
     ----------
     rows_of : the sensitivity pass
-    step : the step of the stream
+    stream : of the step
     interval : to begin with [s]; to the end of the data: only the onset is searched
     spacing : how far the ends may be off [s]
     stamps : of the stream's readings [s]
@@ -340,7 +355,7 @@ def refined(
         first = near(a, spacing, stamps, start, end)
         last = np.array([]) if to_the_end else near(b, spacing, stamps, start, end)
         onsets = np.unique(np.concatenate([first, last]))
-        joint = _Joint(rows_of([step.over(float(t), np.inf) for t in onsets]), step.size, onsets)
+        joint = _Joint(rows_of(_steps(stream, onsets)), effect(f"{stream}.step").size, onsets)
         i = np.searchsorted(onsets, first)
         if to_the_end:
             pairs = np.stack([i, np.full(len(i), -1)], axis=1)

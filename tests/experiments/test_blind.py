@@ -23,8 +23,10 @@ from experiments.blind.rates import (
     CLASS,
     HELD_OUT,
     ONE,
+    ONE_JOINTLY,
     OUTSIDE,
     SEVERAL,
+    SEVERAL_JOINTLY,
     STRONG,
     TIME,
     WRONG,
@@ -139,20 +141,25 @@ def test_clopper_pearson(k: int, n: int, low: float, high: float) -> None:
 
 
 FOUND = Grade(
-    "run-0001", "flight", "declared", "one", ("mag.scale",), ("mag.scale",), "effects", (100.0,),
-    (), (), (), (), (1.0,), 1.05, float("nan"), 10.0, 60.0,
+    "run-0001", "flight", "declared", "one", ("mag.scale",), ("mag.scale",), "effects",
+    (100.0,), (100.0,), (100.0,), (), (), (), (), (1.0,), 1.05, float("nan"), 10.0, 60.0,
 )  # fmt: skip
 CLEAN = replace(
-    FOUND, what="none", hidden=(), named=(), verdict="no_effect", information=(), z=(), held_out_ratio=np.nan
-)
+    FOUND, what="none", hidden=(), named=(), verdict="no_effect", information=(), class_information=(), joint_information=(),
+    z=(), held_out_ratio=np.nan,
+)  # fmt: skip
 MISSED = replace(
     FOUND, named=(), missing=("mag.scale",), missing_outside_class=("mag.scale",), z=(), held_out_ratio=3.0
 )
 CONFUSED = replace(FOUND, named=("mag.cross_axis",), missing=("mag.scale",), wrong=("mag.cross_axis",), z=())
-FAINT = replace(MISSED, information=(0.9 * DETECTABLE_LAMBDA,), missing=(), missing_outside_class=())
+SAME, LITTLE = (100.0,), (0.9 * DETECTABLE_LAMBDA,)
+FAINT = replace(MISSED, information=LITTLE, class_information=LITTLE, joint_information=LITTLE)
+LIKE_ANOTHER_CLASS = replace(FAINT, joint_information=SAME)
+LIKE_ITS_CLASS = replace(CONFUSED, information=LITTLE)
 WRONG_NAME = replace(CONFUSED, wrong_outside_class=("mag.cross_axis",), missing_outside_class=("mag.scale",))
 TWO = replace(FOUND, what="several", hidden=("mag.scale", "baro.scale"), named=("baro.scale", "mag.scale"),
-              information=(100.0, 50.0), z=(1.0, 4.0))  # fmt: skip
+              information=(100.0, 50.0), class_information=(100.0, 50.0), joint_information=(100.0, 50.0),
+              z=(1.0, 4.0))  # fmt: skip
 ALARMED = replace(CLEAN, named=("baro.scale",), wrong=("baro.scale",), wrong_outside_class=("baro.scale",))
 STRANGE = replace(CLEAN, what="outside", hidden=("heartbeat",), verdict="unexplained", strength=2.0 * STRONG)
 
@@ -167,6 +174,10 @@ def rate(grades: Sequence[Grade], asked: str) -> tuple[int, int]:
     [
         (ONE, (FOUND, MISSED, CONFUSED, WRONG_NAME, CLEAN, TWO), (1, 4)),
         (ONE, (FOUND, FAINT), (1, 1)),
+        (ONE, (FOUND, LIKE_ANOTHER_CLASS, LIKE_ITS_CLASS), (1, 1)),
+        (CLASS, (FOUND, LIKE_ANOTHER_CLASS, LIKE_ITS_CLASS), (2, 2)),
+        (ONE_JOINTLY, (FOUND, FAINT, LIKE_ANOTHER_CLASS, LIKE_ITS_CLASS), (1, 3)),
+        (SEVERAL_JOINTLY, (TWO, replace(TWO, information=SAME), FOUND), (2, 2)),
         (SEVERAL, (TWO, FOUND), (1, 1)),
         (CLASS, (FOUND, CONFUSED, WRONG_NAME, MISSED), (2, 4)),
         (WRONG, (FOUND, CONFUSED, WRONG_NAME, ALARMED), (1, 3)),
@@ -241,7 +252,7 @@ def test_something_can_be_found_and_something_has_nothing(grades: list[Grade]) -
 
 
 def test_what_can_be_found_is_named(grades: list[Grade]) -> None:
-    assert [(g.run, g.missing) for g in grades if g.missing] == []
+    assert [(g.run, g.missing) for g in grades if g.jointly_detectable and g.missing] == []
 
 
 def test_nothing_wrong_is_named(grades: list[Grade]) -> None:
