@@ -387,9 +387,11 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     """The finding with its estimate in the final model."""
     term = finding.term
     beta = fit.beta[term]
-    information, spread = finding.information, 1.0
+    information, spread, std = finding.information, 1.0, fit.std[term]
     if term.in_mean:
         others = [t.key for t in fit.terms if t.in_mean and t != term]
         information = predicted_lambda(evidence, term.key, beta, others)
-        spread = float(np.sqrt(max(statistic_of(evidence, term.key, others).scatter, 1.0)))
-    return replace(finding, beta=beta, std=spread * fit.std[term], information=information, spread=spread)
+        s = statistic_of(evidence, term.key, others)
+        spread = float(np.sqrt(max(s.scatter, 1.0)))
+        std = np.where(np.isfinite(s.std), std, np.inf)
+    return replace(finding, beta=beta, std=spread * std, information=information, spread=spread)
