@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -153,6 +154,8 @@ def select(
     3. The shortlist is refitted in exact form; the strongest plausible one is accepted, and readings that it had hidden
        and that are wrong are set aside.
     4. An effect that another has made superfluous is dropped.
+    5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
+       are tried.
 
     Parameters
     ----------
@@ -177,7 +180,16 @@ def select(
             offered.search()
             continue
         if accepted is None:
-            break
+            pair = _pair(source, fit, evidence, threshold) if len(findings) + 2 <= most else None
+            if pair is None:
+                break
+            fit, both = pair
+            steps += [Step(plain_of_both, finding.term) for plain_of_both, finding in both]
+            findings += [finding for _, finding in both]
+            refused.clear()
+            evidence = source.evidence(fit)
+            offered = _Offered(source, fit, evidence, threshold, refused)
+            continue
         steps.append(Step(fit, accepted[1].term))
         unchanged = accepted[0].deviance == fit.deviance
         fit, finding = accepted
@@ -243,7 +255,7 @@ def _candidates(
     for entry in source.candidates:
         if entry.name not in names:
             s = statistic_of(evidence, entry.name, given)
-            options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta))
+            options.append(_option_of(s))
             settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
     return options, settled
 
@@ -300,6 +312,56 @@ def _best(
         if rival.deviance < chosen.deviance + CONFUSED and term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
+
+
+def _pair(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float
+) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
+    """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
+    the noise. The pair has to pass among all pairs, and in the refit each of them beside the other.
+
+    Returns
+    -------
+    the fit with both, and of each the fit without it and the finding
+    """
+    if evidence.noise_known:
+        return None
+    given = [term.key for term in fit.terms if term.in_mean]
+    names = [entry.name for entry in source.candidates if entry.name not in {term.name for term in fit.terms}]
+    pairs = []
+    for first, second in combinations(names, 2):
+        one, other = statistic_of(evidence, first, given), statistic_of(evidence, second, [*given, first])
+        gain = sum(_gain_of(s, evidence.noise_dof) for s in (one, other))
+        pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
+    if not pairs:
+        return None
+    log_p, one, other = min(pairs, key=lambda pair: pair[0])
+    searched = float(np.log(len(pairs)))
+    if log_p + searched > threshold:
+        return None
+    terms = Term(one.name), Term(other.name)
+    found = []
+    try:
+        both = source.fit((*fit.terms, *terms), {**fit.beta, terms[1]: other.beta}, fit.part)
+        for term, rest in (terms, terms[::-1]):
+            without = fit_without(source, both, term)
+            s = statistic_of(source.evidence(without), term.name, [*given, rest.key])
+            trial = _trial(source, without, _option_of(s))
+            if trial is None or trial[1].log_p + searched > threshold:
+                return None
+            found.append((without, trial[1]))
+    except InputError:  # no model follows from the two
+        return None
+    return both, found
+
+
+def _option_of(s: Statistic) -> Option:
+    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
+
+
+def _gain_of(s: Statistic, noise_dof: float) -> float:
+    """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
+    return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
 
 
 def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
