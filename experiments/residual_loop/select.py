@@ -11,6 +11,7 @@ import numpy as np
 from estimator.score import (
     Evidence,
     Statistic,
+    log_bayes_factor,
     log_p_of_deviance,
     log_p_value,
     predicted_lambda,
@@ -35,7 +36,8 @@ SHORTLISTS = 2
 SHORTLIST_BESIDE = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
-#: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
+#: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
+#: Bayes factor above 10 is "very strong" evidence).
 CONFUSED = 10.0
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
 #: sold, and ten of them is another instrument.
@@ -83,7 +85,8 @@ class Finding:
     ----------
     term, beta, std : the effect and its estimate in the final model
     log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
-    log_p_raw : the same without the scatter: by it effects are compared
+    log_p_raw : the same without the scatter
+    log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
     confused_with : names of effects that explain the data as well
@@ -95,6 +98,7 @@ class Finding:
     std: FloatArray
     log_p: float
     log_p_raw: float
+    log_odds: float
     gain: float
     information: float
     confused_with: tuple[str, ...]
@@ -282,9 +286,9 @@ def _best(
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
-    The scatter of the block scores decides what passes, the likelihood what is taken: two strong effects inflate each
-    other's scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did
-    not stand, and why.
+    The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
+    scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did not
+    stand, and why.
     """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
     if not passing:
@@ -303,13 +307,15 @@ def _best(
             key = option.term.key
             refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else NO_EVIDENCE
         return _best(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
-    trials.sort(key=lambda trial: trial[1].log_p_raw)
+    trials.sort(key=lambda trial: -trial[1].log_odds)
     chosen, finding = trials[0]
-    others = [(rival, other.term) for rival, other in trials[1:] if finding.term.in_mean and other.term.in_mean]
     rivals = tuple(
-        term.name
-        for rival, term in others
-        if rival.deviance < chosen.deviance + CONFUSED and term.name != finding.term.name
+        other.term.name
+        for _, other in trials[1:]
+        if finding.term.in_mean
+        and other.term.in_mean
+        and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
+        and other.term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
 
@@ -396,8 +402,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
         return refit, Finding(
-            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, gain, option.statistic, ()
-        )
+            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, -option.log_p_raw, gain,
+            option.statistic, (),
+        )  # fmt: skip
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
@@ -416,8 +423,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
     log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
-    finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
-    return refit, finding
+    log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
+    information = predicted_lambda(evidence, term.key, beta, others)
+    return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
