@@ -322,9 +322,10 @@ _PRIOR_DOF = 3.0
 def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: float, others: Sequence[str] = ()) -> float:
     """Logarithm of the odds for an effect against none, where both were as likely beforehand.
 
-    gain / 2 - log det(1 + L) / 2 - (nu + k) / 2 log(1 + z'z / nu),   in units of the plausible sizes: the likelihood, what
-    the data narrow the estimate by (Occam's factor, of Laplace's approximation), and Student's t of the size; directions
-    that the data do not see count with what the plausible size makes of them, z = (1 + L)^-1 L beta.
+    gain / 2 - log det(1 + L) / 2 - (nu + k) / 2 log(1 + z'z / nu),   in units of the plausible sizes
+
+    The likelihood, what the data narrow the estimate by (Occam's factor, of Laplace's approximation), and Student's t of
+    the size; directions that the data do not see count with what is left of them, z = (1 + L)^-1 L beta.
 
     Source: R. E. Kass, A. E. Raftery, J. Amer. Stat. Assoc. 90 (1995) 773.
 
