@@ -324,7 +324,7 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
 
     gain / 2 - log det(1 + L) / 2 - (nu + k) / 2 log(1 + z'z / nu),   in units of the plausible sizes
 
-    The likelihood, what the data narrow the estimate by (Occam's factor, of Laplace's approximation), and Student's t of
+    The likelihood, what the data narrow the estimate by (Occam's factor, of Laplace's approximation), Student's t of
     the size; directions that the data do not see count with what is left of them, z = (1 + L)^-1 L beta.
 
     Source: R. E. Kass, A. E. Raftery, J. Amer. Stat. Assoc. 90 (1995) 773.
