@@ -38,8 +38,8 @@ _ENDS_WITHIN = 3
 _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it foretells.
 _WORTH_LEAVING_OUT = 0.05
-#: Rows of the shortest disturbance: fewer are wrong readings.
-_SHORTEST = 3
+#: Rows of the shortest disturbance: fewer readings are wrong ones, and a turn has two rows.
+_SHORTEST, _SHORTEST_OF_SUMS = 3, 2
 #: By how much a search of the ends of an interval is finer than the one before.
 _FINER_ROUND = 25.0
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -302,7 +302,8 @@ class LeastSquaresSource:
         if self._problem.noise_known:
             return 1.0, np.inf, active
         freedom = max(float(np.sum(active) - columns), 1.0)
-        return float(np.sum(rows.residual[active] ** 2)) / freedom, freedom, active
+        noise = float(np.sum(rows.residual[active] ** 2)) / freedom
+        return noise or np.inf, freedom, active  # as many parameters as readings leave no noise, and prove nothing
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, nuisance parameters projected out."""
@@ -368,13 +369,16 @@ class LeastSquaresSource:
         calm = np.flatnonzero(~wrong[every])  # an interval must not live on one wrong reading
         scan, whole = scan_of(every[calm]), scan_of(every)
         t = self._problem.t[every]
+        instants = self._problem.instants
+        after_all = max(float(t[-1]) + _after(t), float(instants[-1]) + _after(instants))
+        shortest = _SHORTEST if self._problem.rows_are_readings else _SHORTEST_OF_SUMS
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
-            found = find_interval(scan, to_the_end, noise_dof, _SHORTEST, len(calm))
+            found = find_interval(scan, to_the_end, noise_dof, shortest, len(calm))
             if found is not None:  # but its ends are where all readings put them
                 ends = (int(calm[found.first]), int(calm[found.last - 1]) + 1 if found.last < len(calm) else len(t))
-                first, last = refine(whole, *ends, to_the_end, _SHORTEST, _ENDS_WITHIN, len(t))
-                end = float(t[last]) if last < len(t) else float(t[-1]) + _after(t)
+                first, last = refine(whole, *ends, to_the_end, shortest, _ENDS_WITHIN, len(t))
+                end = float(t[last]) if last < len(t) else after_all
                 term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
                 findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched))
         outliers = self._outlier_finding(fit, rows)

@@ -170,31 +170,40 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     taken the shape of the effect in the part that was fitted. Effects that together make the held-out error no smaller
     go too.
 
-    The last found is asked first: two effects that hide each other need each other.
+    The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
+    the fitting part knows nothing are not counted.
     """
-    terms = tested(source, selection, known_from_fitting(source, selection))
-    beta = {term: selection.final.beta[term] for term in terms}
-    fitted = source.fit(terms, beta, "fitting")
-    present = _held_out_squares(source, fitted)
+    known = known_from_fitting(source, selection)
+    asked = tested(source, selection, known)
+    model = {term: selection.final.beta[term] for term in selection.final.terms if term in known}
+    unknown = [term for term in selection.final.terms if term.interval is not None and term not in known]
+
+    def squares(fit: Fit) -> float:
+        return float(sum(np.sum(r.whitened**2) for r in held_out(_outside(source, fit, unknown))))
+
+    def fitted_without(*terms: Term) -> Fit:
+        rest = [term for term in model if term not in terms]
+        return source.fit(rest, {term: model[term] for term in rest}, "fitting")
+
+    fitted = fitted_without()
+    present = squares(fitted)
     dropped: list[Term] = []
-
-    def rest_of(term: Term) -> list[Term]:
-        return [other for other in terms if other is not term and other not in dropped]
-
-    for term in reversed(terms):
-        without = source.fit(rest_of(term), {t: beta[t] for t in rest_of(term)}, "fitting")
-        gain = _held_out_squares(source, without) - present
-        unseen = gain <= 0.0 and (not rest_of(term) or _would_show(source, fitted, term))
+    for term in reversed(asked):
+        without = fitted_without(term, *dropped)
+        gain = squares(without) - present
+        is_last = len(dropped) == len(asked) - 1
+        unseen = gain <= 0.0 and (is_last or _would_show(source, fitted, term))
         if unseen or gain <= _least_held_out_gain(source, fitted, term):
             dropped.append(term)
             fitted, present = without, present + gain
-    plain = _held_out_squares(source, source.fit((), part="fitting"))
-    while present >= plain and len(dropped) < len(terms):
-        last = next(term for term in reversed(terms) if term not in dropped)
-        fitted = source.fit(rest_of(last), {t: beta[t] for t in rest_of(last)}, "fitting")
-        present = _held_out_squares(source, fitted)
-        dropped.append(last)
-    return tuple(term for term in terms if term in dropped)
+    plain = squares(fitted_without(*asked)) if len(asked) > 1 else np.inf  # one alone was asked that
+    for last in reversed(asked):
+        if present < plain:
+            break
+        if last not in dropped:
+            dropped.append(last)
+            present = squares(fitted_without(*dropped))
+    return tuple(term for term in asked if term in dropped)
 
 
 def _would_show(source: Source, fitted: Fit, term: Term) -> bool:
@@ -233,8 +242,20 @@ def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
     return 0.5 * expected - 6.0 * float(np.sqrt(expected * noise))
 
 
-def _held_out_squares(source: Source, fit: Fit) -> float:
-    return float(sum(np.sum(r.whitened**2) for r in held_out(source.residuals(fit))))
+def _outside(source: Source, fit: Fit, local: Sequence[Term]) -> list[StreamResidual]:
+    """The residuals that are in none of the intervals of effects on their stream, or on one that has no residuals."""
+    found = []
+    residuals = source.residuals(fit)
+    streams = {r.stream for r in residuals}
+    for r in residuals:
+        keep = np.ones(len(r.t), dtype=bool)
+        for term in local:
+            assert term.interval is not None
+            if source.effect(term).stream in (streams - {r.stream}):
+                continue
+            keep &= (r.t < term.interval[0]) | (r.t >= term.interval[1])
+        found.append(r.rows(keep))
+    return found
 
 
 def _noise(source: Source, fit: Fit) -> float:
