@@ -37,7 +37,7 @@ _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it foretells.
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance: fewer are wrong readings.
-_SHORTEST = 3
+SHORTEST = 3
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
 
@@ -362,10 +362,10 @@ class LeastSquaresSource:
         t = self._problem.t[every]
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
-            found = find_interval(scan, to_the_end, noise_dof, _SHORTEST, len(calm))
+            found = find_interval(scan, to_the_end, noise_dof, SHORTEST, len(calm))
             if found is not None:  # but its ends are where all readings put them
                 ends = (int(calm[found.first]), int(calm[found.last - 1]) + 1 if found.last < len(calm) else len(t))
-                first, last = refine(whole, *ends, to_the_end, _SHORTEST, _ENDS_WITHIN, len(t))
+                first, last = refine(whole, *ends, to_the_end, SHORTEST, _ENDS_WITHIN, len(t))
                 end = float(t[last]) if last < len(t) else float(t[-1]) + _after(t)
                 term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
                 findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched))
@@ -393,8 +393,8 @@ class LeastSquaresSource:
         fitted = self._fitted(rows, terms)[index]
         found = wrong_poses(rows.residual[index], fitted, measured, self._problem.noise_known)
         in_time = np.argsort(self._problem.t[index[measured]], kind="stable")
-        alone = np.convolve(found.rows[measured][in_time].astype(int), np.ones(_SHORTEST, dtype=int), mode="valid")
-        if np.any(alone >= _SHORTEST):  # so many in a row are a disturbance
+        alone = np.convolve(found.rows[measured][in_time].astype(int), np.ones(SHORTEST, dtype=int), mode="valid")
+        if np.any(alone >= SHORTEST):  # so many in a row are a disturbance
             found = Deleted(np.zeros(len(index), dtype=bool), 0.0, 0.0)
         return index[found.rows], found
 
@@ -456,6 +456,10 @@ class LeastSquaresSource:
 
     def set_aside(self, fit: Fit) -> bool:
         """Never: each fit leaves out the readings that are wrong about it."""
+        return False
+
+    def set_aside_within(self, term: Term) -> bool:
+        """Never: the search has no interval as short as that."""
         return False
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
