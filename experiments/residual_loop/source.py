@@ -169,8 +169,8 @@ class Source(Protocol):
         """Take out readings that are wrong about this fit and were not seen before, for good; whether there are any."""
 
     def set_aside_within(self, term: Term) -> bool:
-        """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings and
-        no disturbance; whether they are.
+        """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings
+        and no disturbance; whether they are.
         """
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
