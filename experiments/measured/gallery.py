@@ -145,8 +145,9 @@ def published_words(entry: Entry, document: Mapping[str, Any]) -> str:
     shown = ", ".join(number(value) for value in values)
     for effect in document["effects"]:
         if effect["name"] == name:
-            apart = (np.array(effect["beta"]) - values) / np.array(effect["std"])
-            return f"{name} {shown} ({whose}): found {', '.join(f'{a:+.1f}' for a in apart)} sigma from it"
+            apart = (np.array(effect["beta"]) - values) / np.array(effect["std"], dtype=float)
+            told = ", ".join(f"{a:+.1f}" if np.isfinite(a) else "undetermined" for a in apart)
+            return f"{name} {shown} ({whose}): found {told} sigma from it"
     return f"{name} {shown} ({whose}): not found"
 
 

@@ -54,9 +54,9 @@ def blind_page(path: Path, grades: Sequence[Grade], document: Mapping[str, Any])
     page.heading("What is named, by what is hidden")
     page.figure(
         confusion(grades),
-        "Recordings with one effect whose class is detectable: how often (the number) what is hidden in the row was named as the "
-        "column. Blue, on the diagonal: right. Red: wrong. Orange: nothing was named. Grey: another name that is "
-        "true too, such as the wrong readings that a rough recording has. Two names count in two columns.",
+        "Recordings with one effect whose class is detectable: how often (the number) what is hidden in the row was "
+        "named as the column. Blue, on the diagonal: right. Red: wrong. Orange: nothing was named. Grey: another name "
+        "that is true too, such as the wrong readings that a rough recording has. Two names count in two columns.",
     )
     page.write(path)
 

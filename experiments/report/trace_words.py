@@ -145,10 +145,13 @@ def interval_words(effect: Mapping[str, Any]) -> str:
 def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Name, value with its sigma, and unit of every parameter of an effect, as `simulate --effect` takes them."""
     columns = zip(effect["parameters"], effect["beta"], effect["std"], effect["unit"], strict=True)
-    return [
-        (_parameter(effect, name), "not seen" if b == s == 0.0 else with_sigma(b, s), _unit(effect, unit))
-        for name, b, s, unit in columns
-    ]
+    return [(_parameter(effect, name), _value(b, s), _unit(effect, unit)) for name, b, s, unit in columns]
+
+
+def _value(b: float, s: float | None) -> str:
+    if s is None:
+        return f"{number(b)}, not determined"
+    return "not seen" if b == s == 0.0 else with_sigma(b, s)
 
 
 def _parameter(effect: Mapping[str, Any], name: str) -> str:

@@ -37,12 +37,12 @@ from experiments.residual_loop.onsets import (
     slow_noise_steps,
 )
 from experiments.residual_loop.probes import probes_for
-from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
+from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.term import Term, covariates_vary, declaration
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.covariates import covariates_for
-from sensors.effects import Effect, effect, effects_for
+from sensors.effects import Effect, effects_for
 from sensors.effects.streams import STREAMS
 from sensors.errors import InputError
 from sensors.motion import Motion

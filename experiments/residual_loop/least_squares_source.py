@@ -14,8 +14,10 @@ import numpy as np
 from scipy import stats
 
 from estimator.score import Evidence, Statistic, statistic_of
+from experiments.residual_loop import onsets
 from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
+from experiments.residual_loop.onsets import Step, declared_step, refined
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
@@ -38,6 +40,8 @@ _PROBE_SHARE = 0.4
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance: fewer are wrong readings.
 SHORTEST = 3
+#: By how much a search of the ends of an interval is finer than the one before.
+_FINER_ROUND = 25.0
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
 
@@ -86,6 +90,10 @@ class LinearProblem(Protocol):
     @property
     def t(self) -> FloatArray:
         """(rows,) time of each row [s]."""
+
+    @property
+    def instants(self) -> FloatArray:
+        """(n,) of the samples, of which a row may hold many [s]."""
 
     @property
     def rows_are_readings(self) -> bool:
@@ -467,8 +475,33 @@ class LeastSquaresSource:
         return [-np.inf] * len(terms)
 
     def relocated(self, fit: Fit, term: Term) -> Term:
-        """The term itself: its interval was searched reading by reading."""
-        return term
+        """The term with the ends of its interval where all samples put them, where a row holds many; else itself: its
+        interval was searched reading by reading.
+        """
+        if self._problem.rows_are_readings or term.interval is None:
+            return term
+        state = _state(fit)
+        active = state.used & ~state.wrong
+        others = [other for other in fit.terms if other.in_mean and other != term]
+
+        def rows_of(steps: Sequence[Step]) -> onsets.Rows:
+            wanted = [replace(declared_step(step), name=f"{step[0]}@{step[1]!r}") for step in steps]
+            rows = self._problem.rows(state.nuisance, fit.beta, wanted, known=True)
+            columns = np.hstack([rows.effects[entry.name] for entry in wanted])
+            white = rows.residual + rows.effects[term.key] @ fit.beta[term]
+            fitted = self._fitted(rows, {other: fit.beta[other] for other in others})
+            stream = np.full(int(np.sum(active)), self._problem.stream)
+            return onsets.Rows(fitted[active], columns[active], white[active], stream, self._problem.t[active])
+
+        t = np.unique(self._problem.t[active & self._measured])
+        stamps = self._problem.instants
+        spacing, interval = float(np.median(np.diff(t))), term.interval
+        sample = float(np.median(np.diff(stamps)))
+        while spacing > sample:
+            span = float(stamps[0]), interval[1] if interval[1] > t[-1] else float(stamps[-1])  # a step, or not
+            interval = refined(rows_of, self._problem.stream, interval, spacing, stamps, *span).interval
+            spacing /= _FINER_ROUND
+        return replace(term, interval=interval)
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all measured rows; wrong readings that the model names are left out."""

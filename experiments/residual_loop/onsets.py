@@ -32,6 +32,8 @@ _SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
 _FLOOR = 1e-3
 #: An onset this long before a reading includes it [s].
 _JUST_BEFORE = 1e-6
+#: Intervals whose gains differ by less than this are not told apart: of those the smallest offset is taken.
+_ALIKE = 1.0
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
 
@@ -341,6 +343,9 @@ def refined(
 ) -> _Best:
     """The interval on finer and finer grids, at last on the stamps of the readings themselves.
 
+    Where nothing is measured for a while, or only what an offset adds up to, many intervals explain the same: that with
+    the smallest offset is taken.
+
     Parameters
     ----------
     rows_of : the sensitivity pass
@@ -365,7 +370,8 @@ def refined(
             j = np.searchsorted(onsets, last)
             pairs = np.array([(p, q) for p in i for q in j if q > p])
         gain, dof, beta = joint.gain(pairs)
-        k = int(np.argmax(gain))
+        alike = np.flatnonzero(gain > np.max(gain) - _ALIKE)
+        k = int(alike[np.argmin(np.linalg.norm(beta[alike], axis=1))])
         a, b = _times(onsets, pairs[k], end)
         best = _Best((a, b), float(gain[k]), int(dof[k]), beta[k], joint.columns(pairs[k]))
         spacing /= _FINER

@@ -98,6 +98,11 @@ class NormPoses:
         return np.concatenate([self._t, self._prior_t])
 
     @property
+    def instants(self) -> FloatArray:
+        """(n,) of the readings [s]."""
+        return self._t
+
+    @property
     def noise_known(self) -> bool:
         """Whether the noise is declared."""
         return self._sigma is not None

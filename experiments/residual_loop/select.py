@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from estimator.score import (
     Evidence,
     Statistic,
+    log_bayes_factor,
     log_p_of_deviance,
     log_p_value,
     predicted_lambda,
@@ -34,7 +36,8 @@ SHORTLISTS = 2
 SHORTLIST_BESIDE = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
-#: Two models whose 2 log L differ by less than this are not told apart (Kass and Raftery 1995: 10 is "very strong").
+#: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
+#: Bayes factor above 10 is "very strong" evidence).
 CONFUSED = 10.0
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
 #: sold, and ten of them is another instrument.
@@ -82,7 +85,8 @@ class Finding:
     ----------
     term, beta, std : the effect and its estimate in the final model
     log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
-    log_p_raw : the same without the scatter: by it effects are compared
+    log_p_raw : the same without the scatter
+    log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
     confused_with : names of effects that explain the data as well
@@ -94,6 +98,7 @@ class Finding:
     std: FloatArray
     log_p: float
     log_p_raw: float
+    log_odds: float
     gain: float
     information: float
     confused_with: tuple[str, ...]
@@ -154,6 +159,8 @@ def select(
        and that are wrong are set aside. So are the readings of an interval too short for a disturbance, which is not
        accepted.
     4. An effect that another has made superfluous is dropped.
+    5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
+       are tried.
 
     Parameters
     ----------
@@ -178,7 +185,16 @@ def select(
             offered.search()
             continue
         if accepted is None:
-            break
+            pair = _pair(source, fit, evidence, threshold) if len(findings) + 2 <= most else None
+            if pair is None:
+                break
+            fit, both = pair
+            steps += [Step(plain_of_both, finding.term) for plain_of_both, finding in both]
+            findings += [finding for _, finding in both]
+            refused.clear()
+            evidence = source.evidence(fit)
+            offered = _Offered(source, fit, evidence, threshold, refused)
+            continue
         if part == "all" and source.set_aside_within(accepted[1].term):  # what lasted so short was no disturbance
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
             evidence, refused = source.evidence(fit), {}
@@ -256,7 +272,7 @@ def _candidates(
     for entry in source.candidates:
         if entry.name not in names:
             s = statistic_of(evidence, entry.name, given)
-            options.append(Option(Term(entry.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta))
+            options.append(_option_of(s))
             settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
     return options, settled
 
@@ -283,9 +299,9 @@ def _best(
 ) -> tuple[Fit, Finding] | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
-    The scatter of the block scores decides what passes, the likelihood what is taken: two strong effects inflate each
-    other's scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did
-    not stand, and why.
+    The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
+    scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did not
+    stand, and why.
     """
     passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
     if not passing:
@@ -304,15 +320,67 @@ def _best(
             key = option.term.key
             refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else NO_EVIDENCE
         return _best(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
-    trials.sort(key=lambda trial: trial[1].log_p_raw)
+    trials.sort(key=lambda trial: -trial[1].log_odds)
     chosen, finding = trials[0]
-    others = [(rival, other.term) for rival, other in trials[1:] if finding.term.in_mean and other.term.in_mean]
     rivals = tuple(
-        term.name
-        for rival, term in others
-        if rival.deviance < chosen.deviance + CONFUSED and term.name != finding.term.name
+        other.term.name
+        for _, other in trials[1:]
+        if finding.term.in_mean
+        and other.term.in_mean
+        and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
+        and other.term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=rivals)
+
+
+def _pair(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float
+) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
+    """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
+    the noise. The pair has to pass among all pairs, and in the refit each of them beside the other.
+
+    Returns
+    -------
+    the fit with both, and of each the fit without it and the finding
+    """
+    if evidence.noise_known:
+        return None
+    given = [term.key for term in fit.terms if term.in_mean]
+    names = [entry.name for entry in source.candidates if entry.name not in {term.name for term in fit.terms}]
+    pairs = []
+    for first, second in combinations(names, 2):
+        one, other = statistic_of(evidence, first, given), statistic_of(evidence, second, [*given, first])
+        gain = sum(_gain_of(s, evidence.noise_dof) for s in (one, other))
+        pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
+    if not pairs:
+        return None
+    log_p, one, other = min(pairs, key=lambda pair: pair[0])
+    searched = float(np.log(len(pairs)))
+    if log_p + searched > threshold:
+        return None
+    terms = Term(one.name), Term(other.name)
+    found = []
+    try:
+        both = source.fit((*fit.terms, *terms), {**fit.beta, terms[1]: other.beta}, fit.part)
+        for term, rest in (terms, terms[::-1]):
+            without = fit_without(source, both, term)
+            s = statistic_of(source.evidence(without), term.name, [*given, rest.key])
+            trial = _trial(source, without, _option_of(s))
+            if trial is None or trial[1].log_p + searched > threshold:
+                return None
+            found.append((without, trial[1]))
+    except InputError:  # no model follows from the two
+        return None
+    return both, found
+
+
+def _option_of(s: Statistic) -> Option:
+    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
+
+
+def _gain_of(s: Statistic, noise_dof: float) -> float:
+    """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
+    return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
 
 
 def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
@@ -347,8 +415,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     gain = fit.deviance - refit.deviance
     if not term.in_mean:
         return refit, Finding(
-            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, gain, option.statistic, ()
-        )
+            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, -option.log_p_raw, gain,
+            option.statistic, (),
+        )  # fmt: skip
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
@@ -367,8 +436,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
     log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
-    finding = Finding(term, beta, std, log_p, log_p_raw, gain, predicted_lambda(evidence, term.key, beta, others), ())
-    return refit, finding
+    log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
+    information = predicted_lambda(evidence, term.key, beta, others)
+    return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
@@ -400,9 +470,11 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     """The finding with its estimate in the final model."""
     term = finding.term
     beta = fit.beta[term]
-    information, spread = finding.information, 1.0
+    information, spread, std = finding.information, 1.0, fit.std[term]
     if term.in_mean:
         others = [t.key for t in fit.terms if t.in_mean and t != term]
         information = predicted_lambda(evidence, term.key, beta, others)
-        spread = float(np.sqrt(max(statistic_of(evidence, term.key, others).scatter, 1.0)))
-    return replace(finding, beta=beta, std=spread * fit.std[term], information=information, spread=spread)
+        s = statistic_of(evidence, term.key, others)
+        spread = float(np.sqrt(max(s.scatter, 1.0)))
+        std = np.where(np.isfinite(s.std), std, np.inf)
+    return replace(finding, beta=beta, std=spread * std, information=information, spread=spread)

@@ -178,7 +178,7 @@ def _of_what_is_left(source: Source, selection: Selection) -> Selection:
 def _with_final(selection: Selection, final: Fit) -> Selection:
     """The selection with the estimates of another fit of those of its effects that are in it."""
     findings = tuple(
-        replace(f, beta=final.beta[f.term], std=f.spread * final.std[f.term])
+        replace(f, beta=final.beta[f.term], std=np.where(np.isfinite(f.std), f.spread * final.std[f.term], np.inf))
         for f in selection.findings
         if f.term in final.beta
     )

@@ -9,6 +9,7 @@ The plain model is a bias that wanders. With the model inverted for w along the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,6 +33,8 @@ from sensors.motion import Motion
 _MOST_PASSES = 25
 _EPSILON = 1e-4  # rad/s, for the derivative of the effects by the true rate
 _CONVERGED = 1e-12  # rad/s
+#: Parts of a rest whose means are kept: what begins within a rest enters its mean by its share.
+_PARTS = 16
 
 
 class GyroTurns:
@@ -94,15 +97,19 @@ class GyroTurns:
         self._candidates = pose_candidates("gyro", motion, self._declared)
 
     def _take_rows(self, covariates: Mapping[str, FloatArray]) -> None:
-        """Keep the rows of the turns, turn after turn, then one mean row a pose: all that the residuals use."""
+        """Keep the rows of the turns, turn after turn, then means of parts of each pose: all that the residuals use."""
         log = self.log
         turns = log.turns
         ends = np.cumsum([turn.stop - turn.start for turn in turns])
         self._turn_rows = tuple(slice(int(b - (t.stop - t.start)), int(b)) for t, b in zip(turns, ends, strict=True))
         self._n_turning = int(ends[-1])
+        lengths = log.poses.stop - log.poses.start
+        parts = int(np.clip(np.min(lengths), 1, _PARTS))
+        edges = log.poses.start[:, None] + lengths[:, None] * np.arange(parts + 1) // parts
+        self._shares = np.diff(edges, axis=1) / lengths[:, None]
 
         def kept(values: FloatArray) -> FloatArray:
-            rests = [values[a:b].mean(axis=0)[None] for a, b in zip(log.poses.start, log.poses.stop, strict=True)]
+            rests = [values[a:b].mean(axis=0)[None] for row in edges for a, b in pairwise(row)]
             return np.concatenate([*(values[turn] for turn in turns), *rests])
 
         self._row_t, self._reading, self._f_b = kept(log.t), kept(log.reading), kept(log.f_b)
@@ -134,6 +141,11 @@ class GyroTurns:
     def t(self) -> FloatArray:
         """(rows,) s."""
         return self._t
+
+    @property
+    def instants(self) -> FloatArray:
+        """(n,) of the samples [s]."""
+        return self.log.t
 
     @property
     def candidates(self) -> tuple[Effect, ...]:
@@ -228,7 +240,7 @@ class GyroTurns:
         L = np.linalg.cholesky(self._turn_covariance(turns.rotation, across)[np.ix_(seen, seen)])
         r_turn, J_turn = r_turn[seen], J_turn[seen]
         poses = self.log.poses
-        r_rest, at_rest = w[self._n_turning :], D[self._n_turning :]
+        r_rest, at_rest = self._over_rests(w), self._over_rests(D)
         knots = self._walk.derivative(poses.t, at_rest[:, :, :3])
         J_rest = np.concatenate([at_rest[:, :, :3], knots, at_rest[:, :, 3:]], axis=2)
         sigma = np.repeat(self._sigma_rest, 3)
@@ -238,6 +250,11 @@ class GyroTurns:
         # rests are shown as the angle they would make over their own turn, so that both have one unit
         time = np.repeat(np.median(np.diff(poses.t)), len(sigma))
         return residual, J, np.concatenate([r_turn / g, (r_rest.ravel() * time)[rests]])
+
+    def _over_rests(self, values: FloatArray) -> FloatArray:
+        """(poses, ...) means over the rests."""
+        parts = values[self._n_turning :].reshape(*self._shares.shape, *values.shape[1:])
+        return np.asarray(np.einsum("pk,pk...->p...", self._shares, parts))
 
     def _by_knots(self, turns: Turns, D: FloatArray) -> FloatArray:
         """(turns, 3, 3 (knots - 1)) derivative of the predicted directions by the knots of the bias's walk."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.score import log_p_of_divided, log_p_value
+from estimator.score import Evidence, log_bayes_factor, log_p_of_divided, log_p_value
 
 DRAWS = 4000
 
@@ -29,3 +29,22 @@ def test_the_tail_is_that_of_chi_square_times_a_share() -> None:
 
 def test_without_scatter_it_is_chi_square() -> None:
     assert log_p_of_divided(7.0, 2, 1.0, 0) == log_p_value(7.0, 2)
+
+
+@pytest.mark.parametrize("z", [0.1, 0.5, 2.0, 6.0])
+def test_bayes_factor_against_the_integral(z: float) -> None:
+    """Student's t of the size times the likelihood, by quadrature; lambda = 40 and up."""
+    L, plausible = 40.0 / z**2 + 40.0, 0.05
+    evidence = Evidence(("a",), (1,), np.array([[[L / plausible**2]]]), np.zeros((1, 1)), np.array([plausible]))
+    x = np.linspace(z - 10.0 / np.sqrt(L), z + 10.0 / np.sqrt(L), 20001)
+    density = np.exp(-0.5 * L * (x - z) ** 2) * stats.t.pdf(x, 3)
+    integral = np.log(np.trapezoid(density, x)) + 0.5 * L * z**2
+    assert log_bayes_factor(evidence, "a", np.array([z * plausible]), L * z**2) == pytest.approx(integral, abs=0.3)
+
+
+def test_what_the_data_do_not_see_neither_helps_nor_harms() -> None:
+    """A component without information, wherever the fit has put it, beside one that is seen."""
+    L = np.array([[[100.0, 0.0], [0.0, 0.0]]])
+    evidence = Evidence(("a",), (2,), L, np.zeros((1, 2)), np.ones(2))
+    odds = [log_bayes_factor(evidence, "a", np.array([1.0, wild]), 100.0) for wild in (0.0, 1e3)]
+    assert odds[0] == pytest.approx(odds[1])

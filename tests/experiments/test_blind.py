@@ -145,8 +145,8 @@ FOUND = Grade(
     (100.0,), (100.0,), (100.0,), (), (), (), (), (1.0,), 1.05, float("nan"), 10.0, 60.0,
 )  # fmt: skip
 CLEAN = replace(
-    FOUND, what="none", hidden=(), named=(), verdict="no_effect", information=(), class_information=(), joint_information=(),
-    z=(), held_out_ratio=np.nan,
+    FOUND, what="none", hidden=(), named=(), verdict="no_effect", information=(), class_information=(),
+    joint_information=(), z=(), held_out_ratio=np.nan,
 )  # fmt: skip
 MISSED = replace(
     FOUND, named=(), missing=("mag.scale",), missing_outside_class=("mag.scale",), z=(), held_out_ratio=3.0

@@ -279,6 +279,20 @@ def test_two_strong_effects_do_not_pass_for_disturbances() -> None:
         assert not selection.findings[0].confused_with
 
 
+def test_two_effects_in_a_few_poses_of_unknown_noise() -> None:
+    """Each is noise to the other, and alone neither passes; among 12 sets of 20 poses none gives a third name."""
+    rng = np.random.default_rng(43)
+    found = 0
+    for _ in range(12):
+        problem = poses(rng, 20, 0.002, Term("accel.cross_axis"), (0.006, -0.004, 0.005), False, "accel")
+        warmth = problem.covariates["temperature"] - 25.0
+        problem.reading += np.outer(warmth, [0.005, -0.005, 0.004])
+        names = set(trace(LeastSquaresSource(problem)).selection.names)
+        assert names <= {"accel.cross_axis", "accel.temperature"}
+        found += len(names) == 2
+    assert found >= 11
+
+
 def test_ends_of_a_disturbance_are_no_outliers() -> None:
     """Beside a second effect, the ends are found within a reading and no reading near them is called wrong."""
     rng = np.random.default_rng(19)

@@ -1,0 +1,57 @@
+"""What begins within a turn or within a rest of a gyroscope's log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calibration.gyro import read_turns
+from experiments.residual_loop.least_squares_source import LeastSquaresSource
+from experiments.residual_loop.term import Term
+from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.turns import GyroTurns
+from sensors.arrays import FloatArray
+from tests.calibration.test_gyro import turned_log
+
+OFFSET = np.array([0.004, -0.003, 0.005])
+
+
+def source_with(offset: FloatArray, start: float, end: float, poses: int = 16) -> LeastSquaresSource:
+    """A rest of 2 s and a turn of 1 s each, at 100 Hz, with an offset of the gyroscope in an interval."""
+    t, accel, gyro = turned_log(np.random.default_rng(41), poses)
+    gyro = gyro + offset * ((t >= start) & (t < end))[:, None]
+    return LeastSquaresSource(GyroTurns("simulated", read_turns(t, accel, gyro, 9.8), True))
+
+
+@pytest.mark.parametrize("start", [20.5, 21.3], ids=["in a turn", "in a rest"])
+def test_a_step_is_found_where_it_begins(start: float) -> None:
+    found = trace(source_with(OFFSET, start, np.inf)).selection.findings
+    assert [f.term.name for f in found] == ["gyro.step"]
+    interval = found[0].term.interval
+    assert interval is not None
+    assert interval[0] == pytest.approx(start, abs=0.25)
+    assert np.all(np.abs(found[0].beta - OFFSET) < 4.0 * found[0].std)
+
+
+def test_share_of_a_rest() -> None:
+    """The mean of a rest takes up an offset by the share of the rest that it lasts."""
+    t, accel, gyro = turned_log(np.random.default_rng(41), 16)
+    log = read_turns(t, accel, gyro, 9.8)
+    problem = GyroTurns("simulated", log, True)
+    begin, end = log.t[log.poses.start[7]], log.t[log.poses.stop[7] - 1]
+
+    def mark(until: float) -> FloatArray:
+        term = Term("gyro.transient", (begin, until))
+        effects = problem.rows(problem.start(), {term: np.zeros(3)}, ()).effects[term.key]
+        return np.linalg.norm(effects[np.isclose(problem.t, log.poses.t[7])])
+
+    assert mark(begin + 0.25 * (end - begin)) == pytest.approx(0.25 * mark(end + 0.01), rel=0.1)
+
+
+def test_an_offset_within_one_turn_is_not_determined() -> None:
+    """Two residuals of one turn do not tell three components, and no end: no sigma then, which the report can say."""
+    source = source_with(20.0 * OFFSET, 20.2, 20.8)
+    result = trace(source)
+    assert [f.term.name for f in result.selection.findings] == ["gyro.transient"]
+    assert not np.all(np.isfinite(result.selection.findings[0].std))
+    assert None in report(source, result)["effects"][0]["std"]  # type: ignore[index]
