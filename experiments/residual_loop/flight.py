@@ -23,7 +23,7 @@ from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
-from experiments.residual_loop.least_squares_source import isolated_outliers
+from experiments.residual_loop.least_squares_source import SHORTEST, isolated_outliers
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
     Rows,
@@ -357,9 +357,27 @@ class FlightSource:
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
-        self.recording, more = without_wrong_rows(self.recording, self.model, _state(fit).journal)
-        self.wrong = {stream: (found + more.get(stream, 0), count) for stream, (found, count) in self.wrong.items()}
-        return bool(more)
+        return self._take_out(wrong_about(self.recording, self.model, _state(fit).journal))
+
+    def set_aside_within(self, term: Term) -> bool:
+        """Take out the readings in an interval that has fewer of them than the shortest disturbance.
+
+        The first reading of a stream does not leave its neighbours, which a wide prior draws after it.
+        """
+        stream = term.name.split(".")[0]
+        if term.interval is None or stream not in self.wrong:
+            return False
+        t = self._stamps(stream)
+        inside = np.flatnonzero((t >= term.interval[0]) & (t < term.interval[1]))
+        return len(inside) < SHORTEST and self._take_out({stream: inside})
+
+    def _take_out(self, wrong: Mapping[str, IntArray]) -> bool:
+        wrong = {stream: rows for stream, rows in wrong.items() if len(rows)}
+        self.recording = without_rows(self.recording, wrong)
+        for stream, rows in wrong.items():
+            found, count = self.wrong[stream]
+            self.wrong[stream] = found + len(rows), count
+        return bool(wrong)
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
@@ -534,25 +552,35 @@ def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Re
     found = {name: (0, len(recording.streams[name])) for name in model.sensors if name in recording.streams}
     for _ in range(2):  # what a gross one hides shows when it is gone
         journal = run_filter(recording, model.replace(relinearise=False), {}, engine="numba", stride=0)
-        recording, more = without_wrong_rows(recording, model, journal)
-        found = {name: (before + more.get(name, 0), count) for name, (before, count) in found.items()}
+        more = wrong_about(recording, model, journal)
+        recording = without_rows(recording, more)
+        found = {name: (before + len(more.get(name, ())), count) for name, (before, count) in found.items()}
         if not more:
             break
     return recording, found
 
 
-def without_wrong_rows(recording: Recording, model: FlightModel, journal: Journal) -> tuple[Recording, dict[str, int]]:
-    """The recording without the rows that are wrong in its journal, and how many those are by stream that has any."""
+def wrong_about(recording: Recording, model: FlightModel, journal: Journal) -> dict[str, IntArray]:
+    """The rows that are wrong in a recording's journal, by stream that has any."""
     wrong = {name: wrong_rows(journal, name) for name in model.sensors if name in recording.streams}
-    wrong = {name: rows for name, rows in wrong.items() if len(rows)}
-    if not wrong:
-        return recording, {}
-    streams = dict(recording.streams)
-    for name, rows in wrong.items():
-        keep = np.ones(len(streams[name]), dtype=bool)
-        keep[rows] = False
-        streams[name] = streams[name].rows(keep)
-    return recording.replace(streams=streams), {name: len(rows) for name, rows in wrong.items()}
+    return {name: rows for name, rows in wrong.items() if len(rows)}
+
+
+def without_rows(recording: Recording, rows: Mapping[str, IntArray]) -> Recording:
+    """The recording without some rows of its streams; itself where there are none."""
+    if not rows:
+        return recording
+    kept = {
+        name: recording.streams[name].rows(_all_but(len(recording.streams[name]), wrong))
+        for name, wrong in rows.items()
+    }
+    return recording.replace(streams={**recording.streams, **kept})
+
+
+def _all_but(count: int, rows: IntArray) -> BoolArray:
+    keep = np.ones(count, dtype=bool)
+    keep[rows] = False
+    return keep
 
 
 def _state(fit: Fit) -> _State:

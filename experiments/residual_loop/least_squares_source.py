@@ -39,7 +39,7 @@ _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it foretells.
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance: fewer readings are wrong ones, and a turn has two rows.
-_SHORTEST, _SHORTEST_OF_SUMS = 3, 2
+SHORTEST, _SHORTEST_OF_SUMS = 3, 2
 #: By how much a search of the ends of an interval is finer than the one before.
 _FINER_ROUND = 25.0
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -371,7 +371,7 @@ class LeastSquaresSource:
         t = self._problem.t[every]
         instants = self._problem.instants
         after_all = max(float(t[-1]) + _after(t), float(instants[-1]) + _after(instants))
-        shortest = _SHORTEST if self._problem.rows_are_readings else _SHORTEST_OF_SUMS
+        shortest = SHORTEST if self._problem.rows_are_readings else _SHORTEST_OF_SUMS
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
             found = find_interval(scan, to_the_end, noise_dof, shortest, len(calm))
@@ -405,8 +405,8 @@ class LeastSquaresSource:
         fitted = self._fitted(rows, terms)[index]
         found = wrong_poses(rows.residual[index], fitted, measured, self._problem.noise_known)
         in_time = np.argsort(self._problem.t[index[measured]], kind="stable")
-        alone = np.convolve(found.rows[measured][in_time].astype(int), np.ones(_SHORTEST, dtype=int), mode="valid")
-        if np.any(alone >= _SHORTEST):  # so many in a row are a disturbance
+        alone = np.convolve(found.rows[measured][in_time].astype(int), np.ones(SHORTEST, dtype=int), mode="valid")
+        if np.any(alone >= SHORTEST):  # so many in a row are a disturbance
             found = Deleted(np.zeros(len(index), dtype=bool), 0.0, 0.0)
         return index[found.rows], found
 
@@ -468,6 +468,10 @@ class LeastSquaresSource:
 
     def set_aside(self, fit: Fit) -> bool:
         """Never: each fit leaves out the readings that are wrong about it."""
+        return False
+
+    def set_aside_within(self, term: Term) -> bool:
+        """Never: the search has no interval as short as that."""
         return False
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:

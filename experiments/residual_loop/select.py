@@ -156,7 +156,8 @@ def select(
        each other's scatter, those that pass without it are tried, and have to pass with it after the refit. What slow
        noise of a stream explains is not tried.
     3. The shortlist is refitted in exact form; the strongest plausible one is accepted, and readings that it had hidden
-       and that are wrong are set aside.
+       and that are wrong are set aside. So are the readings of an interval too short for a disturbance, which is not
+       accepted.
     4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
@@ -172,7 +173,7 @@ def select(
     plain = fit = source.fit(tuple(given or ()), given, part)
     evidence = source.evidence(fit)
     stay = [term.key for term in fit.terms]
-    plain_statistics = tuple(statistic_of(evidence, entry.name, stay) for entry in source.candidates)
+    plain_statistics = _of_candidates(source, evidence, stay)
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: dict[str, str] = {}
@@ -193,6 +194,13 @@ def select(
             refused.clear()
             evidence = source.evidence(fit)
             offered = _Offered(source, fit, evidence, threshold, refused)
+            continue
+        if part == "all" and source.set_aside_within(accepted[1].term):  # what lasted so short was no disturbance
+            plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
+            evidence, refused = source.evidence(fit), {}
+            offered = _Offered(source, fit, evidence, threshold, refused)
+            if not findings:
+                first, plain_statistics = offered, _of_candidates(source, evidence, stay)
             continue
         steps.append(Step(fit, accepted[1].term))
         unchanged = accepted[0].deviance == fit.deviance
@@ -238,6 +246,11 @@ class _Offered:
     def open_to(self, full: bool) -> list[Option]:
         """All of them, or where intervals enough have been found those that last."""
         return [option for option in self.options if option.term.interval is None] if full else self.options
+
+
+def _of_candidates(source: Source, evidence: Evidence, given: Sequence[str]) -> tuple[Statistic, ...]:
+    """Of every candidate, about a plain model with the terms given."""
+    return tuple(statistic_of(evidence, entry.name, given) for entry in source.candidates)
 
 
 def _statistics_of_the_others(source: Source, fit: Fit, evidence: Evidence) -> tuple[Statistic, ...]:

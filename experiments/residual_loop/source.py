@@ -168,6 +168,11 @@ class Source(Protocol):
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit and were not seen before, for good; whether there are any."""
 
+    def set_aside_within(self, term: Term) -> bool:
+        """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings
+        and no disturbance; whether they are.
+        """
+
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a
         term of the fit as it is, of another to first order.

@@ -94,6 +94,33 @@ def test_wrong_readings_that_a_strong_effect_hides_are_no_transients() -> None:
         assert len(left.t) == len(wrong) - 5
 
 
+@pytest.mark.parametrize("stream", ["baro", "mag"])
+def test_a_wrong_first_reading_is_no_transient(stream: str) -> None:
+    """It sets the bias, whose prior is wide: those after it seem to be off as well."""
+    recording, _ = flown("square", 26)
+    readings = recording.streams[stream]
+    name = next(iter(readings.columns))
+    off = readings.columns[name].copy()
+    off[0] += 12.0 * recording.sensors[stream].noise_std
+    streams = {**recording.streams, stream: replace(readings, columns={**readings.columns, name: off})}
+    recording = recording.replace(streams=streams)
+    source = FlightSource(recording, flight_model(recording))
+    assert select(source).names == ()
+    assert source.wrong[stream][0] > 0
+
+
+def test_a_disturbance_of_a_few_readings_is_one() -> None:
+    recording, _ = flown("square", 26)
+    baro = recording.streams["baro"]
+    name = next(iter(baro.columns))
+    off = baro.columns[name].copy()
+    off[100:106] += 12.0 * recording.sensors["baro"].noise_std
+    recording = recording.replace(
+        streams={**recording.streams, "baro": replace(baro, columns={**baro.columns, name: off})}
+    )
+    assert select(FlightSource(recording, flight_model(recording))).names == ("baro.transient",)
+
+
 def test_no_effect_is_a_statement() -> None:
     """A clean flight: the report says so, and from which size on each effect would have been seen."""
     recording, _ = flown("square", 24)
