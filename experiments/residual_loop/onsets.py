@@ -25,8 +25,7 @@ _FINER = 5
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
 _WORTH_REFINING = 0.05
-#: Receivers whose errors are one and the same but for what each has alone. They last: orbits, clocks and the air change
-#: over minutes, reflections with the sky (P. Misra, P. Enge, Global Positioning System, 2nd ed., chapter 5).
+#: Receivers whose errors are one and the same but for what each has alone.
 _SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
@@ -158,8 +157,7 @@ def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = 
     own = joints[stream]
     parts = [own.cells(best), *(joints[s].cells() for s in _SHARED_ERROR.get(stream, ()) if s in joints)]
     mine = own.sensor == stream
-    mine = mine if np.any(mine) else np.ones(len(mine), dtype=bool)
-    return SlowNoise(tuple(parts), own.white, own.size, mine, presumed=stream in _SHARED_ERROR)
+    return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
 
 
 def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, float]) -> dict[str, list[Step]]:

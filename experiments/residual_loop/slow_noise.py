@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,8 +17,7 @@ _TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)
 #: Variances that are tried: logarithms of the largest share of a cell's information.
 _VARIANCES = np.logspace(-1.0, 6.0, 15)
 _ROUNDS = 2
-#: The noise is there where it gains more than this of 2 log L, and one law of it is rejected against another: the 5 %
-#: point of chi-square for its two parameters.
+#: The noise is there where it gains more than this of 2 log L: the 5 % point of chi-square for its two parameters.
 _NEEDED = 6.0
 #: Directions of an offset that are seen: share of the information of the best.
 _FLOOR = 1e-3
@@ -34,9 +32,6 @@ class SlowNoise:
     mean and once without; the difference of 2 log likelihood is what the effect explains beside the noise. It is judged
     by F, since the law of the noise is known from a number of cells alone. Where the data do not call for such noise
     once the effect is in the mean, neither with the declared white noise nor with that which is left, there is none.
-    Unless it is presumed, since such sensors have it: a short recording does not call for noise as slow as that. What
-    the effect explains is then the least beside any noise that the data do not reject (R. L. Berger, D. D. Boos,
-    J. American Statistical Association 89 (1994) 1012).
 
     Neglects what the noise changes within a cell.
 
@@ -47,14 +42,12 @@ class SlowNoise:
     white : (r,) whitened innovations
     size : components of the offset
     mine : (r,) the rows whose mean square is the noise
-    presumed : whether the noise is there though the data do not call for it
     """
 
     parts: tuple[tuple[FloatArray, FloatArray], ...]
     white: FloatArray
     size: int
     mine: BoolArray
-    presumed: bool = False
 
     @cached_property
     def _V(self) -> FloatArray:
@@ -102,17 +95,10 @@ class SlowNoise:
                     offset = estimate
                     at_best = C @ np.linalg.solve(root.T, y[:, 0] - y[:, 1:] @ estimate)
             needed |= max(beside) - beside[0] > _NEEDED  # with the offset in the model
-            gain = max(beside) - max(without) if needed else self._least(without, beside)
+            gain = max(beside) - max(without) if needed else beside[0]
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
         return gain, x.shape[0] if needed else 0
-
-    def _least(self, without: Sequence[float], beside: Sequence[float]) -> float:
-        """What the offset explains where the data do not call for noise, which may be there if it is presumed."""
-        if not self.presumed:
-            return beside[0]
-        open_still = max(beside) - _NEEDED
-        return min(b - a for a, b in zip(without, beside, strict=True) if b >= open_still)
 
     def _roots(self, L: FloatArray) -> list[FloatArray]:
         """Square roots of the covariances K that are tried."""

@@ -24,7 +24,7 @@ def markov(rng: np.random.Generator, tau: float, sigma: float) -> FloatArray:
     return x
 
 
-def best_gains(z: FloatArray, presumed: bool = False) -> tuple[float, float]:
+def best_gains(z: FloatArray) -> tuple[float, float]:
     """Gain of the best interval of the grid, plain and beside slow noise; a constant offset is free."""
     steps = (T[:, None] >= GRID).astype(float)
     steps -= steps.mean(axis=0)
@@ -34,7 +34,7 @@ def best_gains(z: FloatArray, presumed: bool = False) -> tuple[float, float]:
     gain = (columns.T @ z) ** 2 / np.maximum(np.sum(columns**2, axis=0), 1e-12)
     k = int(np.argmax(gain))
     V = steps - np.pad(steps[:, 1:], ((0, 0), (0, 1)))
-    noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool), presumed)
+    noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool))
     return float(gain[k]), noise.gain_beside(columns[:, k : k + 1])[0]
 
 
@@ -44,22 +44,6 @@ def test_slow_noise_is_not_taken_for_an_offset() -> None:
     plain, beside = np.array(pairs).T
     assert np.mean(plain > PASSES) > 0.5
     assert np.max(beside) < PASSES
-
-
-def test_weak_slow_noise_that_a_short_recording_does_not_call_for_is_presumed() -> None:
-    rng = np.random.default_rng(7)
-    noises = [rng.standard_normal(READINGS) + markov(rng, tau, 0.35) for tau in (10.0, 40.0) * 10]
-    called_for, presumed = (np.array([best_gains(z, presumed)[1] for z in noises]) for presumed in (False, True))
-    assert np.any(called_for > PASSES)
-    assert np.max(presumed) < PASSES
-    assert np.all(presumed <= called_for + 1e-9)
-
-
-def test_a_large_offset_is_seen_though_slow_noise_is_presumed() -> None:
-    rng = np.random.default_rng(8)
-    offset = 1.5 * ((GRID[8] <= T) & (GRID[15] > T))
-    _, beside = best_gains(rng.standard_normal(READINGS) + offset, presumed=True)
-    assert beside > PASSES
 
 
 def test_an_offset_among_white_noise_keeps_its_gain() -> None:
