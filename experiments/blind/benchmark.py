@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.blind.examine import examine, index_of
-from experiments.blind.grade import Grade, grade
+from experiments.blind.grade import REFUSED, Grade, grade
 from experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
 from sensors.errors import InputError
 
@@ -92,7 +92,7 @@ def _kept(path: Path) -> dict[str, Any]:
 
 def refused(why: str) -> dict[str, Any]:
     """The report of a recording that could not be read."""
-    return {"verdict": "refused", "why": why, "effects": [], "remaining": [], "cpu_seconds": 0.0,
+    return {"verdict": REFUSED, "why": why, "effects": [], "remaining": [], "cpu_seconds": 0.0,
             "error": {"stream": "", "after": {"rms": float("nan")}}}  # fmt: skip
 
 

@@ -22,6 +22,8 @@ from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 
+#: Verdict on a recording that the tracer cannot read.
+REFUSED = "refused"
 #: An estimate counts as right within so many of its sigma, per degree of freedom as for one normal number.
 SIGMAS = 3.0
 #: A reading counts as wrong from 6 sigma on; its own noise takes 2 off that at most.
@@ -114,12 +116,13 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
     ratio = np.nan
     z: tuple[float, ...] = ()
     wrong = tuple(n for n in names if n not in allowed)
-    missing: tuple[str, ...] = ()
+    missing = tuple(n for n in hidden if n not in names)
     wrong_outside, missing_outside = wrong, missing
-    if hidden:
+    if hidden and document["verdict"] == REFUSED:  # no model, no evidence
+        lambdas = [_Lambda.alone(0.0) for _ in hidden]
+    elif hidden:
         truth = _Truth(runs / name, answer)
         lambdas = truth.lambdas()
-        missing = tuple(n for n in hidden if n not in names)
         wrong_terms = [_term(e[0], e[1]) for e in named if e[0] in wrong]
         related = truth.related(wrong_terms)
         wrong_outside = tuple(n for n in wrong if not related.get(n))
