@@ -165,10 +165,9 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     """Effects that the held-out data that they act on do not bear out, the others in the model.
 
-    Without such an effect the held-out error is no larger, where an effect of its size would have shown, or where no
-    other is left; or it is larger, but by far less than the same beta ought to make of it: then something else has
-    taken the shape of the effect in the part that was fitted. Effects that together make the held-out error no smaller
-    go too.
+    Without such an effect the held-out error is no larger, though an effect of its size would have shown; or it is
+    larger, but by far less than the same beta ought to make of it: then something else has taken the shape of the
+    effect in the part that was fitted. An effect that the held-out part is too short to tell is left to its evidence.
 
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
@@ -191,18 +190,10 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     for term in reversed(asked):
         without = fitted_without(term, *dropped)
         gain = squares(without) - present
-        is_last = len(dropped) == len(asked) - 1
-        unseen = gain <= 0.0 and (is_last or _would_show(source, fitted, term))
+        unseen = gain <= 0.0 and _would_show(source, fitted, term)
         if unseen or gain <= _least_held_out_gain(source, fitted, term):
             dropped.append(term)
             fitted, present = without, present + gain
-    plain = squares(fitted_without(*asked)) if len(asked) > 1 else np.inf  # one alone was asked that
-    for last in reversed(asked):
-        if present < plain:
-            break
-        if last not in dropped:
-            dropped.append(last)
-            present = squares(fitted_without(*dropped))
     return tuple(term for term in asked if term in dropped)
 
 
