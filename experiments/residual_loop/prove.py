@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, predicted_lambda
+from estimator.score import DETECTABLE_LAMBDA, log_p_of_deviance, predicted_lambda
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.select import Selection
-from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.select import Finding, Selection
+from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, IntArray
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
@@ -159,49 +159,78 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
 
 
-def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects that the held-out data that they act on do not bear out, the others in the model.
-
-    Without such an effect the held-out error is no larger; or it is larger, but by far less than the same beta ought to
-    make of it: then something else has taken the shape of the effect in the part that was fitted.
+def rolled_back(source: Source, selection: Selection, alpha: float = 0.01) -> tuple[Term, ...]:
+    """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model.
 
     The last found is asked first: two effects that hide each other need each other.
+
+    Parameters
+    ----------
+    alpha : family-wise error at which the effects were found
     """
-    terms = tested(source, selection, known_from_fitting(source, selection))
+    known = known_from_fitting(source, selection)
+    terms = [term for term in selection.final.terms if term in known]
+    asked = tested(source, selection, known)
     beta = {term: selection.final.beta[term] for term in terms}
     fitted = source.fit(terms, beta, "fitting")
-    present = _held_out_squares(source, fitted)
+    needed = log_p_needed(source, alpha)
     dropped: list[Term] = []
-    for term in reversed(terms):
-        rest = [other for other in terms if other is not term and other not in dropped]
+    for finding in reversed([f for f in selection.findings if f.term in asked]):
+        rest = [other for other in terms if other != finding.term and other not in dropped]
         without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
-        squares = _held_out_squares(source, without)
-        if squares - present <= max(_least_held_out_gain(source, fitted, term), 0.0):
-            dropped.append(term)
-            fitted, present = without, squares
+        if not _is_borne_out(source, fitted, without, finding, needed):
+            dropped.append(finding.term)
+            fitted = without
     return tuple(reversed(dropped))
 
 
-def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
-    """Half of what the fitted beta predicts, lambda, less what chance takes off it: three times 2 sqrt(lambda noise).
+def _is_borne_out(source: Source, fitted: Fit, without: Fit, finding: Finding, needed: float) -> bool:
+    """Whether the held-out error is larger without an effect, and by what the same beta ought to make of it.
 
-    Least squares with an estimated noise level have no scale for it: 0.
+    With d the change of the whitened held-out residuals e when the effect is taken out, the gain is G = d'd + 2 d'e.
+    Of a true effect it has the mean d'd and, N the variance of the noise left and L what the effect gained on the
+    fitting part, whose estimate errs by 1 / sqrt(L) of itself, the variance 4 N d'd (1 + d'd / L). Where it is less
+    than half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part
+    that was fitted. Where the mean itself is not three sigma, the held-out part cannot speak for or against the effect
+    alone: both parts together do, by the test that the effect had to pass. Least squares with an estimated noise level
+    have no scale for any of this: the gain is then asked to be positive.
     """
+    gain, expected = _held_out_gain(source, fitted, without)
     if not source.noise_known:
-        return 0.0
-    part = source.evidence(fitted, own_terms_only=True)
-    whole = source.evidence(replace(fitted, part="all"), own_terms_only=True)
-    others = [t.key for t in fitted.terms if t.in_mean and t != term]
-    beta, expected = fitted.beta[term], 0.0
-    for evidence, sign in ((whole, 1.0), (part, -1.0)):
-        expected += sign * predicted_lambda(evidence, term.key, beta, others)
-    noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
-    expected = max(expected, 0.0)
-    return 0.5 * expected - 6.0 * float(np.sqrt(expected * noise))
+        return gain > 0.0
+    noise = noise_left(source, fitted, source.effect(finding.term).stream, slow=False)
+    on_fitting = without.deviance - fitted.deviance
+    sigma = 2.0 * np.sqrt(noise * expected * (1.0 + expected / max(on_fitting, 1e-300)))
+    if gain > 0.0 or expected > 3.0 * sigma:
+        return bool(gain > max(0.5 * expected - 3.0 * sigma, 0.0))
+    evidence = source.evidence(fitted, own_terms_only=True)
+    dof, search = len(finding.beta), 0.0
+    if finding.term.interval is not None:
+        search = max(finding.log_p_raw - log_p_of_deviance(evidence, finding.gain, dof), 0.0)
+    return log_p_of_deviance(evidence, on_fitting + gain, dof, noise) + search < needed
 
 
-def _held_out_squares(source: Source, fit: Fit) -> float:
-    return float(sum(np.sum(r.whitened**2) for r in held_out(source.residuals(fit))))
+def _held_out_gain(source: Source, fitted: Fit, without: Fit) -> tuple[float, float]:
+    """By how much the squares of the held-out readings that both fits have are larger without an effect, and the square
+    of the change of their residuals.
+    """
+    gain, change = 0.0, 0.0
+    for one, other in zip(source.residuals(without), source.residuals(fitted), strict=True):
+        mine, same = _rows_of_both(one, other)
+        held = one.held_out[mine] & other.held_out[same]
+        before, after = one.whitened[mine[held]], other.whitened[same[held]]
+        gain += float(np.sum(before**2) - np.sum(after**2))
+        change += float(np.sum((before - after) ** 2))
+    return gain, change
+
+
+def _rows_of_both(one: StreamResidual, other: StreamResidual) -> tuple[IntArray, IntArray]:
+    """Rows of the readings that are in both; a latency in a model moves all stamps of its stream alike."""
+    for late in (0.0, float(other.t[-1] - one.t[-1])):
+        _, mine, same = np.intersect1d(np.round(one.t + late, 6), np.round(other.t, 6), return_indices=True)
+        if len(mine):
+            break
+    return mine, same
 
 
 def _noise(source: Source, fit: Fit) -> float:
