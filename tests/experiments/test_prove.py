@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -16,6 +15,7 @@ from experiments.residual_loop.select import Finding, select
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from experiments.scenarios import load_scenario, parse_effect
+from sensors.arrays import FloatArray
 from sensors.effects import Effect, effect
 from sensors.simulate import simulate
 
@@ -38,14 +38,14 @@ class Whitened:
 
     noise_known = True
 
-    def __init__(self, e: Sequence[float], d: Sequence[float]) -> None:
-        self._with, self._without = np.array(e), np.array(e) + np.array(d)
+    def __init__(self, e: FloatArray, d: FloatArray) -> None:
+        self._with, self._without = e, e + d
 
     def effect(self, term: Term) -> Effect:
         return effect(term.name)
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
-        white = (self._with if TERM in fit.terms else self._without)[:, None]
+        white = np.asarray((self._with if TERM in fit.terms else self._without)[:, None], dtype=np.float64)
         return [StreamResidual("mag", np.arange(len(white)) * 1.0, white, white, np.ones(len(white), bool), "1", {})]
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> object:
