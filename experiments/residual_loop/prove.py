@@ -225,12 +225,18 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit) -> tuple[float, fl
 
 
 def _rows_of_both(one: StreamResidual, other: StreamResidual) -> tuple[IntArray, IntArray]:
-    """Rows of the readings that are in both; a latency in a model moves all stamps of its stream alike."""
-    for late in (0.0, float(other.t[-1] - one.t[-1])):
+    """Rows of the readings that are in both. A latency in a model moves all stamps of its stream alike, and may cost a
+    reading at either end: of the shifts that match the stamps, the one by which the residuals agree best, since the
+    noise of a reading is in both.
+    """
+    best, least = (np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)), np.inf
+    for late in (0.0, float(other.t[-1] - one.t[-1]), float(other.t[0] - one.t[0])):
         _, mine, same = np.intersect1d(np.round(one.t + late, 6), np.round(other.t, 6), return_indices=True)
-        if len(mine):
-            break
-    return mine, same
+        if len(mine) >= max(0.5 * len(other.t), 1.0):
+            change = float(np.mean((one.whitened[mine] - other.whitened[same]) ** 2))
+            if change < least:
+                best, least = (mine, same), change
+    return best
 
 
 def _noise(source: Source, fit: Fit) -> float:

@@ -46,7 +46,7 @@ class Whitened:
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
         white = np.asarray((self._with if TERM in fit.terms else self._without)[:, None], dtype=np.float64)
-        return [StreamResidual("mag", np.arange(len(white)) * 1.0, white, white, np.ones(len(white), bool), "1", {})]
+        return [StreamResidual("mag", np.arange(float(len(white))), white, white, np.ones(len(white), bool), "1", {})]
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> object:
         from estimator.score import Evidence
@@ -79,3 +79,16 @@ def test_the_held_out_part_is_heard_where_it_can_tell(
     without = Fit((), {}, {}, on_fitting, "fitting", None)
     finding = Finding(TERM, np.ones(1), np.ones(1), -50.0, -50.0, 100.0, 100.0, ())
     assert prove._is_borne_out(source, fitted, without, finding, NEEDED) == borne_out
+
+
+@pytest.mark.parametrize("late", [0.0, 0.07, 0.2])
+@pytest.mark.parametrize("lost", [None, 0, 10, 49])
+def test_readings_that_a_latency_moves_are_the_same_readings(late: float, lost: int | None) -> None:
+    """Also where it moves them by a whole number of their spacings, and where one is lost."""
+    t, white = 0.1 * np.arange(50.0), np.random.default_rng(2).standard_normal((50, 1))
+    keep = np.arange(50) != (50 if lost is None else lost)
+    one = StreamResidual("sonar", t, white, white, t > 3.0, "m", {})
+    moved = StreamResidual("sonar", t + late, white, 1.1 * white, t > 3.0, "m", {}).rows(keep)
+    mine, same = prove._rows_of_both(one, moved)
+    np.testing.assert_array_equal(mine, np.flatnonzero(keep))
+    np.testing.assert_array_equal(same, np.arange(np.sum(keep)))
