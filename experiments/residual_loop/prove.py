@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.score import DETECTABLE_LAMBDA, log_p_of_deviance, predicted_lambda
 from experiments.residual_loop.noise_left import noise_left
@@ -231,12 +232,21 @@ def _rows_of_both(one: StreamResidual, other: StreamResidual) -> tuple[IntArray,
     """
     best, least = (np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)), np.inf
     for late in (0.0, float(other.t[-1] - one.t[-1]), float(other.t[0] - one.t[0])):
-        _, mine, same = np.intersect1d(np.round(one.t + late, 6), np.round(other.t, 6), return_indices=True)
+        _, mine, same = np.intersect1d(_numbered(one.t + late), _numbered(other.t), return_indices=True)
         if len(mine) >= max(0.5 * len(other.t), 1.0):
             change = float(np.mean((one.whitened[mine] - other.whitened[same]) ** 2))
             if change < least:
                 best, least = (mine, same), change
     return best
+
+
+def _numbered(t: FloatArray) -> NDArray[np.complex128]:
+    """(n,) stamps to a microsecond, as real parts; those that are alike, as of the axes of one turn, are numbered."""
+    stamps, group = np.unique(np.round(t, 6), return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    number = np.empty(len(t))
+    number[order] = np.arange(len(t)) - np.searchsorted(group[order], group[order])
+    return np.asarray(stamps[group] + 1j * number, dtype=np.complex128)
 
 
 def _noise(source: Source, fit: Fit) -> float:

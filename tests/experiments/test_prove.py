@@ -92,3 +92,11 @@ def test_readings_that_a_latency_moves_are_the_same_readings(late: float, lost: 
     mine, same = prove._rows_of_both(one, moved)
     np.testing.assert_array_equal(mine, np.flatnonzero(keep))
     np.testing.assert_array_equal(same, np.arange(np.sum(keep)))
+
+
+def test_readings_of_one_stamp_are_all_compared() -> None:
+    """The three axes of a turn have one time."""
+    t, white = np.repeat([7.785, 16.36, 25.1], 3), np.random.default_rng(3).standard_normal((9, 1))
+    one = StreamResidual("gyro", t, white, white, t > 10.0, "rad", {})
+    for rows in prove._rows_of_both(one, one):
+        np.testing.assert_array_equal(rows, np.arange(9))
