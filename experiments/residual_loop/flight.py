@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -325,6 +326,46 @@ class FlightSource:
             np.concatenate(plausible) if plausible else np.zeros(0),
         )
 
+    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
+        """First estimates of candidates in whose regressor there is a place that no sensor measures.
+
+        A slope of the ground under a dead-reckoned position: with the slope in the model the range measures the
+        position too, without it the regressor runs along a path that is metres off. The score at zero is then blind to
+        it, and the likelihood has several maxima. So it is asked at one plausible size in every direction, after the
+        motion has followed, and the best is where to start.
+        """
+        if {"gps", "base"} & set(self.model.sensors):
+            return {}
+        named = {term.name for term in fit.terms}
+        found = {}
+        for entry in self._candidates:
+            if entry.name not in named and self._goes_with_place(entry):
+                tried = [(self._deviance_at(fit, entry, beta), beta) for beta in directions_of(entry)]
+                deviance, beta = min(tried, key=lambda one: one[0])
+                if deviance < fit.deviance:
+                    found[Term(entry.name)] = beta
+        return found
+
+    def _goes_with_place(self, entry: Effect) -> bool:
+        """Whether an effect is another one where the whole path lies elsewhere above the ground."""
+        if entry.stream not in self.model.sensors:
+            return False
+        along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._plain_motion)
+        elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
+        return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
+
+    def _deviance_at(self, fit: Fit, entry: Effect, beta: FloatArray) -> float:
+        """-2 log L of the fit with one more effect, of this size, the others as they are."""
+        state = _state(fit)
+        effects, betas = [*(e for e, _ in state.betas), entry], [*(b for _, b in state.betas), beta]
+        try:
+            journal, _ = self._pass([], effects, betas, state.motion)
+            motion = reference_motion(self.recording, journal, self._terms(effects, betas), self._table)
+            journal, _ = self._pass([], effects, betas, motion)
+        except InputError:  # no state or covariance follows
+            return float(np.inf)
+        return self._deviance(journal, fit.part)
+
     # ---- localised effects
 
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
@@ -531,6 +572,12 @@ class FlightSource:
         mine = sensor == stream
         t = journal.t[sensitivity.event][mine]
         return Signature(stream, t, predicted[mine], sensitivity.white[mine], "sigma")
+
+
+def directions_of(entry: Effect) -> list[FloatArray]:
+    """Betas of one plausible size along every axis and diagonal."""
+    signs = np.array([one for one in product((-1.0, 0.0, 1.0), repeat=entry.size) if any(one)])
+    return list(signs / np.linalg.norm(signs, axis=1, keepdims=True) * entry.plausible)
 
 
 def wrong_rows(journal: Journal, sensor: str) -> IntArray:

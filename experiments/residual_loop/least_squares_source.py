@@ -347,6 +347,10 @@ class LeastSquaresSource:
 
     # ---- localised effects
 
+    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
+        """None: every regressor is known."""
+        return {}
+
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best step, the best transient, and the wrong readings, about the fit."""
         state = _state(fit)

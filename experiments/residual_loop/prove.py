@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
+from estimator.score import DETECTABLE_LAMBDA, log_p_of_deviance, predicted_lambda
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.select import Selection
-from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.select import Finding, Selection
+from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, IntArray
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
-#: An effect that is there lowers the held-out error in all but one of forty cases by more than what is foretold less so
-#: many sigma.
-_WOULD_SHOW = 2.0
 
 
 @dataclass(frozen=True)
@@ -162,91 +160,111 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
 
 
-def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects that the held-out data that they act on do not bear out, the others in the model.
-
-    Without such an effect the held-out error is no larger, though an effect of its size would have shown; or it is
-    larger, but by far less than the same beta ought to make of it: then something else has taken the shape of the
-    effect in the part that was fitted. An effect that the held-out part is too short to tell is left to its evidence.
+def rolled_back(source: Source, selection: Selection, alpha: float = 0.01) -> tuple[Term, ...]:
+    """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model.
 
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
+
+    Parameters
+    ----------
+    alpha : family-wise error at which the effects were found
     """
     known = known_from_fitting(source, selection)
+    terms = [term for term in selection.final.terms if term in known]
     asked = tested(source, selection, known)
-    model = {term: selection.final.beta[term] for term in selection.final.terms if term in known}
+    beta = {term: selection.final.beta[term] for term in terms}
+    fitted = source.fit(terms, beta, "fitting")
+    needed = log_p_needed(source, alpha)
     unknown = [term for term in selection.final.terms if term.interval is not None and term not in known]
-
-    def squares(fit: Fit) -> float:
-        return float(sum(np.sum(r.whitened**2) for r in held_out(_outside(source, fit, unknown))))
-
-    def fitted_without(*terms: Term) -> Fit:
-        rest = [term for term in model if term not in terms]
-        return source.fit(rest, {term: model[term] for term in rest}, "fitting")
-
-    fitted = fitted_without()
-    present = squares(fitted)
     dropped: list[Term] = []
-    for term in reversed(asked):
-        without = fitted_without(term, *dropped)
-        gain = squares(without) - present
-        unseen = gain <= 0.0 and _would_show(source, fitted, term)
-        if unseen or gain <= _least_held_out_gain(source, fitted, term):
-            dropped.append(term)
-            fitted, present = without, present + gain
-    return tuple(term for term in asked if term in dropped)
+    for finding in reversed([f for f in selection.findings if f.term in asked]):
+        rest = [other for other in terms if other != finding.term and other not in dropped]
+        without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
+        if not _is_borne_out(source, fitted, without, finding, needed, unknown):
+            dropped.append(finding.term)
+            fitted = without
+    return tuple(reversed(dropped))
 
 
-def _would_show(source: Source, fitted: Fit, term: Term) -> bool:
-    """Whether an effect as it was fitted, if it is there, lowers the held-out error beyond what chance takes off that.
+def _is_borne_out(
+    source: Source, fitted: Fit, without: Fit, finding: Finding, needed: float, unknown: Sequence[Term]
+) -> bool:
+    """Whether the held-out error is larger without an effect, and by what the same beta ought to make of it.
 
-    With L_h and L_f the information of the held-out and of the fitting part, the error falls by beta' L_h beta less the
-    share tr(L_h L_f^-1) that the error of the estimate gives back, and scatters by twice the root of their sum.
+    With d the change of the whitened held-out residuals e when the effect is taken out, the gain is G = d'd + 2 d'e.
+    Of a true effect it has the mean d'd and, N the variance of the noise left and L what the effect gained on the
+    fitting part, whose estimate errs by 1 / sqrt(L) of itself, the variance 4 N d'd (1 + d'd / L). Where it is less
+    than half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part
+    that was fitted. Where the mean itself is not three sigma, the held-out part cannot speak for or against the effect
+    alone: both parts together do, by the test that the effect had to pass.
     """
-    whole = source.fit(fitted.terms, fitted.beta)
-    others = [t.key for t in fitted.terms if t.in_mean and t != term]
-    of_all, of_part = (
-        project_out(source.evidence(fit, own_terms_only=True), term.key, others)[0].sum(axis=0)
-        for fit in (whole, fitted)
-    )
-    held, beta = of_all - of_part, fitted.beta[term]
-    foretold = max(float(beta @ held @ beta), 0.0)
-    given_back = max(float(np.trace(np.linalg.pinv(of_part, hermitian=True) @ held)), 0.0)
-    return foretold - given_back > _WOULD_SHOW * 2.0 * float(np.sqrt(foretold + given_back))
+    gain, expected = _held_out_gain(source, fitted, without, unknown)
+    on_fitting = without.deviance - fitted.deviance
+    if source.noise_known:
+        noise = noise_left(source, fitted, source.effect(finding.term).stream, slow=False)
+        on_fitting /= noise
+    else:
+        noise = _noise_of_fitting(source, fitted)
+    gain, expected = gain / noise, expected / noise
+    sigma = 2.0 * np.sqrt(expected * (1.0 + expected / max(on_fitting, 1e-300)))
+    if gain > 0.0 or expected > 3.0 * sigma:
+        return bool(gain > max(0.5 * expected - 3.0 * sigma, 0.0))
+    evidence = source.evidence(fitted, own_terms_only=True)
+    dof, search = len(finding.beta), 0.0
+    if finding.term.interval is not None:
+        search = max(finding.log_p_raw - log_p_of_deviance(evidence, finding.gain, dof), 0.0)
+    return log_p_of_deviance(evidence, on_fitting + gain, dof) + search < needed
 
 
-def _least_held_out_gain(source: Source, fitted: Fit, term: Term) -> float:
-    """Half of what the fitted beta predicts, lambda, less what chance takes off it: three times 2 sqrt(lambda noise).
-
-    Least squares with an estimated noise level have no scale for it.
+def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[Term]) -> tuple[float, float]:
+    """By how much the squares of the held-out readings that both fits have are larger without an effect, and the square
+    of the change of their residuals; intervals that are not known are left out.
     """
-    if not source.noise_known:
-        return -np.inf
-    part = source.evidence(fitted, own_terms_only=True)
-    whole = source.evidence(replace(fitted, part="all"), own_terms_only=True)
-    others = [t.key for t in fitted.terms if t.in_mean and t != term]
-    beta, expected = fitted.beta[term], 0.0
-    for evidence, sign in ((whole, 1.0), (part, -1.0)):
-        expected += sign * predicted_lambda(evidence, term.key, beta, others)
-    noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
-    expected = max(expected, 0.0)
-    return 0.5 * expected - 6.0 * float(np.sqrt(expected * noise))
-
-
-def _outside(source: Source, fit: Fit, local: Sequence[Term]) -> list[StreamResidual]:
-    """The residuals that are in none of the intervals of effects on their stream, or on one that has no residuals."""
-    found = []
-    residuals = source.residuals(fit)
-    streams = {r.stream for r in residuals}
-    for r in residuals:
-        keep = np.ones(len(r.t), dtype=bool)
-        for term in local:
+    gain, change = 0.0, 0.0
+    streams = {r.stream for r in source.residuals(fitted)}
+    for one, other in zip(source.residuals(without), source.residuals(fitted), strict=True):
+        mine, same = _rows_of_both(one, other)
+        held = one.held_out[mine] & other.held_out[same]
+        for term in unknown:
             assert term.interval is not None
-            if source.effect(term).stream in (streams - {r.stream}):
-                continue
-            keep &= (r.t < term.interval[0]) | (r.t >= term.interval[1])
-        found.append(r.rows(keep))
-    return found
+            if source.effect(term).stream not in streams - {one.stream}:  # its own, or one that has no residuals
+                held &= (one.t[mine] < term.interval[0]) | (one.t[mine] >= term.interval[1])
+        before, after = one.whitened[mine[held]], other.whitened[same[held]]
+        gain += float(np.sum(before**2) - np.sum(after**2))
+        change += float(np.sum((before - after) ** 2))
+    return gain, change
+
+
+def _rows_of_both(one: StreamResidual, other: StreamResidual) -> tuple[IntArray, IntArray]:
+    """Rows of the readings that are in both. A latency in a model moves all stamps of its stream alike, and may cost a
+    reading at either end: of the shifts that match the stamps, the one by which the residuals agree best, since the
+    noise of a reading is in both.
+    """
+    best, least = (np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)), np.inf
+    for late in (0.0, float(other.t[-1] - one.t[-1]), float(other.t[0] - one.t[0])):
+        _, mine, same = np.intersect1d(_numbered(one.t + late), _numbered(other.t), return_indices=True)
+        if len(mine) >= max(0.5 * len(other.t), 1.0):
+            change = float(np.mean((one.whitened[mine] - other.whitened[same]) ** 2))
+            if change < least:
+                best, least = (mine, same), change
+    return best
+
+
+def _numbered(t: FloatArray) -> NDArray[np.complex128]:
+    """(n,) stamps to a microsecond, as real parts; those that are alike, as of the axes of one turn, are numbered."""
+    stamps, group = np.unique(np.round(t, 6), return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    number = np.empty(len(t))
+    number[order] = np.arange(len(t)) - np.searchsorted(group[order], group[order])
+    return np.asarray(stamps[group] + 1j * number, dtype=np.complex128)
+
+
+def _noise_of_fitting(source: Source, fitted: Fit) -> float:
+    """Variance of the whitened residuals of the part that was fitted, for its degrees of freedom."""
+    evidence = source.evidence(fitted, own_terms_only=True)
+    rows = np.concatenate([r.whitened[~r.held_out].ravel() for r in source.residuals(fitted)])
+    return float(np.sum(rows**2)) / max(min(evidence.noise_dof, len(rows)), 1.0)
 
 
 def _noise(source: Source, fit: Fit) -> float:

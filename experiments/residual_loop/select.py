@@ -155,9 +155,9 @@ def select(
     2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
        each other's scatter, those that pass without it are tried, and have to pass with it after the refit. What slow
        noise of a stream explains is not tried.
-    3. The shortlist is refitted in exact form; the strongest plausible one is accepted, and readings that it had hidden
-       and that are wrong are set aside. So are the readings of an interval too short for a disturbance, which is not
-       accepted.
+    3. The shortlist, and what the score does not see, is refitted in exact form; the strongest plausible one is
+       accepted, and readings that it had hidden and that are wrong are set aside. So are the readings of an interval
+       too short for a disturbance, which is not accepted.
     4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
@@ -313,7 +313,11 @@ def _best(
     passing.sort(key=lambda o: o.log_p_raw)
     best = passing[0].statistic
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:most]
-    tried = {o.term.key: _trial(source, fit, o) for o in _not_slow_noise(source, fit, shortlist, threshold)}
+    unseen = _unseen(source, fit, options, refused)
+    shortlist = [o for o in shortlist if o.term not in {other.term for other in unseen}]
+    to_try = [*_not_slow_noise(source, fit, shortlist, threshold), *unseen]
+    shortlist += unseen
+    tried = {o.term.key: _trial(source, fit, o) for o in to_try}
     trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
         for option in shortlist:
@@ -381,6 +385,19 @@ def _option_of(s: Statistic) -> Option:
 def _gain_of(s: Statistic, noise_dof: float) -> float:
     """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
     return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
+
+
+def _unseen(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:
+    """Options that the score does not see, from where they are likelier than the fit: tried beside any shortlist.
+
+    What is the best of several starts pays for the search.
+    """
+    starts = source.starts(fit)
+    return [
+        replace(o, beta=starts[o.term], search_raw=float(np.log(3 ** len(o.beta))))
+        for o in options
+        if o.term in starts and o.term.key not in refused
+    ]
 
 
 def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:

@@ -159,6 +159,9 @@ class Source(Protocol):
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""
 
+    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
+        """First estimates of candidates to which the score at zero is blind, where they are likelier than the fit."""
+
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best interval of each time-localised family, about the fit."""
 

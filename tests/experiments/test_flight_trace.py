@@ -121,6 +121,18 @@ def test_a_disturbance_of_a_few_readings_is_one() -> None:
     assert select(FlightSource(recording, flight_model(recording))).names == ("baro.transient",)
 
 
+def test_a_slope_under_a_path_that_nothing_measures() -> None:
+    """Without GPS the plain path is metres off, and the score of the slope runs along that path."""
+    recording, _ = flown("figure_eight", 26, "laser.terrain_slope=0.02,0.07")
+    streams = {name: stream for name, stream in recording.streams.items() if name != "gps"}
+    sensors = {name: sensor for name, sensor in recording.sensors.items() if name != "gps"}
+    recording = recording.replace(streams=streams, sensors=sensors)
+    selection = select(FlightSource(recording, flight_model(recording)))
+    assert selection.names == ("laser.terrain_slope",)
+    finding = selection.findings[0]
+    assert np.all(np.abs(finding.beta - [0.02, 0.07]) < 4.0 * finding.std)
+
+
 def test_no_effect_is_a_statement() -> None:
     """A clean flight: the report says so, and from which size on each effect would have been seen."""
     recording, _ = flown("square", 24)
