@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.score import DETECTABLE_LAMBDA, log_p_of_deviance, predicted_lambda
+from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.select import Finding, Selection
-from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
+from experiments.residual_loop.select import Selection
+from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray, IntArray
 
@@ -160,61 +160,64 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
 
 
-def rolled_back(source: Source, selection: Selection, alpha: float = 0.01) -> tuple[Term, ...]:
+def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model.
 
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
-
-    Parameters
-    ----------
-    alpha : family-wise error at which the effects were found
     """
     known = known_from_fitting(source, selection)
     terms = [term for term in selection.final.terms if term in known]
     asked = tested(source, selection, known)
     beta = {term: selection.final.beta[term] for term in terms}
     fitted = source.fit(terms, beta, "fitting")
-    needed = log_p_needed(source, alpha)
     unknown = [term for term in selection.final.terms if term.interval is not None and term not in known]
     dropped: list[Term] = []
-    for finding in reversed([f for f in selection.findings if f.term in asked]):
-        rest = [other for other in terms if other != finding.term and other not in dropped]
+    for term in reversed(asked):
+        rest = [other for other in terms if other != term and other not in dropped]
         without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
-        if not _is_borne_out(source, fitted, without, finding, needed, unknown):
-            dropped.append(finding.term)
+        if not _is_borne_out(source, fitted, without, term, unknown):
+            dropped.append(term)
             fitted = without
     return tuple(reversed(dropped))
 
 
-def _is_borne_out(
-    source: Source, fitted: Fit, without: Fit, finding: Finding, needed: float, unknown: Sequence[Term]
-) -> bool:
+def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown: Sequence[Term]) -> bool:
     """Whether the held-out error is larger without an effect, and by what the same beta ought to make of it.
 
     With d the change of the whitened held-out residuals e when the effect is taken out, the gain is G = d'd + 2 d'e.
-    Of a true effect it has the mean d'd and, N the variance of the noise left and L what the effect gained on the
-    fitting part, whose estimate errs by 1 / sqrt(L) of itself, the variance 4 N d'd (1 + d'd / L). Where it is less
-    than half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part
-    that was fitted. Where the mean itself is not three sigma, the held-out part cannot speak for or against the effect
-    alone: both parts together do, by the test that the effect had to pass.
+    The estimate errs by N(0, L_f^-1), L_f and L_h the information of the fitting and of the held-out part in units of
+    the noise left; the error is in d and in e. So a true effect has, of a d that is given, the mean d'd - 2 tr(L_h
+    L_f^-1) and a variance of at most 4 d'd (1 + m), m the largest eigenvalue of L_h L_f^-1. Where the gain is less than
+    half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part that
+    was fitted; where it is none, though its mean is three sigma, the effect would have shown. Where the mean is less,
+    the held-out part cannot speak for or against the effect, and the test that it has passed decides.
     """
-    gain, expected = _held_out_gain(source, fitted, without, unknown)
-    on_fitting = without.deviance - fitted.deviance
+    gain, change = _held_out_gain(source, fitted, without, unknown)
     if source.noise_known:
-        noise = noise_left(source, fitted, source.effect(finding.term).stream, slow=False)
-        on_fitting /= noise
+        noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
     else:
         noise = _noise_of_fitting(source, fitted)
-    gain, expected = gain / noise, expected / noise
-    sigma = 2.0 * np.sqrt(expected * (1.0 + expected / max(on_fitting, 1e-300)))
-    if gain > 0.0 or expected > 3.0 * sigma:
-        return bool(gain > max(0.5 * expected - 3.0 * sigma, 0.0))
-    evidence = source.evidence(fitted, own_terms_only=True)
-    dof, search = len(finding.beta), 0.0
-    if finding.term.interval is not None:
-        search = max(finding.log_p_raw - log_p_of_deviance(evidence, finding.gain, dof), 0.0)
-    return log_p_of_deviance(evidence, on_fitting + gain, dof) + search < needed
+    gain, change = gain / noise, change / noise
+    if gain > 0.5 * change:
+        return True
+    errors = _errors_given_back(source, fitted, term)
+    mean, sigma = change - 2.0 * float(np.sum(errors)), 2.0 * np.sqrt(change * (1.0 + float(np.max(errors))))
+    if gain < 0.5 * mean - 3.0 * sigma:
+        return False
+    return gain > 0.0 or mean < 3.0 * sigma
+
+
+def _errors_given_back(source: Source, fitted: Fit, term: Term) -> FloatArray:
+    """Eigenvalues of L_h L_f^-1 of an effect, the others projected out."""
+    whole = source.fit(fitted.terms, fitted.beta)
+    others = [t.key for t in fitted.terms if t.in_mean and t != term]
+    of_all, of_part = (
+        project_out(source.evidence(fit, own_terms_only=True), term.key, others)[0].sum(axis=0)
+        for fit in (whole, fitted)
+    )
+    ratio = np.linalg.pinv(of_part, rcond=1e-12, hermitian=True) @ (of_all - of_part)
+    return np.maximum(np.real(np.linalg.eigvals(ratio)), 0.0)
 
 
 def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[Term]) -> tuple[float, float]:

@@ -72,7 +72,7 @@ def trace(
     selection, suspects = _select_beside_suspects(source, alpha)
     dropped: tuple[Term, ...] = ()
     if selection.findings:
-        dropped = rolled_back(source, selection, alpha)
+        dropped = rolled_back(source, selection)
         if dropped:
             selection = _without(source, selection, dropped)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))

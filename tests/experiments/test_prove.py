@@ -11,7 +11,7 @@ from estimator.flight_model import flight_model
 from experiments.residual_loop import prove
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.prove import rolled_back
-from experiments.residual_loop.select import Finding, select
+from experiments.residual_loop.select import select
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from experiments.scenarios import load_scenario, parse_effect
@@ -20,7 +20,6 @@ from sensors.effects import Effect, effect
 from sensors.simulate import simulate
 
 TERM = Term("mag.declination")
-NEEDED = float(np.log(0.01 / 50))
 
 
 def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
@@ -48,37 +47,30 @@ class Whitened:
         white = np.asarray((self._with if TERM in fit.terms else self._without)[:, None], dtype=np.float64)
         return [StreamResidual("mag", np.arange(float(len(white))), white, white, np.ones(len(white), bool), "1", {})]
 
-    def evidence(self, fit: Fit, own_terms_only: bool = False) -> object:
-        from estimator.score import Evidence
-
-        return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
-
 
 @pytest.mark.parametrize(
-    ("change", "gain", "on_fitting", "borne_out"),
+    ("change", "gain", "errors", "borne_out"),
     [
-        (1.0, -3.0, 350.0, True),  # nothing to be seen in the held-out part, and no doubt in the other
-        (8.0, -4.0, 16.0, False),  # both parts together do not reach what is needed
-        (500.0, -20.0, 350.0, False),  # it would have been seen
-        (500.0, 20.0, 350.0, False),  # far less than it ought to make
-        (500.0, 420.0, 350.0, True),
-        (300.0, -17.0, 10.0, False),
-        (2000.0, 700.0, 20.0, True),  # the estimate errs by a fifth: not to be told from a third of the gain
+        (1.0, -3.0, 0.003, True),  # nothing to be seen in the held-out part
+        (500.0, -20.0, 1.4, False),  # it would have been seen
+        (500.0, 20.0, 1.4, False),  # far less than it ought to make
+        (500.0, 420.0, 1.4, True),
+        (300.0, -17.0, 30.0, True),  # half of what was fitted, by an estimate of three sigma: its score is 8 sigma
+        (2000.0, 700.0, 100.0, True),  # the estimate errs by a fifth: not to be told from a third of the gain
     ],
 )
 def test_the_held_out_part_is_heard_where_it_can_tell(
-    change: float, gain: float, on_fitting: float, borne_out: bool
+    change: float, gain: float, errors: float, borne_out: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """G = d'd + 2 d'e is set through the part of e along d."""
+    """G = d'd + 2 d'e is set through the part of e along d; `errors` is L_h / L_f."""
+    monkeypatch.setattr(prove, "_errors_given_back", lambda *_: np.array([errors]))
     n = 4000
     d = np.full(n, np.sqrt(change / n))
     e = np.random.default_rng(1).standard_normal(n)
     e += d * ((gain - change) / 2.0 - d @ e) / (d @ d)
     source = cast(Source, Whitened(e, d))
-    fitted = Fit((TERM,), {TERM: np.ones(1)}, {}, 0.0, "fitting", None)
-    without = Fit((), {}, {}, on_fitting, "fitting", None)
-    finding = Finding(TERM, np.ones(1), np.ones(1), -50.0, -50.0, 50.0, 100.0, 100.0, ())
-    assert prove._is_borne_out(source, fitted, without, finding, NEEDED, ()) == borne_out
+    fitted, without = (Fit(terms, {}, {}, 0.0, "fitting", None) for terms in ((TERM,), ()))
+    assert prove._is_borne_out(source, fitted, without, TERM, ()) == borne_out
 
 
 @pytest.mark.parametrize("late", [0.0, 0.07, 0.2])
