@@ -21,15 +21,13 @@ from experiments.residual_loop.onsets import Step, declared_step, refined
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
+from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 from sensors.errors import InputError
 
 _BLOCKS = 20
 _ROWS_A_BLOCK = 8
-#: A reading is called wrong when it leaves its neighbours by this many sigma: one in 5e8 Gaussian readings does; in a
-#: coloured residual also by so many times the residual's own spread.
-_OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
@@ -38,8 +36,8 @@ _ENDS_WITHIN = 3
 _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it foretells.
 _WORTH_LEAVING_OUT = 0.05
-#: Rows of the shortest disturbance: fewer readings are wrong ones, and a turn has two rows.
-SHORTEST, _SHORTEST_OF_SUMS = 3, 2
+#: Rows of the shortest disturbance of turns and rests: a turn has two.
+_SHORTEST_OF_SUMS = 2
 #: By how much a search of the ends of an interval is finer than the one before.
 _FINER_ROUND = 25.0
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
@@ -388,7 +386,7 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(self, rows: Rows, threshold: float = _OUTLIER) -> BoolArray:
+    def _wrong_rows(self, rows: Rows, threshold: float = OUTLIER) -> BoolArray:
         wrong = np.zeros(len(rows.residual), dtype=bool)
         if not self._problem.rows_are_readings:  # a mean or a turn that is off is no wrong reading
             return wrong
@@ -426,7 +424,7 @@ class LeastSquaresSource:
         used = _state(fit).used
         wrong = self._wrong_rows(rows) & used
         count = int(np.sum(wrong))
-        log_p = float(stats.binom.logsf(count - 1, self._n, 2.0 * stats.norm.sf(_OUTLIER))) if count else 0.0
+        log_p = float(stats.binom.logsf(count - 1, self._n, 2.0 * stats.norm.sf(OUTLIER))) if count else 0.0
         deleted, found = self._deleted(rows, fit.beta, used)
         statistic = float(np.sum(rows.residual[wrong] ** 2))
         if found.log_p < log_p:
@@ -544,29 +542,6 @@ class LeastSquaresSource:
         t = self._problem.t[active][measured]
         raw = rows.raw[active][measured]
         return Signature(self._problem.stream, t, (predicted * size)[measured], raw, self._problem.unit)
-
-
-def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: float = _OUTLIER) -> BoolArray:
-    """(n,) whether a residual leaves the median of its neighbours by more than `threshold` sigma, alone.
-
-    Parameters
-    ----------
-    residual : (n,) in time order
-    sigma : of one residual; None: 1.4826 times the median deviation, or the declared one where that is larger
-    """
-    from scipy.ndimage import median_filter
-
-    if len(residual) < 8:
-        return np.zeros(len(residual), dtype=bool)
-    away = residual - median_filter(residual, size=7, mode="nearest")
-    scale = 1.4826 * float(np.median(np.abs(away)))
-    scale = max(scale, np.finfo(float).tiny) if sigma is None else max(scale, sigma)
-    # heavy tails are no outliers: the scale is at least that of the ninth decile, which outliers hardly reach
-    scale = max(scale, float(np.quantile(np.abs(away), 0.9)) / float(stats.norm.isf(0.05)))
-    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    wrong = np.abs(away) > max(threshold * scale, _OUTLIER_SPREAD * spread)
-    runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")
-    return np.asarray(wrong & (runs <= 2))
 
 
 def _after(t: FloatArray) -> float:

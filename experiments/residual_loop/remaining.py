@@ -12,8 +12,9 @@ from estimator.faults import FROZEN_LEVEL
 from estimator.score import Statistic, log_p_value
 from estimator.whiteness import autocorrelation, whiteness
 from experiments.residual_loop.noise_left import noise_left
+from experiments.residual_loop.options import Option
 from experiments.residual_loop.probes import followed
-from experiments.residual_loop.select import Finding, Option
+from experiments.residual_loop.select import Finding
 from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
 

@@ -18,6 +18,14 @@ from estimator.score import (
     statistic_of,
 )
 from experiments.residual_loop.noise_left import noise_left
+from experiments.residual_loop.options import (
+    Offered,
+    Option,
+    blind_spots,
+    gain_of,
+    not_slow_noise,
+    option_of,
+)
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Source, log_p_needed
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
@@ -50,31 +58,6 @@ _RELOCATIONS = 3
 SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE = "slow noise", "no evidence", "impossible"
 #: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
 _FORETOLD = 0.1
-#: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
-AGREEMENT = 2.0
-
-
-@dataclass(frozen=True)
-class Option:
-    """A candidate at one step of the selection: evidence on the first pass, before any refit.
-
-    Attributes
-    ----------
-    term : the effect
-    statistic, dof : chi-square and its degrees of freedom
-    log_p : corrected for colour and search; `log_p_raw` without the scatter
-    search, search_raw : what the search over intervals adds to the logarithm of the p-value, with and without colour
-    beta : first-order estimate
-    """
-
-    term: Term
-    statistic: float
-    dof: int
-    log_p: float
-    log_p_raw: float
-    search: float
-    search_raw: float
-    beta: FloatArray
 
 
 @dataclass(frozen=True)
@@ -177,7 +160,7 @@ def select(
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: dict[str, str] = {}
-    first = offered = _Offered(source, fit, evidence, threshold, refused)
+    first = offered = Offered(source, fit, evidence, threshold, refused)
     while len(findings) < most:
         full = sum(f.term.interval is not None for f in findings) >= MOST_LOCAL
         accepted = _best(source, fit, offered.open_to(full), threshold, refused, shortlist)
@@ -193,12 +176,12 @@ def select(
             findings += [finding for _, finding in both]
             refused.clear()
             evidence = source.evidence(fit)
-            offered = _Offered(source, fit, evidence, threshold, refused)
+            offered = Offered(source, fit, evidence, threshold, refused)
             continue
         if part == "all" and source.set_aside_within(accepted[1].term):  # what lasted so short was no disturbance
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
             evidence, refused = source.evidence(fit), {}
-            offered = _Offered(source, fit, evidence, threshold, refused)
+            offered = Offered(source, fit, evidence, threshold, refused)
             if not findings:
                 first, plain_statistics = offered, _of_candidates(source, evidence, stay)
             continue
@@ -214,7 +197,7 @@ def select(
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
         fit, findings = _prune(source, fit, findings, threshold)
         evidence = source.evidence(fit)
-        offered = _Offered(source, fit, evidence, threshold, refused)
+        offered = Offered(source, fit, evidence, threshold, refused)
     found = tuple(_updated(finding, fit, evidence) for finding in findings)
     final_statistics = _statistics_of_the_others(source, fit, evidence)
     # what lost its evidence in the refit is nothing; what could not be that effect still is something
@@ -222,30 +205,6 @@ def select(
     left = tuple(sorted(passing, key=lambda o: o.log_p))
     path = tuple(steps), tuple(offered.options)
     return Selection(plain, fit, found, plain_statistics, tuple(first.local), final_statistics, left, *path)
-
-
-class _Offered:
-    """The options about one fit: the candidates, and the intervals once they are searched."""
-
-    def __init__(
-        self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
-    ) -> None:
-        self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
-        self.options, settled = _candidates(source, fit, evidence, threshold, refused)
-        self.local: Sequence[LocalFinding] = ()
-        self.searched = False
-        if not settled:
-            self.search()
-
-    def search(self) -> None:
-        """Add the best interval of each time-localised family."""
-        self.local = self._source.local_findings(self._fit)
-        self.options += [_local_option(found, self._noise_dof) for found in self.local]
-        self.searched = True
-
-    def open_to(self, full: bool) -> list[Option]:
-        """All of them, or where intervals enough have been found those that last."""
-        return [option for option in self.options if option.term.interval is None] if full else self.options
 
 
 def _of_candidates(source: Source, evidence: Evidence, given: Sequence[str]) -> tuple[Statistic, ...]:
@@ -258,34 +217,6 @@ def _statistics_of_the_others(source: Source, fit: Fit, evidence: Evidence) -> t
     present = [term.key for term in fit.terms if term.in_mean]
     names = {term.name for term in fit.terms}
     return tuple(statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names)
-
-
-def _candidates(
-    source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
-) -> tuple[list[Option], bool]:
-    """Every candidate that is not in the model yet; and whether one that was not refused passes whose blocks agree on
-    one beta: a local disturbance would not let them, so no interval has to be searched before it.
-    """
-    given = [term.key for term in fit.terms if term.in_mean]
-    names = {term.name for term in fit.terms}
-    options, settled = [], False
-    for entry in source.candidates:
-        if entry.name not in names:
-            s = statistic_of(evidence, entry.name, given)
-            options.append(_option_of(s))
-            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
-    return options, settled
-
-
-def _local_option(found: LocalFinding, noise_dof: float) -> Option:
-    gain = found.statistic
-    if np.isfinite(noise_dof):
-        gain = noise_dof * (1.0 - np.exp(-found.statistic / noise_dof))
-    plain = log_p_value(gain, found.dof, noise_dof)
-    raw = min(plain + found.searched, found.log_p)
-    return Option(
-        found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta
-    )
 
 
 def _best(
@@ -313,9 +244,9 @@ def _best(
     passing.sort(key=lambda o: o.log_p_raw)
     best = passing[0].statistic
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:most]
-    unseen = _unseen(source, fit, options, refused)
+    unseen = blind_spots(source, fit, options, refused)
     shortlist = [o for o in shortlist if o.term not in {other.term for other in unseen}]
-    to_try = [*_not_slow_noise(source, fit, shortlist, threshold), *unseen]
+    to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
     trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
@@ -354,7 +285,7 @@ def _pair(
     pairs = []
     for first, second in combinations(names, 2):
         one, other = statistic_of(evidence, first, given), statistic_of(evidence, second, [*given, first])
-        gain = sum(_gain_of(s, evidence.noise_dof) for s in (one, other))
+        gain = sum(gain_of(s, evidence.noise_dof) for s in (one, other))
         pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
     if not pairs:
         return None
@@ -369,46 +300,13 @@ def _pair(
         for term, rest in (terms, terms[::-1]):
             without = fit_without(source, both, term)
             s = statistic_of(source.evidence(without), term.name, [*given, rest.key])
-            trial = _trial(source, without, _option_of(s))
+            trial = _trial(source, without, option_of(s))
             if trial is None or trial[1].log_p + searched > threshold:
                 return None
             found.append((without, trial[1]))
     except InputError:  # no model follows from the two
         return None
     return both, found
-
-
-def _option_of(s: Statistic) -> Option:
-    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
-
-
-def _gain_of(s: Statistic, noise_dof: float) -> float:
-    """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
-    return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
-
-
-def _unseen(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:
-    """Options that the score does not see, from where they are likelier than the fit: tried beside any shortlist.
-
-    What is the best of several starts pays for the search.
-    """
-    starts = source.starts(fit)
-    return [
-        replace(o, beta=starts[o.term], search_raw=float(np.log(3 ** len(o.beta))))
-        for o in options
-        if o.term in starts and o.term.key not in refused
-    ]
-
-
-def _not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
-    """Those of a shortlist that slow noise does not explain already to first order, which costs no refit.
-
-    Of an interval the search has asked that.
-    """
-    lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
-    log_p = source.log_p_beside_slow_noise(fit, [o.term for o in lasting])
-    explained = {o.term for o, p in zip(lasting, log_p, strict=True) if p >= threshold}
-    return [o for o in shortlist if o.term not in explained]
 
 
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:

@@ -12,12 +12,13 @@ from scipy import stats
 
 from estimator.score import log_p_of_deviance
 from experiments.datasets import resolve
-from experiments.residual_loop.least_squares_source import LeastSquaresSource, isolated_outliers
+from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.open_source import pose_source
 from experiments.residual_loop.poses import NormPoses
 from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.wrong_readings import isolated_outliers
 from sensors.errors import InputError
 from sensors.motion import Motion
 

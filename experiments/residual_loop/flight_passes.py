@@ -1,0 +1,221 @@
+"""Whole filter passes over a flight with effects in the model, each along the motion that the one before has found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from estimator.effect_forms import Terms, declared_terms, reference_motion
+from estimator.events import ACCEPTED
+from estimator.filter import RunInputs, run_filter
+from estimator.flight_model import FlightModel
+from estimator.imu import imu_table
+from estimator.journal import Journal
+from estimator.relinearise import COARSE_ATTITUDE
+from estimator.sensitivity import Sensitivity, sensitivity_pass
+from experiments.residual_loop.source import Part
+from sensors.arrays import BoolArray, FloatArray
+from sensors.effects import Effect
+from sensors.errors import InputError
+from sensors.motion import Motion
+from sensors.recording import Recording
+
+#: The last third of the time is held out.
+_FITTING_SHARE = 2.0 / 3.0
+_MOST_STEPS, _MOST_HALVINGS = 12, 3
+#: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
+_SETTLED = 0.05
+#: So has the plain model when a pass gains no more than this of -2 log L.
+_SETTLED_DEVIANCE = 1.0
+#: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
+_LONGEST_STEP = 20.0
+#: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
+_WIDE_START = 0.2
+#: Declared 1-sigma of the first attitude from which on its square matters: two sigma are 2 mm/s^2 [rad].
+_SECOND_ORDER = 0.01
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A pass with effects at their estimate.
+
+    Attributes
+    ----------
+    effects, beta, std : of each effect in the model
+    deviance : -2 log likelihood of the part that was fitted
+    journal : of the pass
+    motion : along which the effects were evaluated
+    sensitivity : of the whitened innovations to the effects
+    """
+
+    effects: tuple[Effect, ...]
+    beta: tuple[FloatArray, ...]
+    std: tuple[FloatArray, ...]
+    deviance: float
+    journal: Journal
+    motion: Motion
+    sensitivity: Sensitivity
+
+
+class FlightPasses:
+    """Passes over one flight.
+
+    Parameters
+    ----------
+    recording : without its single wrong readings; it is replaced when more are found
+    model : of the filter, without gates
+    """
+
+    def __init__(self, recording: Recording, model: FlightModel) -> None:
+        self.recording, self.model = recording, model
+        self.table = imu_table(recording, model)
+        t = recording.streams["imu"].t
+        self.start, self.end = float(t[0]), float(t[-1])
+        self.split = self.start + _FITTING_SHARE * (self.end - self.start)
+        journal = run_filter(recording, model, {}, engine="numba", stride=0)
+        self.notes = journal.notes
+        plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
+        self._start_std = self._attitude_std_at_start(journal)
+        if self._start_std is not None and self._start_std >= COARSE_ATTITUDE:
+            self.model = model.replace(relinearise=True)
+        self.plain_motion = self._settled(plain_motion)
+
+    def run(
+        self,
+        wanted: Sequence[Effect],
+        effects: Sequence[Effect],
+        beta: Sequence[FloatArray],
+        motion: Motion,
+        recording: Recording | None = None,
+    ) -> tuple[Journal, Sensitivity]:
+        """One pass with effects in the model, and the sensitivities to those wanted.
+
+        Parameters
+        ----------
+        motion : along which all effects are evaluated
+        recording : another with the same IMU; default: that without wrong readings
+        """
+        pairs: Any = list(zip(effects, beta, strict=True))
+        return sensitivity_pass(
+            self._started(recording or self.recording, motion),
+            self.model,
+            wanted,
+            pairs,
+            motion=motion,
+            blocks=0,
+            keep_rows=1,
+            stride=0,
+        )
+
+    def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
+        """The motion that a pass has found, the effects taken off."""
+        terms = Terms(tuple(zip(effects, beta, strict=True)))
+        return reference_motion(self.recording, journal, terms, self.table)
+
+    def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part) -> Fitted:
+        """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
+
+        Raises
+        ------
+        InputError : from the first values no state or covariance follows
+        """
+        beta, motion = list(beta), self.plain_motion
+        best: tuple[float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
+        halvings = 0
+        for _ in range(_MOST_STEPS):
+            try:
+                if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
+                    if best is None:
+                        journal, _ = self.run([], effects, beta, motion)
+                    motion = self.follow(journal, effects, beta)
+                journal, sensitivity = self.run(effects, effects, beta, motion)
+                deviance = self.deviance(journal, part)
+            except InputError:  # beta so far off that no state or covariance follows
+                if best is None:
+                    raise
+                deviance = np.inf
+            if best is not None and best[0] < deviance:  # too far: half the way back
+                halvings += 1
+                if halvings > _MOST_HALVINGS:
+                    break
+                beta = [0.5 * (b + good) for b, good in zip(beta, best[1], strict=True)]
+                journal, motion = best[2], best[3]
+                continue
+            W, white = self.rows(sensitivity, journal, part)
+            information = W.T @ W
+            best = (deviance, beta, journal, motion, sensitivity, information)
+            if not effects:
+                break
+            step = self._step(information, W.T @ white, effects)
+            sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
+            if np.all(np.abs(step) < _SETTLED * sigma):
+                break
+            beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
+        assert best is not None
+        deviance, beta, journal, motion, sensitivity, information = best
+        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
+        return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity)
+
+    def in_part(self, t: FloatArray, part: Part) -> BoolArray:
+        """Which instants are in a part."""
+        return np.ones(len(t), dtype=bool) if part == "all" else np.asarray(t <= self.split)
+
+    def rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray]:
+        """(r, p) sensitivities and (r,) whitened innovations of a part."""
+        keep = self.in_part(journal.t[sensitivity.event], part)
+        return sensitivity.rows[keep], sensitivity.white[keep]
+
+    def deviance(self, journal: Journal, part: Part) -> float:
+        """-2 log likelihood of a part."""
+        used = (journal.status == ACCEPTED) & self.in_part(journal.t, part)
+        return float(-2.0 * np.sum(journal.loglik[used]))
+
+    def _settled(self, motion: Motion) -> Motion:
+        """The motion that the plain model finds when its passes start from it: a start far off takes several."""
+        best = np.inf
+        for _ in range(_MOST_STEPS):
+            journal, _ = self.run([], [], [], motion)
+            deviance = self.deviance(journal, "all")
+            if not deviance < best - _SETTLED_DEVIANCE:
+                break
+            best, settled = deviance, motion
+            motion = reference_motion(self.recording, journal, declared_terms(self.recording), self.table)
+        return settled
+
+    def _step(self, information: FloatArray, score: FloatArray, effects: Sequence[Effect]) -> FloatArray:
+        """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
+        scale = np.concatenate([entry.plausible_in(self.plain_motion) for entry in effects])
+        ridge = np.diag(1.0 / (100.0 * scale) ** 2)
+        step = np.linalg.solve(information + ridge, score)
+        return np.asarray(step / max(float(np.max(np.abs(step) / (_LONGEST_STEP * scale))), 1.0))
+
+    def _attitude_std_at_start(self, journal: Journal) -> float | None:
+        """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
+
+        Where the recording declares no attitude, the first readings, from which it is found, have the effects in them
+        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent. The
+        sigma is no prior then; it is as wide as the filter can take and still be linear. Where it declares a coarse
+        one, that is its sigma: until the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force,
+        which is of second order and passes for an error of the accelerometer.
+        """
+        declared = self.recording.initial.attitude_std
+        if declared is not None:
+            return declared if declared > _SECOND_ORDER else None
+        assert isinstance(journal.run, RunInputs)
+        widest = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
+        return max(widest, COARSE_ATTITUDE) if widest < _WIDE_START else None
+
+    def _started(self, recording: Recording, motion: Motion) -> Recording:
+        """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong."""
+        if self._start_std is None:
+            return recording
+        start = replace(recording.initial, quaternion=motion.q_nb[0], attitude_std=self._start_std)
+        return recording.replace(initial=start)
+
+
+def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:
+    return np.split(values, np.cumsum([len(b) for b in like])[:-1]) if like else []

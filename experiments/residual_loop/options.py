@@ -1,0 +1,124 @@
+"""What may be added to a model: candidates, intervals and wrong readings with their evidence, before any refit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.score import Evidence, Statistic, log_p_value, statistic_of
+from experiments.residual_loop.source import Fit, LocalFinding, Source
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+
+#: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
+AGREEMENT = 2.0
+
+
+@dataclass(frozen=True)
+class Option:
+    """A candidate at one step of the selection: evidence on the first pass, before any refit.
+
+    Attributes
+    ----------
+    term : the effect
+    statistic, dof : chi-square and its degrees of freedom
+    log_p : corrected for colour and search; `log_p_raw` without the scatter
+    search, search_raw : what the search over intervals adds to the logarithm of the p-value, with and without colour
+    beta : first-order estimate
+    """
+
+    term: Term
+    statistic: float
+    dof: int
+    log_p: float
+    log_p_raw: float
+    search: float
+    search_raw: float
+    beta: FloatArray
+
+
+class Offered:
+    """The options about one fit: the candidates, and the intervals once they are searched."""
+
+    def __init__(
+        self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
+    ) -> None:
+        self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
+        self.options, settled = _candidates(source, fit, evidence, threshold, refused)
+        self.local: Sequence[LocalFinding] = ()
+        self.searched = False
+        if not settled:
+            self.search()
+
+    def search(self) -> None:
+        """Add the best interval of each time-localised family."""
+        self.local = self._source.local_findings(self._fit)
+        self.options += [_local_option(found, self._noise_dof) for found in self.local]
+        self.searched = True
+
+    def open_to(self, full: bool) -> list[Option]:
+        """All of them, or where intervals enough have been found those that last."""
+        return [option for option in self.options if option.term.interval is None] if full else self.options
+
+
+def _candidates(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
+) -> tuple[list[Option], bool]:
+    """Every candidate that is not in the model yet; and whether one that was not refused passes whose blocks agree on
+    one beta: a local disturbance would not let them, so no interval has to be searched before it.
+    """
+    given = [term.key for term in fit.terms if term.in_mean]
+    names = {term.name for term in fit.terms}
+    options, settled = [], False
+    for entry in source.candidates:
+        if entry.name not in names:
+            s = statistic_of(evidence, entry.name, given)
+            options.append(option_of(s))
+            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
+    return options, settled
+
+
+def _local_option(found: LocalFinding, noise_dof: float) -> Option:
+    gain = found.statistic
+    if np.isfinite(noise_dof):
+        gain = noise_dof * (1.0 - np.exp(-found.statistic / noise_dof))
+    plain = log_p_value(gain, found.dof, noise_dof)
+    raw = min(plain + found.searched, found.log_p)
+    return Option(
+        found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta
+    )
+
+
+def option_of(s: Statistic) -> Option:
+    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
+
+
+def gain_of(s: Statistic, noise_dof: float) -> float:
+    """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
+    return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
+
+
+def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:
+    """Options that the score does not see, from where they are likelier than the fit: tried beside any shortlist.
+
+    What is the best of several starts pays for the search.
+    """
+    starts = source.starts(fit)
+    return [
+        replace(o, beta=starts[o.term], search_raw=float(np.log(3 ** len(o.beta))))
+        for o in options
+        if o.term in starts and o.term.key not in refused
+    ]
+
+
+def not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
+    """Those of a shortlist that slow noise does not explain already to first order, which costs no refit.
+
+    Of an interval the search has asked that.
+    """
+    lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
+    log_p = source.log_p_beside_slow_noise(fit, [o.term for o in lasting])
+    explained = {o.term for o, p in zip(lasting, log_p, strict=True) if p >= threshold}
+    return [o for o in shortlist if o.term not in explained]
