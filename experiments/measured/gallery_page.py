@@ -101,7 +101,10 @@ def section(one: Finding) -> list[str]:
     if document["effects"]:
         same = "the same" if document["error"]["same_names_on_fitting_part"] else "other"
         lines.append(f"- the fitting part alone chooses {same} effects")
-    lines += [f"- {name} passed the test but did not lower the held-out error" for name in document["rolled_back"]]
+    lines += [
+        f"- {name} passed the test on all data, but the held-out part does not bear it out"
+        for name in document["rolled_back"]
+    ]
     for label, before, after, unit in one.references:
         changed = label.startswith("spread") or bool(document["effects"])
         lines.append(f"- {label}: {number(before)}" + (f" -> {number(after)}" if changed else "") + f" {unit}".rstrip())

@@ -304,7 +304,7 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
         same = "chooses the same effects" if error["same_names_on_fitting_part"] else "chooses other effects"
         page.text(f"The part of the data that was used for fitting, taken alone, {same}.")
     for name in document["rolled_back"]:
-        page.text(f"{name} passed the test but did not lower the held-out error; it was rolled back.")
+        page.text(f"{name} passed the test on all data, but the held-out part does not bear it out.")
     for item in document["remaining"]:
         sentence = trace_words.remaining_sentence(item)
         page.text(f"{sentence[0].upper()}{sentence[1:]}.")

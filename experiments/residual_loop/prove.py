@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
-from experiments.residual_loop.noise_left import noise_left
+from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
@@ -191,7 +191,8 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
     L_f^-1) and a variance of at most 4 d'd (1 + m), m the largest eigenvalue of L_h L_f^-1. Where the gain is less than
     half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part that
     was fitted; where it is none, though its mean is three sigma, the effect would have shown. Where the mean is less,
-    the held-out part cannot speak for or against the effect, and the test that it has passed decides.
+    the held-out part cannot speak for or against the effect, and the test that it has passed decides; but not where the
+    noise is slow, whose chances nobody knows: there the gain has to be one.
     """
     gain, change = _held_out_gain(source, fitted, without, unknown)
     if source.noise_known:
@@ -205,7 +206,14 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
     mean, sigma = change - 2.0 * float(np.sum(errors)), 2.0 * np.sqrt(change * (1.0 + float(np.max(errors))))
     if gain < 0.5 * mean - 3.0 * sigma:
         return False
-    return gain > 0.0 or mean < 3.0 * sigma
+    return gain > 0.0 or (mean < 3.0 * sigma and not _is_slow(source, fitted, term))
+
+
+def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
+    """Whether the residual of an effect's stream is slow; of one without residuals, that of any."""
+    residuals, stream = source.residuals(fitted), source.effect(term).stream
+    mine = [r for r in residuals if r.stream == stream] or residuals
+    return bool(slow_streams(mine))
 
 
 def _errors_given_back(source: Source, fitted: Fit, term: Term) -> FloatArray:

@@ -42,6 +42,7 @@ PATTERN = np.array([1.0, -0.7, 0.8, 0.6, -0.9, 0.75, -0.65, 0.85, -1.0])
 TWINS = {"baro.lag": "baro.time_offset", "baro.time_offset": "baro.lag"}
 #: Sizes that are not those of `LAMBDA`, in plausible sizes, and why.
 SIZES = {
+    "accel.scale": 0.5,  # about a hover it differs by little from a `accel.scale_nonlinearity` of a plausible size
     "accel.vibration": 1.5,  # below one size it is a plausible `accel.scale_nonlinearity`: the same physics
 }
 _NO_VELOCITY = (
