@@ -322,10 +322,11 @@ _PRIOR_DOF = 3.0
 def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: float, others: Sequence[str] = ()) -> float:
     """Logarithm of the odds for an effect against none, where both were as likely beforehand.
 
-    gain / 2 - log det(1 + L) / 2 - (nu + k) / 2 log(1 + z'z / nu),   in units of the plausible sizes
+    gain / 2 - log det(1 + L) / 2 + k / 2 log(2 pi) + log t(z),   in units of the plausible sizes
 
-    The likelihood, what the data narrow the estimate by (Occam's factor, of Laplace's approximation), Student's t of
-    the size; directions that the data do not see count with what is left of them, z = (1 + L)^-1 L beta.
+    The likelihood, what the data narrow the estimate by (Occam's factor, of Laplace's approximation), and Student's t
+    of the size in k dimensions, k = tr((1 + L)^-1 L): directions that the data do not see count for nothing, nor do
+    their components of z = (1 + L)^-1 L beta.
 
     Source: R. E. Kass, A. E. Raftery, J. Amer. Stat. Assoc. 90 (1995) 773.
 
@@ -342,7 +343,9 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
     A = np.eye(len(L)) + L
     z = np.linalg.solve(A, L @ (beta / plausible))
     occam = 0.5 * float(np.linalg.slogdet(A)[1])
-    return 0.5 * gain - occam - 0.5 * (_PRIOR_DOF + len(z)) * float(np.log1p(z @ z / _PRIOR_DOF))
+    nu, k = _PRIOR_DOF, float(np.trace(np.linalg.solve(A, L)))
+    at_zero = float(special.gammaln(0.5 * (nu + k)) - special.gammaln(0.5 * nu)) - 0.5 * k * float(np.log(0.5 * nu))
+    return 0.5 * gain - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
 
 
 def _seen_directions(information: FloatArray, plausible: FloatArray) -> FloatArray:

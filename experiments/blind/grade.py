@@ -255,6 +255,8 @@ class _Truth:
                 if term.interval is not None and not _overlap(term.interval, interval):
                     continue
                 seen = np.isfinite(std) & (std > 0)
+                if not np.any(seen):  # it does not say
+                    break
                 z = np.max(np.abs(estimate - beta)[seen] / std[seen], initial=0.0)
                 p = 1.0 - (1.0 - 2.0 * stats.norm.sf(z)) ** max(int(np.sum(seen)), 1)
                 found.append(float(stats.norm.isf(p / 2.0)) if p > 0 else float(z))

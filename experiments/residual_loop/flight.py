@@ -72,7 +72,8 @@ class FlightSource:
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
         self._passes = FlightPasses(kept, ungated)
-        self._steps: dict[Part, StepColumns] = {}
+        self._steps = StepColumns()
+        self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = self._possible()
 
     @property
@@ -171,7 +172,7 @@ class FlightSource:
         own = state.effects
         journal, sensitivity = state.journal, state.sensitivity
         if len(columns) > len(own):
-            journal, sensitivity = self._passes.run(columns, own, state.beta, state.motion)
+            journal, sensitivity = self._passes.run(columns, own, state.beta, state.motion, state.recording)
         W, white = self._passes.rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._passes.in_part(journal.t[sensitivity.event], fit.part)]
         block = np.minimum(
@@ -202,6 +203,11 @@ class FlightSource:
         """
         if {"gps", "base"} & set(self.model.sensors):
             return {}
+        if self._starts is None or self._starts[0].detail is not fit.detail or self._starts[0].part != fit.part:
+            self._starts = fit, self._starts_about(fit)
+        return self._starts[1]
+
+    def _starts_about(self, fit: Fit) -> Mapping[Term, FloatArray]:
         named = {term.name for term in fit.terms}
         found = {}
         for entry in self._candidates:
@@ -266,7 +272,7 @@ class FlightSource:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
         return self._take_out(wrong_about(self.recording, self.model, _state(fit).journal))
 
-    def set_aside_within(self, term: Term) -> bool:
+    def set_aside_within(self, fit: Fit, term: Term) -> bool:
         """Take out the readings in an interval that has fewer of them than the shortest disturbance.
 
         The first reading of a stream does not leave its neighbours, which a wide prior draws after it.
@@ -274,9 +280,9 @@ class FlightSource:
         stream = term.name.split(".")[0]
         if term.interval is None or stream not in self.wrong:
             return False
-        t = self._stamps(stream)
-        inside = np.flatnonzero((t >= term.interval[0]) & (t < term.interval[1]))
-        return len(inside) < SHORTEST and self._take_out({stream: inside})
+        one = _state(fit).journal.stream(stream)
+        inside = (one.t >= term.interval[0]) & (one.t < term.interval[1])
+        return int(np.sum(inside)) < SHORTEST and self._take_out({stream: one.index[inside]})
 
     def _take_out(self, wrong: Mapping[str, IntArray]) -> bool:
         wrong = {stream: rows for stream, rows in wrong.items() if len(rows)}
@@ -338,11 +344,9 @@ class FlightSource:
         return Rows(W, W[:, :0], white, sensor, journal.t[event])
 
     def _step_rows(self, fit: Fit, steps: Sequence[Step]) -> Rows:
-        rows = self._own_rows(fit)
-        kept = self._steps.setdefault(fit.part, StepColumns(grid_of(self._span_of(fit))))
-        attitude = _state(fit).motion.q_nb
-        wanted = kept.of(rows, attitude, steps, lambda new: self._columns(fit, [declared_step(step) for step in new]))
-        return replace(rows, wanted=wanted)
+        rows, grid = self._own_rows(fit), grid_of(self._span_of(fit))
+        parts = self._steps.of(fit, grid, steps, lambda new: self._columns(fit, [declared_step(step) for step in new]))
+        return replace(rows, wanted=np.hstack([rows.wanted, *parts]))
 
     def _columns(self, fit: Fit, effects: Sequence[Effect]) -> list[FloatArray]:
         """(r, size) sensitivities to effects that are not in the fit, of each."""
@@ -350,7 +354,7 @@ class FlightSource:
             return []
         state = _state(fit)
         own, beta = state.effects, state.beta
-        journal, sensitivity = self._passes.run(effects, own, beta, state.motion)
+        journal, sensitivity = self._passes.run(effects, own, beta, state.motion, state.recording)
         W, _ = self._passes.rows(sensitivity, journal, fit.part)
         return np.split(W, np.cumsum([entry.size for entry in effects])[:-1], axis=1)
 
@@ -418,7 +422,9 @@ class FlightSource:
             if np.any(keep):
                 held = one.t[keep] > self._passes.split
                 unit = {"mag": "1", "level": "m/s^2"}.get(name, "m")
-                rows.append(StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}))
+                rows.append(
+                    StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}, one.index[keep])
+                )
         return rows
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
@@ -430,7 +436,7 @@ class FlightSource:
         state = _state(before)
         entry = declaration(term)
         own, known = state.effects, state.beta
-        journal, sensitivity = self._passes.run([*own, entry], own, known, state.motion)
+        journal, sensitivity = self._passes.run([*own, entry], own, known, state.motion, state.recording)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
         seen = {name: float(np.sum(predicted[sensor == name] ** 2)) for name in self.model.sensors}

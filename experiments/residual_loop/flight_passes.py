@@ -49,6 +49,7 @@ class Fitted:
     journal : of the pass
     motion : along which the effects were evaluated
     sensitivity : of the whitened innovations to the effects
+    recording : of the readings that were there
     """
 
     effects: tuple[Effect, ...]
@@ -58,6 +59,7 @@ class Fitted:
     journal: Journal
     motion: Motion
     sensitivity: Sensitivity
+    recording: Recording
 
 
 class FlightPasses:
@@ -158,7 +160,7 @@ class FlightPasses:
         deviance, beta, journal, motion, sensitivity, information = best
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
-        return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity)
+        return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
 
     def in_part(self, t: FloatArray, part: Part) -> BoolArray:
         """Which instants are in a part."""

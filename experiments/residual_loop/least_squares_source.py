@@ -293,10 +293,14 @@ class LeastSquaresSource:
 
     # ---- evidence
 
+    def _rows_of(self, fit: Fit) -> BoolArray:
+        """The rows of a fit's part, without those that are wrong about it."""
+        used = ~self._held_out if fit.part == "fitting" else np.ones_like(self._held_out)
+        return np.asarray(used & ~_state(fit).wrong)
+
     def _noise(self, fit: Fit, rows: Rows, columns: int) -> tuple[float, float, BoolArray]:
         """Noise variance of the whitened rows, its degrees of freedom, and the rows in use."""
-        state = _state(fit)
-        active = state.used & ~state.wrong
+        active = self._rows_of(fit)
         if self._problem.noise_known:
             return 1.0, np.inf, active
         freedom = max(float(np.sum(active) - columns), 1.0)
@@ -343,11 +347,11 @@ class LeastSquaresSource:
         blocks = int(np.clip(len(t) // _ROWS_A_BLOCK, 1, _BLOCKS))
         return np.asarray(order * blocks // len(t), dtype=np.int64)
 
-    # ---- localised effects
-
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """None: every regressor is known."""
         return {}
+
+    # ---- localised effects
 
     def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
         """The best step, the best transient, and the wrong readings, about the fit."""
@@ -472,7 +476,7 @@ class LeastSquaresSource:
         """Never: each fit leaves out the readings that are wrong about it."""
         return False
 
-    def set_aside_within(self, term: Term) -> bool:
+    def set_aside_within(self, fit: Fit, term: Term) -> bool:
         """Never: the search has no interval as short as that."""
         return False
 
@@ -486,8 +490,7 @@ class LeastSquaresSource:
         """
         if self._problem.rows_are_readings or term.interval is None:
             return term
-        state = _state(fit)
-        active = state.used & ~state.wrong
+        state, active = _state(fit), self._rows_of(fit)
         others = [other for other in fit.terms if other.in_mean and other != term]
 
         def rows_of(steps: Sequence[Step]) -> onsets.Rows:
@@ -496,6 +499,8 @@ class LeastSquaresSource:
             columns = np.hstack([rows.effects[entry.name] for entry in wanted])
             white = rows.residual + rows.effects[term.key] @ fit.beta[term]
             fitted = self._fitted(rows, {other: fit.beta[other] for other in others})
+            noise = self._noise(fit, rows, fitted.shape[1] + rows.offset.shape[1])[0]
+            white, columns, fitted = (values / np.sqrt(noise) for values in (white, columns, fitted))
             stream = np.full(int(np.sum(active)), self._problem.stream)
             return onsets.Rows(fitted[active], columns[active], white[active], stream, self._problem.t[active])
 
@@ -503,8 +508,9 @@ class LeastSquaresSource:
         stamps = self._problem.instants
         spacing, interval = float(np.median(np.diff(t))), term.interval
         sample = float(np.median(np.diff(stamps)))
+        to_the_end = interval[1] > t[-1]
         while spacing > sample:
-            span = float(stamps[0]), interval[1] if interval[1] > t[-1] else float(stamps[-1])  # a step, or not
+            span = float(stamps[0]), interval[1] if to_the_end else float(stamps[-1]) + sample
             interval = refined(rows_of, self._problem.stream, interval, spacing, stamps, *span).interval
             spacing /= _FINER_ROUND
         return replace(term, interval=interval)
@@ -523,6 +529,7 @@ class LeastSquaresSource:
                 self._held_out[keep],
                 self._problem.unit,
                 {name: value[keep] for name, value in self._problem.covariates.items()},
+                np.flatnonzero(keep),
             )
         ]
 

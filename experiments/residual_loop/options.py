@@ -92,6 +92,7 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 
 
 def option_of(s: Statistic) -> Option:
+    """A candidate, of its statistic."""
     return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
 
 
@@ -107,7 +108,7 @@ def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Ma
     """
     starts = source.starts(fit)
     return [
-        replace(o, beta=starts[o.term], search_raw=float(np.log(3 ** len(o.beta))))
+        replace(o, beta=starts[o.term], dof=len(o.beta), search_raw=float(np.log(3 ** len(o.beta))))
         for o in options
         if o.term in starts and o.term.key not in refused
     ]

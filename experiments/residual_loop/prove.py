@@ -6,17 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
 from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray, IntArray
+from sensors.arrays import FloatArray
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
+#: An effect that changes the squares of the held-out residuals by less than this times the noise is not seen there.
+_NOTHING = 1.0
 
 
 @dataclass(frozen=True)
@@ -187,18 +188,18 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
 
     With d the change of the whitened held-out residuals e when the effect is taken out, the gain is G = d'd + 2 d'e.
     The estimate errs by N(0, L_f^-1), L_f and L_h the information of the fitting and of the held-out part in units of
-    the noise left; the error is in d and in e. So a true effect has, of a d that is given, the mean d'd - 2 tr(L_h
-    L_f^-1) and a variance of at most 4 d'd (1 + m), m the largest eigenvalue of L_h L_f^-1. Where the gain is less than
-    half of its mean, and by more than three sigma, something else has taken the shape of the effect in the part that
-    was fitted; where it is none, though its mean is three sigma, the effect would have shown. Where the mean is less,
-    the held-out part cannot speak for or against the effect, and the test that it has passed decides; but not where the
-    noise is slow, whose chances nobody knows: there the gain has to be one.
+    the noise left; the error is in d and in e. So a true effect has about the mean d'd - 2 tr(L_h L_f^-1) and a
+    variance of at most 4 d'd (1 + m), m the largest eigenvalue of L_h L_f^-1. Where the gain is less than half of its
+    mean, and by more than three sigma, something else has taken the shape of the effect in the part that was fitted;
+    where it is none, though its mean is three sigma, the effect would have shown. Where the mean is less, the held-out
+    part cannot speak for or against the effect, and the test that it has passed decides; but not where the noise is
+    slow, whose chances nobody knows: there the gain has to be one, unless nothing could have shown at all.
     """
     gain, change = _held_out_gain(source, fitted, without, unknown)
     if source.noise_known:
         noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
     else:
-        noise = _noise_of_fitting(source, fitted)
+        noise = _noise_of_part(source, fitted)
     gain, change = gain / noise, change / noise
     if gain > 0.5 * change:
         return True
@@ -206,26 +207,30 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
     mean, sigma = change - 2.0 * float(np.sum(errors)), 2.0 * np.sqrt(change * (1.0 + float(np.max(errors))))
     if gain < 0.5 * mean - 3.0 * sigma:
         return False
-    return gain > 0.0 or (mean < 3.0 * sigma and not _is_slow(source, fitted, term))
+    return gain > 0.0 or (mean < 3.0 * sigma and (change < _NOTHING or not _is_slow(source, fitted, term)))
 
 
 def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
     """Whether the residual of an effect's stream is slow; of one without residuals, that of any."""
     residuals, stream = source.residuals(fitted), source.effect(term).stream
-    mine = [r for r in residuals if r.stream == stream] or residuals
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
     return bool(slow_streams(mine))
 
 
 def _errors_given_back(source: Source, fitted: Fit, term: Term) -> FloatArray:
-    """Eigenvalues of L_h L_f^-1 of an effect, the others projected out."""
-    whole = source.fit(fitted.terms, fitted.beta)
+    """Eigenvalues of L_h L_f^-1 of an effect, the others projected out of the whole and of the fitting part."""
     others = [t.key for t in fitted.terms if t.in_mean and t != term]
-    of_all, of_part = (
-        project_out(source.evidence(fit, own_terms_only=True), term.key, others)[0].sum(axis=0)
-        for fit in (whole, fitted)
-    )
+    of_all = _information(source, replace(fitted, part="all"), term, others)
+    of_part = _information(source, fitted, term, others)
     ratio = np.linalg.pinv(of_part, rcond=1e-12, hermitian=True) @ (of_all - of_part)
     return np.maximum(np.real(np.linalg.eigvals(ratio)), 0.0)
+
+
+def _information(source: Source, fit: Fit, term: Term, others: Sequence[str]) -> FloatArray:
+    """(size, size) of a term, in the unit of the whitened residuals."""
+    evidence = source.evidence(fit, own_terms_only=True)
+    noise = 1.0 if source.noise_known else _noise_of_part(source, fit)
+    return np.asarray(noise * project_out(evidence, term.key, others)[0].sum(axis=0))
 
 
 def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[Term]) -> tuple[float, float]:
@@ -235,7 +240,7 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     gain, change = 0.0, 0.0
     streams = {r.stream for r in source.residuals(fitted)}
     for one, other in zip(source.residuals(without), source.residuals(fitted), strict=True):
-        mine, same = _rows_of_both(one, other)
+        _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
         held = one.held_out[mine] & other.held_out[same]
         for term in unknown:
             assert term.interval is not None
@@ -247,39 +252,15 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     return gain, change
 
 
-def _rows_of_both(one: StreamResidual, other: StreamResidual) -> tuple[IntArray, IntArray]:
-    """Rows of the readings that are in both. A latency in a model moves all stamps of its stream alike, and may cost a
-    reading at either end: of the shifts that match the stamps, the one by which the residuals agree best, since the
-    noise of a reading is in both.
-    """
-    best, least = (np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)), np.inf
-    for late in (0.0, float(other.t[-1] - one.t[-1]), float(other.t[0] - one.t[0])):
-        _, mine, same = np.intersect1d(_numbered(one.t + late), _numbered(other.t), return_indices=True)
-        if len(mine) >= max(0.5 * len(other.t), 1.0):
-            change = float(np.mean((one.whitened[mine] - other.whitened[same]) ** 2))
-            if change < least:
-                best, least = (mine, same), change
-    return best
-
-
-def _numbered(t: FloatArray) -> NDArray[np.complex128]:
-    """(n,) stamps to a microsecond, as real parts; those that are alike, as of the axes of one turn, are numbered."""
-    stamps, group = np.unique(np.round(t, 6), return_inverse=True)
-    order = np.argsort(group, kind="stable")
-    number = np.empty(len(t))
-    number[order] = np.arange(len(t)) - np.searchsorted(group[order], group[order])
-    return np.asarray(stamps[group] + 1j * number, dtype=np.complex128)
-
-
-def _noise_of_fitting(source: Source, fitted: Fit) -> float:
-    """Variance of the whitened residuals of the part that was fitted, for its degrees of freedom."""
-    evidence = source.evidence(fitted, own_terms_only=True)
-    rows = np.concatenate([r.whitened[~r.held_out].ravel() for r in source.residuals(fitted)])
-    return float(np.sum(rows**2)) / max(min(evidence.noise_dof, len(rows)), 1.0)
-
-
 def _noise(source: Source, fit: Fit) -> float:
     """Variance of the whitened residual where the noise is not declared: that of the final model; else 1."""
     if not source.noise_known:
         return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
     return 1.0
+
+
+def _noise_of_part(source: Source, fit: Fit) -> float:
+    """Variance of the whitened residuals of a fit's part, for their degrees of freedom."""
+    freedom = source.evidence(fit, own_terms_only=True).noise_dof
+    rows = np.concatenate([r.whitened[(fit.part == "all") | ~r.held_out].ravel() for r in source.residuals(fit)])
+    return float(np.sum(rows**2)) / max(min(freedom, len(rows)), 1.0)

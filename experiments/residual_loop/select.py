@@ -52,6 +52,8 @@ CONFUSED = 10.0
 IMPLAUSIBLE = 10.0
 
 
+#: Times that readings are set aside for what would have been a disturbance of one or two.
+_MOST_ROUNDS = 3
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be.
@@ -160,6 +162,7 @@ def select(
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: dict[str, str] = {}
+    rounds = 0
     first = offered = Offered(source, fit, evidence, threshold, refused)
     while len(findings) < most:
         full = sum(f.term.interval is not None for f in findings) >= MOST_LOCAL
@@ -178,7 +181,8 @@ def select(
             evidence = source.evidence(fit)
             offered = Offered(source, fit, evidence, threshold, refused)
             continue
-        if part == "all" and source.set_aside_within(accepted[1].term):  # what lasted so short was no disturbance
+        if part == "all" and rounds < _MOST_ROUNDS and source.set_aside_within(accepted[0], accepted[1].term):
+            rounds += 1  # what lasted so short was no disturbance
             plain, fit = source.fit(plain.terms, plain.beta, part), source.fit(fit.terms, fit.beta, part)
             evidence, refused = source.evidence(fit), {}
             offered = Offered(source, fit, evidence, threshold, refused)
@@ -234,18 +238,15 @@ def _best(
     scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did not
     stand, and why.
     """
-    passing = [o for o in options if o.log_p < threshold and o.term.key not in refused]
+    unseen = blind_spots(source, fit, options, refused)
+    seen = [o for o in options if o.term.key not in refused and o.term not in {other.term for other in unseen}]
+    passing = [o for o in seen if o.log_p < threshold]
     if not passing:
-        passing = [
-            o for o in options if o.log_p_raw < threshold and o.term.interval is None and o.term.key not in refused
-        ]
-    if not passing:
+        passing = [o for o in seen if o.log_p_raw < threshold and o.term.interval is None]
+    if not passing and not unseen:
         return None
     passing.sort(key=lambda o: o.log_p_raw)
-    best = passing[0].statistic
-    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * best or o is passing[0]][:most]
-    unseen = blind_spots(source, fit, options, refused)
-    shortlist = [o for o in shortlist if o.term not in {other.term for other in unseen}]
+    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.score import Evidence, Statistic
 from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 
 Part = Literal["all", "fitting"]
@@ -79,6 +79,7 @@ class StreamResidual:
     held_out : (n,) whether the row was kept from the fitting part
     unit : of `residual`
     covariates : (n,) each, what the residual may follow
+    row : (n,) number of the reading in its recording, the same in every fit of it
     """
 
     stream: str
@@ -88,6 +89,7 @@ class StreamResidual:
     held_out: BoolArray
     unit: str
     covariates: Mapping[str, FloatArray]
+    row: IntArray
 
     @property
     def rms(self) -> float:
@@ -110,6 +112,7 @@ class StreamResidual:
             self.held_out[keep],
             self.unit,
             covariates,
+            self.row[keep],
         )
 
 
@@ -171,7 +174,7 @@ class Source(Protocol):
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit and were not seen before, for good; whether there are any."""
 
-    def set_aside_within(self, term: Term) -> bool:
+    def set_aside_within(self, fit: Fit, term: Term) -> bool:
         """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings
         and no disturbance; whether they are.
         """

@@ -1,64 +1,54 @@
-"""Sensitivities to the steps of a grid, kept for every fit about which they are the same."""
+"""Sensitivities to the steps of a grid, kept for the fits that were asked last."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from experiments.residual_loop.onsets import Rows, Step
+from experiments.residual_loop.onsets import Step
+from experiments.residual_loop.source import Fit
 from sensors.arrays import FloatArray
 
-#: Rows times columns that are kept.
-_MOST_ELEMENTS = 3e7
-#: Two motions whose attitudes differ by less than this have the same sensitivities, to this share [rad].
-_SAME_ATTITUDE = 0.01
+#: Fits whose columns are kept, and rows times columns of each that are.
+_MOST_FITS, _MOST_ELEMENTS = 3, 1e7
 
 
-@dataclass
 class StepColumns:
-    """Columns by step, for one set of rows and one motion: a step's mark depends on a fit by the attitude alone.
+    """Columns by step of the last fits.
 
-    Attributes
-    ----------
-    grid : (m,) onsets whose columns are kept [s]
+    They are those of one fit alone: effects in it change the attitude, the filter's gains and, as a slope of the ground
+    does, the derivative of a reading by the state.
     """
 
-    grid: FloatArray
-    _rows: Rows | None = None
-    _attitude: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
-    _columns: dict[Step, FloatArray] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self._kept: list[tuple[Fit, dict[Step, FloatArray]]] = []
 
     def of(
         self,
-        rows: Rows,
-        attitude: FloatArray,
+        fit: Fit,
+        grid: FloatArray,
         steps: Sequence[Step],
         computed: Callable[[Sequence[Step]], Sequence[FloatArray]],
-    ) -> FloatArray:
-        """(r, .) sensitivities to the steps, in their order.
+    ) -> list[FloatArray]:
+        """(r, size) sensitivities to each of the steps.
 
         Parameters
         ----------
-        rows : of the fit; its `wanted` is not looked at
-        attitude : (N, 4) of the fit's motion
-        computed : gives what is not kept yet, (r, size) a step
+        grid : (m,) onsets whose columns are kept [s]
+        computed : gives what is not kept
         """
-        if not self._are_of(rows, attitude):
-            self._rows, self._attitude, self._columns = rows, attitude, {}
-        missing = [step for step in steps if step not in self._columns]
+        kept = self._columns_of(fit)
+        missing = [step for step in steps if step not in kept]
         new = dict(zip(missing, computed(missing), strict=True)) if missing else {}
         for step, columns in new.items():
-            if step[1] in self.grid and sum(c.size for c in self._columns.values()) + columns.size < _MOST_ELEMENTS:
-                self._columns[step] = np.ascontiguousarray(columns)
-        parts = [new[step] if step in new else self._columns[step] for step in steps]
-        return np.hstack(parts) if parts else np.zeros((len(rows.white), 0))
+            if step[1] in grid and sum(c.size for c in kept.values()) + columns.size < _MOST_ELEMENTS:
+                kept[step] = np.ascontiguousarray(columns)
+        return [new[step] if step in new else kept[step] for step in steps]
 
-    def _are_of(self, rows: Rows, attitude: FloatArray) -> bool:
-        if self._rows is None or not np.array_equal(self._rows.t, rows.t) or len(self._attitude) != len(attitude):
-            return False
-        if not np.array_equal(self._rows.sensor, rows.sensor):
-            return False
-        cosines = np.abs(np.sum(self._attitude * attitude, axis=1))
-        return bool(np.min(cosines, initial=1.0) > np.cos(0.5 * _SAME_ATTITUDE))
+    def _columns_of(self, fit: Fit) -> dict[Step, FloatArray]:
+        for known, columns in self._kept:
+            if known.detail is fit.detail and known.part == fit.part:
+                return columns
+        self._kept = [(fit, {}), *self._kept[: _MOST_FITS - 1]]
+        return self._kept[0][1]

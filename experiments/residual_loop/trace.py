@@ -38,7 +38,7 @@ class Trace:
     proof : errors before and after
     same_names : whether the fitting part alone chooses the same names; where no effect changes a mean, nothing is to be
         confirmed
-    rolled_back : effects that passed the test but did not improve the held-out error
+    rolled_back : effects that passed the test but that the held-out part does not bear out
     remaining : what the final model leaves
     truth : errors against a reference, plain and final; None without one
     truth_held_out : the same on the held-out part alone, of the models as fitted on the rest

@@ -15,6 +15,7 @@ from experiments.datasets import resolve
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.reference import score_against
 from experiments.residual_loop.select import select
+from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import report, trace
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.simulate import simulate
@@ -168,3 +169,28 @@ def test_a_coarse_declared_attitude_is_no_error_of_the_accelerometer(tmp_path: P
     recording = resolve(str(make_one(tmp_path, 6001, 545, KINDS, "mixed", {"none": 1.0})), None)
     assert recording.initial.attitude_std is not None
     assert select(FlightSource(recording, flight_model(recording))).names == ()
+
+
+def test_steps_are_those_about_the_fit_that_is_asked() -> None:
+    """A slope of the ground in the model changes what an offset of the laser does."""
+    recording, _ = flown("yaw_turns", 25, "laser.terrain_slope=0.3,-0.2")
+    source = FlightSource(recording, flight_model(recording))
+    steps = [("laser", 20.0), ("accel", 20.0)]
+    plain, sloped = source.fit(()), source.fit((Term("laser.terrain_slope"),))
+    source._step_rows(plain, steps)
+    fresh = FlightSource(recording, flight_model(recording))
+    again = fresh._step_rows(fresh.fit((Term("laser.terrain_slope"),)), steps)
+    np.testing.assert_allclose(source._step_rows(sloped, steps).wanted, again.wanted, atol=1e-9)
+
+
+def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
+    """The stamps of a late sensor are not the instants of the interval; a fit from before still has its readings."""
+    recording, _ = flown("square", 26)
+    model = flight_model(recording)
+    source = FlightSource(recording, model.replace(latency={**model.latency, "baro": 0.15}))
+    plain = source.fit(())
+    t = source.recording.streams["baro"].t
+    term = Term("baro.transient", (float(t[200]) - 0.151, float(t[200]) - 0.149))
+    assert source.set_aside_within(plain, term)
+    np.testing.assert_array_equal(source.recording.streams["baro"].t, np.delete(t, 200))
+    assert source.local_findings(plain)

@@ -122,7 +122,7 @@ def test_no_play_follows_exactly() -> None:
 def residual(z: FloatArray, stream: str = "baro") -> StreamResidual:
     z = z.reshape(len(z), -1)
     t = np.arange(len(z)) / 5.0
-    return StreamResidual(stream, t, z, z, np.zeros(len(z), dtype=np.bool_), "m", {})
+    return StreamResidual(stream, t, z, z, np.zeros(len(z), dtype=np.bool_), "m", {}, np.arange(len(z)))
 
 
 def white(seed: int, size: int = 1, n: int = 3000) -> FloatArray:
