@@ -40,7 +40,8 @@ class Grade:
     hidden : names of the effects in it; of an effect outside the catalogue its own name
     named : names that the tracer gave
     verdict : of the tracer
-    information : predicted lambda of each hidden effect, all other candidates projected out; zero: not seen at all
+    information : predicted lambda of each hidden effect, all other lasting candidates and the hidden effects projected
+        out; zero: not seen at all
     class_information : the same, but for the candidates of its class, which are not projected out
     joint_information : the same with the other hidden effects alone projected out
     missing : hidden effects that were not named

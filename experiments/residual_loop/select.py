@@ -74,7 +74,7 @@ class Finding:
     log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
-    confused_with : names of effects that explain the data as well
+    confused_with : names of effects that are as likely
     spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
     """
 
@@ -92,7 +92,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the selection: the model before it, and the effect that was then added."""
+    """One step of the selection: the model before it, and the effect that was then added; of a pair, each beside the
+    other.
+    """
 
     before: Fit
     term: Term
@@ -110,7 +112,7 @@ class Selection:
     plain_local : the best interval of each time-localised family about the plain model, where they were searched
     final_statistics : of every candidate that was not accepted, about the final model
     left : options that pass the test about the final model but were not accepted, strongest first
-    steps : every effect that was added, with the model before it, in order; one may have been dropped since
+    steps : every effect that was added, with the model without it, in order; one may have been dropped since
     last_options : everything that was not in the model at the last step, about the model of that step
     """
 
@@ -175,7 +177,7 @@ def select(
             if pair is None:
                 break
             fit, both = pair
-            steps += [Step(plain_of_both, finding.term) for plain_of_both, finding in both]
+            steps += [Step(before, finding.term) for before, finding in both]
             findings += [finding for _, finding in both]
             refused.clear()
             evidence = source.evidence(fit)
