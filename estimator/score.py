@@ -190,6 +190,13 @@ def likelihood_ratio(gain: float, noise_dof: float) -> float:
     return float(-noise_dof * np.log(max(1.0 - gain / noise_dof, 1e-12)))
 
 
+def gain_of_ratio(statistic: float, noise_dof: float) -> float:
+    """The gain behind a likelihood ratio: the inverse of `likelihood_ratio`."""
+    if not np.isfinite(noise_dof):
+        return statistic
+    return float(noise_dof * (1.0 - np.exp(-statistic / noise_dof)))
+
+
 def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> Statistic:
     """The statistic of one candidate, with the effects in `given` fitted as well (Schur complement).
 

@@ -203,7 +203,7 @@ class FlightSource:
         """
         if {"gps", "base"} & set(self.model.sensors):
             return {}
-        if self._starts is None or self._starts[0].detail is not fit.detail or self._starts[0].part != fit.part:
+        if self._starts is None or not self._starts[0].is_that_of(fit):
             self._starts = fit, self._starts_about(fit)
         return self._starts[1]
 

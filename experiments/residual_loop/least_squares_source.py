@@ -38,8 +38,6 @@ _PROBE_SHARE = 0.4
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance of turns and rests: a turn has two.
 _SHORTEST_OF_SUMS = 2
-#: By how much a search of the ends of an interval is finer than the one before.
-_FINER_ROUND = 25.0
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
 
@@ -512,7 +510,7 @@ class LeastSquaresSource:
         while spacing > sample:
             span = float(stamps[0]), interval[1] if to_the_end else float(stamps[-1]) + sample
             interval = refined(rows_of, self._problem.stream, interval, spacing, stamps, *span).interval
-            spacing /= _FINER_ROUND
+            spacing /= onsets.REFINED
         return replace(term, interval=interval)
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:

@@ -22,6 +22,8 @@ from sensors.effects import Effect, effect
 
 _ONSETS = 25
 _FINER = 5
+#: By how much `refined` knows an end of an interval better than it was told: two grids.
+REFINED = _FINER**2
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
 _WORTH_REFINING = 0.05

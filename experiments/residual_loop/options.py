@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic, log_p_value, statistic_of
+from estimator.score import Evidence, Statistic, gain_of_ratio, log_p_value, statistic_of
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
@@ -40,16 +40,29 @@ class Option:
 
 
 class Offered:
-    """The options about one fit: the candidates, and the intervals once they are searched."""
+    """The options about one fit: the candidates, and the intervals once they are searched.
+
+    Attributes
+    ----------
+    statistics : of every candidate that is not in the fit
+    options : those that may be added
+    local : the best interval of each time-localised family, once they are searched
+    """
 
     def __init__(
         self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
     ) -> None:
         self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
-        self.options, settled = _candidates(source, fit, evidence, threshold, refused)
+        given = [term.key for term in fit.terms if term.in_mean]
+        names = {term.name for term in fit.terms}
+        self.statistics = tuple(statistic_of(evidence, e.name, given) for e in source.candidates if e.name not in names)
+        self.options = [option_of(s) for s in self.statistics]
         self.local: Sequence[LocalFinding] = ()
         self.searched = False
-        if not settled:
+        # blocks that agree on one beta: a local disturbance would not let them, so no interval has to be searched first
+        if not any(
+            s.log_p_corrected < threshold and s.scatter < AGREEMENT and s.name not in refused for s in self.statistics
+        ):
             self.search()
 
     def search(self) -> None:
@@ -63,28 +76,8 @@ class Offered:
         return [option for option in self.options if option.term.interval is None] if full else self.options
 
 
-def _candidates(
-    source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
-) -> tuple[list[Option], bool]:
-    """Every candidate that is not in the model yet; and whether one that was not refused passes whose blocks agree on
-    one beta: a local disturbance would not let them, so no interval has to be searched before it.
-    """
-    given = [term.key for term in fit.terms if term.in_mean]
-    names = {term.name for term in fit.terms}
-    options, settled = [], False
-    for entry in source.candidates:
-        if entry.name not in names:
-            s = statistic_of(evidence, entry.name, given)
-            options.append(option_of(s))
-            settled |= s.log_p_corrected < threshold and s.scatter < AGREEMENT and entry.name not in refused
-    return options, settled
-
-
 def _local_option(found: LocalFinding, noise_dof: float) -> Option:
-    gain = found.statistic
-    if np.isfinite(noise_dof):
-        gain = noise_dof * (1.0 - np.exp(-found.statistic / noise_dof))
-    plain = log_p_value(gain, found.dof, noise_dof)
+    plain = log_p_value(gain_of_ratio(found.statistic, noise_dof), found.dof, noise_dof)
     raw = min(plain + found.searched, found.log_p)
     return Option(
         found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta
@@ -94,11 +87,6 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
 def option_of(s: Statistic) -> Option:
     """A candidate, of its statistic."""
     return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
-
-
-def gain_of(s: Statistic, noise_dof: float) -> float:
-    """Drop of the sum of squares behind a likelihood ratio, in units of the present noise."""
-    return float(noise_dof * (1.0 - np.exp(-s.statistic / noise_dof)))
 
 
 def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:

@@ -11,6 +11,7 @@ import numpy as np
 from estimator.score import (
     Evidence,
     Statistic,
+    gain_of_ratio,
     log_bayes_factor,
     log_p_of_deviance,
     log_p_value,
@@ -22,7 +23,6 @@ from experiments.residual_loop.options import (
     Offered,
     Option,
     blind_spots,
-    gain_of,
     not_slow_noise,
     option_of,
 )
@@ -159,8 +159,6 @@ def select(
     most, shortlist = (MOST_BESIDE, SHORTLIST_BESIDE) if given else (MOST_EFFECTS, SHORTLIST)
     plain = fit = source.fit(tuple(given or ()), given, part)
     evidence = source.evidence(fit)
-    stay = [term.key for term in fit.terms]
-    plain_statistics = _of_candidates(source, evidence, stay)
     findings: list[Finding] = []
     steps: list[Step] = []
     refused: dict[str, str] = {}
@@ -189,7 +187,7 @@ def select(
             evidence, refused = source.evidence(fit), {}
             offered = Offered(source, fit, evidence, threshold, refused)
             if not findings:
-                first, plain_statistics = offered, _of_candidates(source, evidence, stay)
+                first = offered
             continue
         steps.append(Step(fit, accepted[1].term))
         unchanged = accepted[0].deviance == fit.deviance
@@ -205,24 +203,11 @@ def select(
         evidence = source.evidence(fit)
         offered = Offered(source, fit, evidence, threshold, refused)
     found = tuple(_updated(finding, fit, evidence) for finding in findings)
-    final_statistics = _statistics_of_the_others(source, fit, evidence)
     # what lost its evidence in the refit is nothing; what could not be that effect still is something
     passing = (o for o in offered.options if o.log_p < threshold and refused.get(o.term.key, IMPOSSIBLE) == IMPOSSIBLE)
     left = tuple(sorted(passing, key=lambda o: o.log_p))
     path = tuple(steps), tuple(offered.options)
-    return Selection(plain, fit, found, plain_statistics, tuple(first.local), final_statistics, left, *path)
-
-
-def _of_candidates(source: Source, evidence: Evidence, given: Sequence[str]) -> tuple[Statistic, ...]:
-    """Of every candidate, about a plain model with the terms given."""
-    return tuple(statistic_of(evidence, entry.name, given) for entry in source.candidates)
-
-
-def _statistics_of_the_others(source: Source, fit: Fit, evidence: Evidence) -> tuple[Statistic, ...]:
-    """Of every candidate that is not in the fit."""
-    present = [term.key for term in fit.terms if term.in_mean]
-    names = {term.name for term in fit.terms}
-    return tuple(statistic_of(evidence, entry.name, present) for entry in source.candidates if entry.name not in names)
+    return Selection(plain, fit, found, first.statistics, tuple(first.local), offered.statistics, left, *path)
 
 
 def _best(
@@ -288,7 +273,7 @@ def _pair(
     pairs = []
     for first, second in combinations(names, 2):
         one, other = statistic_of(evidence, first, given), statistic_of(evidence, second, [*given, first])
-        gain = sum(gain_of(s, evidence.noise_dof) for s in (one, other))
+        gain = sum(gain_of_ratio(s.statistic, evidence.noise_dof) for s in (one, other))
         pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
     if not pairs:
         return None

@@ -45,6 +45,10 @@ class Fit:
     part: Part
     detail: object
 
+    def is_that_of(self, other: Fit) -> bool:
+        """Whether both are one and the same fit of one part, with whatever labels."""
+        return self.detail is other.detail and self.part == other.part
+
 
 @dataclass(frozen=True)
 class LocalFinding:

@@ -48,7 +48,7 @@ class StepColumns:
 
     def _columns_of(self, fit: Fit) -> dict[Step, FloatArray]:
         for known, columns in self._kept:
-            if known.detail is fit.detail and known.part == fit.part:
+            if known.is_that_of(fit):
                 return columns
         self._kept = [(fit, {}), *self._kept[: _MOST_FITS - 1]]
         return self._kept[0][1]
