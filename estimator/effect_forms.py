@@ -34,6 +34,8 @@ from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
 #: Rounds of f <- u - b - c(f); each gains the size of the effect, a few per cent, so five reach rounding's reach.
 INVERSION_ROUNDS = 5
+#: A round that changes nothing by more than this was the last [m/s^2, rad/s].
+INVERTED = 1e-9
 #: Rows on which it is found out by which states an effect changes.
 PROBES = 32
 
@@ -150,14 +152,18 @@ def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightMo
 def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
     """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
     states = smooth(journal)
-    motion = estimated_motion(journal, smoothed=states, corrections=np.zeros_like(table.u))
-    plain = replace(journal.run, imu=table) if isinstance(journal.run, RunInputs) else journal.run
+    plain = replace(journal, run=replace(journal.run, imu=table)) if isinstance(journal.run, RunInputs) else journal
+    motion = estimated_motion(plain, smoothed=states)
     if not (terms.of_stream("accel") or terms.of_stream("gyro")):
-        return estimated_motion(replace(journal, run=plain), smoothed=states)
+        return motion
     corrections = np.zeros_like(table.u)
-    for _ in range(INVERSION_ROUNDS):
-        motion = estimated_motion(replace(journal, run=plain), smoothed=states, corrections=corrections)
-        corrections = imu_corrections(recording, terms, motion)
+    for _ in range(INVERSION_ROUNDS - 1):
+        better = imu_corrections(recording, terms, motion)
+        settled = np.max(np.abs(better - corrections), initial=0.0) < INVERTED
+        corrections = better
+        if settled:
+            break
+        motion = estimated_motion(plain, smoothed=states, corrections=corrections)
     return motion
 
 

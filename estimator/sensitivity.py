@@ -58,6 +58,8 @@ __all__ = ["Sensitivity", "moved", "sensitivity_pass"]
 BLOCKS = 20
 #: Below this determinant of d e(f) / df an instrument counts as showing nothing there; of sound ones it is near one.
 _BLIND = 1e-3
+#: d e(f) / df is one, but for the rounding of its differences.
+_NO_GAIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def accumulate(
             score[block] = (white[:count] @ part)[order]
         if keep_rows:
             chosen = np.flatnonzero(event[:count] % keep_rows == 0)
-            kept.append((part[np.ix_(chosen, order)], white[:count][chosen], event[:count][chosen]))
+            kept.append((part[chosen][:, order], white[:count][chosen], event[:count][chosen]))
     x, P = engine.result()
     n = inputs.model.layout.n
     V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]
@@ -277,9 +279,19 @@ def driver_regressors(
                 changed = _with(along, name, plain + sign * d)
                 ends.append(entry.apply(plain + sign * d, beta, changed) - plain - sign * d)
             gain[:, :, axis] += (ends[0] - ends[1]) / (2.0 * step)
-    blind = np.abs(np.linalg.det(gain)) < _BLIND  # no sample shows it: only a trial that has gone astray comes here
-    gain[blind] = np.eye(3)
-    return np.asarray(np.linalg.solve(gain, G), dtype=np.float64)
+    if np.max(np.abs(gain - np.eye(3))) < _NO_GAIN:
+        return G
+    return np.asarray(_inverse(gain) @ G, dtype=np.float64)
+
+
+def _inverse(gain: FloatArray) -> FloatArray:
+    """(N, 3, 3) inverses by cofactors; one where an instrument shows nothing, as a trial that has gone astray has it."""
+    first, second, third = np.moveaxis(gain, -1, 0)
+    adjugate = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=1)
+    determinant = np.einsum("ni,ni->n", first, adjugate[:, 0])
+    blind = np.abs(determinant) < _BLIND
+    adjugate[blind], determinant[blind] = np.eye(3), 1.0
+    return np.asarray(adjugate / determinant[:, None, None])
 
 
 def _with(motion: Motion, name: str, value: FloatArray) -> Motion:

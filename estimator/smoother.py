@@ -29,7 +29,7 @@ from sensors.arrays import FloatArray
 from sensors.motion import Motion
 
 #: IMU samples in a stretch: its covariances and gains are in memory at one time.
-STRETCH = 400
+STRETCH = 4000
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,9 @@ def smooth(journal: Journal, sigmas: bool = False, stretch: int = STRETCH) -> Sm
     x, P = inputs.x, inputs.P
     for i0, i1 in zip(starts, stops, strict=True):
         first.append((x, P))
-        part = stretch_of(inputs, i0, i1, x, P)
-        x, P = CompiledRun(part, outputs_for(part, 0)).all()
+        if i0 < starts[-1]:
+            part = stretch_of(inputs, i0, i1, x, P)
+            x, P = CompiledRun(part, outputs_for(part, 0)).all()
     r, information = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
     x_smooth, sigma = np.zeros((N, n + 1)), np.zeros((len(starts), n) if sigmas else (0, n))
     for place in reversed(range(len(starts))):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -264,9 +265,18 @@ class _Joint:
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)
         self.onsets, self.size, self.span = onsets[order], size, span
         self.sudden = order >= (m if on_grid is None else on_grid)
-        self.L = (W.T @ W).reshape(m, size, m, size).transpose(0, 2, 1, 3)
-        self.b = (W.T @ white).reshape(m, size)
         self.W, self.white, self.sensor = W, white, rows.sensor
+
+    @cached_property
+    def L(self) -> FloatArray:
+        """(m, m, size, size) information by onsets."""
+        m, size = len(self.onsets), self.size
+        return np.asarray((self.W.T @ self.W).reshape(m, size, m, size).transpose(0, 2, 1, 3))
+
+    @cached_property
+    def b(self) -> FloatArray:
+        """(m, size) score."""
+        return np.asarray((self.W.T @ self.white).reshape(len(self.onsets), self.size))
 
     def times(self, pair: IntArray) -> tuple[float, float]:
         """Interval of a pair."""

@@ -79,40 +79,60 @@ class SlowNoise:
         x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)
         s2, gain, needed = 1.0, 0.0, False
         for _ in range(_ROUNDS):
-            without, beside = [0.0], [float(score @ np.linalg.solve(own, score)) / s2]
-            at_best: FloatArray = np.zeros(len(b))
             offset = np.linalg.solve(own, score)
-            for C in self._roots(L / s2):
-                A = np.eye(C.shape[1]) + C.T @ (L / s2) @ C
-                root = np.linalg.cholesky(A)
-                y = np.linalg.solve(root, C.T @ np.column_stack([b, x])) / s2
-                noise = float(y[:, 0] @ y[:, 0]) - 2.0 * float(np.sum(np.log(np.diag(root))))
-                left, rest = own / s2 - y[:, 1:].T @ y[:, 1:], score / s2 - y[:, 1:].T @ y[:, 0]
-                estimate = np.linalg.solve(left, rest)
-                without.append(noise)
-                beside.append(noise + float(rest @ estimate))
-                if beside[-1] == max(beside):
-                    offset = estimate
-                    at_best = C @ np.linalg.solve(root.T, y[:, 0] - y[:, 1:] @ estimate)
-            needed |= max(beside) - beside[0] > _NEEDED  # with the offset in the model
-            gain = max(beside) - max(without) if needed else beside[0]
+            alone = float(score @ offset) / s2
+            without, beside = 0.0, alone
+            at_best: FloatArray = np.zeros(len(b))
+            for law in self._laws:
+                y = law.root.T @ np.column_stack([b, x])  # along the law's own directions
+                known = 1.0 + law.information * _VARIANCES[:, None]
+                shrunk = _VARIANCES[:, None] / known
+                noise = shrunk @ y[:, 0] ** 2 / s2 - np.sum(np.log(known), axis=1)
+                left = (own - np.einsum("ki,vk,kj->vij", y[:, 1:], shrunk, y[:, 1:])) / s2
+                rest = (score - np.einsum("ki,vk,k->vi", y[:, 1:], shrunk, y[:, 0])) / s2
+                estimate = np.linalg.solve(left, rest[:, :, None])[:, :, 0]
+                both = noise + np.sum(rest * estimate, axis=1)
+                without = max(without, float(np.max(noise)))
+                best = int(np.argmax(both))
+                if both[best] > beside:
+                    beside, offset = float(both[best]), estimate[best]
+                    at_best = law.root @ (shrunk[best] * (y[:, 0] - y[:, 1:] @ offset))
+            needed |= beside - alone > _NEEDED  # with the offset in the model
+            gain = beside - without if needed else alone
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
         return gain, x.shape[0] if needed else 0
 
-    def _roots(self, L: FloatArray) -> list[FloatArray]:
-        """Square roots of the covariances K that are tried."""
+    @cached_property
+    def _laws(self) -> list[_Law]:
+        """Of every time constant, all parts together and each alone."""
+        L = self._information
         unit = float(np.max(np.diag(L)))
         if unit <= 0.0:
             return []
         ends = np.cumsum([V.shape[1] for _, V in self.parts])
-        roots = []
+        found = []
         for tau in _TIME_CONSTANTS:
             blocks = [np.kron(_root(t, tau), np.eye(self.size)) for t, _ in self.parts]
-            whole = block_diag(*blocks)
-            alone = np.split(whole, ends[:-1], axis=1)
-            roots += [whole, *alone] if len(alone) > 1 else [whole]
-        return [np.sqrt(v / unit) * root for root in roots for v in _VARIANCES]
+            whole = block_diag(*blocks) / np.sqrt(unit)
+            for root in [whole, *np.split(whole, ends[:-1], axis=1)] if len(blocks) > 1 else [whole]:
+                information, directions = np.linalg.eigh(root.T @ L @ root)
+                found.append(_Law(root @ directions, np.maximum(information, 0.0)))
+        return found
+
+
+@dataclass(frozen=True)
+class _Law:
+    """A covariance s^2 v R R' of the offsets, with R turned so that its information is diagonal.
+
+    Attributes
+    ----------
+    root : (m size, k) R
+    information : (k,) diagonal of R' V' V R
+    """
+
+    root: FloatArray
+    information: FloatArray
 
 
 def _root(t: FloatArray, tau: float) -> FloatArray:
