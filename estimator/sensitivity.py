@@ -43,7 +43,7 @@ from estimator.effect_forms import (
 from estimator.events import readings
 from estimator.filter import RunInputs, journal_of, outputs_for, prepare, run
 from estimator.flight_model import FlightModel
-from estimator.imu import imu_table
+from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
 from estimator.wiener import signal_part, without_vibration
@@ -106,6 +106,7 @@ def sensitivity_pass(
     blocks: int = BLOCKS,
     keep_rows: int = 0,
     stride: int = 1,
+    table: ImuTable | None = None,
 ) -> tuple[Journal, Sensitivity]:
     """The filter and, in the same pass, the sensitivity of its innovations to every candidate.
 
@@ -118,6 +119,7 @@ def sensitivity_pass(
     blocks : of equal length over the recording; 0: neither information nor score, which the rows have in them
     keep_rows : keep the whitened rows of every so many readings; 0: none
     stride : IMU samples between two logged states; 0: none
+    table : of the recording's IMU, where it is known
 
     Raises
     ------
@@ -125,7 +127,7 @@ def sensitivity_pass(
     """
     terms = Terms.of(betas or {}).joined(declared_terms(recording))
     effects = tuple(effect(c) if isinstance(c, str) else c for c in candidates)
-    table = imu_table(recording, model)
+    table = imu_table(recording, model) if table is None else table
     if motion is None:
         if terms or model.relinearise:
             settled = run_with_effects(recording, model, terms, engine="numba", stride=0)
@@ -162,13 +164,13 @@ def accumulate(
             information[block] = (part.T @ part)[np.ix_(order, order)]
             score[block] = (white[:count] @ part)[order]
         if keep_rows:
-            chosen = np.flatnonzero(event[:count] % keep_rows == 0)
-            kept.append((part[chosen][:, order], white[:count][chosen], event[:count][chosen]))
+            chosen = event[:count] % keep_rows == 0 if keep_rows > 1 else slice(None)
+            kept.append((part[chosen][:, order], white[:count][chosen].copy(), event[:count][chosen].copy()))
     x, P = engine.result()
     n = inputs.model.layout.n
     V = engine.V.reshape(-1, CAPACITY, TILE).transpose(1, 0, 2).reshape(CAPACITY, -1)[:n, order]
     rows = (
-        [np.concatenate(parts) for parts in zip(*kept, strict=True)]
+        [np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in zip(*kept, strict=True)]
         if kept
         else [np.empty((0, p)), np.empty(0), np.empty(0, int)]
     )

@@ -28,7 +28,8 @@ _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
-#: So has the plain model when a pass gains no more than this of -2 log L.
+#: So has the plain model when a pass gains no more than this of -2 log L, and a fit that does not gain what was
+#: foretold to be less.
 _SETTLED_DEVIANCE = 1.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
@@ -110,6 +111,7 @@ class FlightPasses:
             blocks=0,
             keep_rows=1,
             stride=0,
+            table=self.table,
         )
 
     def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
@@ -126,7 +128,7 @@ class FlightPasses:
         """
         beta, motion = list(beta), self.plain_motion
         best: tuple[float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
-        halvings = 0
+        halvings, foretold = 0, np.inf
         for _ in range(_MOST_STEPS):
             try:
                 if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
@@ -141,7 +143,7 @@ class FlightPasses:
                 deviance = np.inf
             if best is not None and best[0] < deviance:  # too far: half the way back
                 halvings += 1
-                if halvings > _MOST_HALVINGS:
+                if halvings > _MOST_HALVINGS or foretold < _SETTLED_DEVIANCE:
                     break
                 beta = [0.5 * (b + good) for b, good in zip(beta, best[1], strict=True)]
                 journal, motion = best[2], best[3]
@@ -152,6 +154,7 @@ class FlightPasses:
             if not effects:
                 break
             step = self._step(information, W.T @ white, effects)
+            foretold = float(step @ information @ step)
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break
