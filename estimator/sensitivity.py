@@ -287,7 +287,7 @@ def driver_regressors(
 
 
 def _inverse(gain: FloatArray) -> FloatArray:
-    """(N, 3, 3) inverses by cofactors; one where an instrument shows nothing, as a trial that has gone astray has it."""
+    """(N, 3, 3) inverses by cofactors; one where an instrument shows nothing, which only a trial gone astray has."""
     first, second, third = np.moveaxis(gain, -1, 0)
     adjugate = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=1)
     determinant = np.einsum("ni,ni->n", first, adjugate[:, 0])

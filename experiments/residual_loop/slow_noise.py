@@ -73,7 +73,7 @@ class SlowNoise:
         0 where the data do not call for it.
         """
         V = self._V
-        L, b, x = self._information, self._score, V.T @ column
+        b, x = self._score, V.T @ column
         values, vectors = np.linalg.eigh(column.T @ column)
         seen = vectors[:, values > _FLOOR * max(float(values[-1]), 1e-300)]
         x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)

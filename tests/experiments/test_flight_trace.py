@@ -194,3 +194,16 @@ def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
     assert source.set_aside_within(plain, term)
     np.testing.assert_array_equal(source.recording.streams["baro"].t, np.delete(t, 200))
     assert source.local_findings(plain)
+
+
+def test_a_fit_is_found_once() -> None:
+    """Not again from its own estimate on, nor with wrong readings named, which are out of it; again of other readings."""
+    recording, _ = flown("square", 27, "baro.scale=0.05")
+    source = FlightSource(recording, flight_model(recording))
+    term, wrong = Term("baro.scale"), Term("gps.outliers")
+    found = source.fit((term,))
+    for same in (source.fit((term,)), source.fit((term,), found.beta), source.fit((term, wrong), found.beta)):
+        assert same.detail is found.detail
+    t = source.recording.streams["baro"].t
+    assert source.set_aside_within(found, Term("baro.transient", (float(t[200]) - 1e-3, float(t[200]) + 1e-3)))
+    assert source.fit((term,), found.beta).detail is not found.detail
