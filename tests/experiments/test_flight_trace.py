@@ -197,7 +197,7 @@ def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
 
 
 def test_a_fit_is_found_once() -> None:
-    """Not again from its own estimate on, nor with wrong readings named, which are out of it; again of other readings."""
+    """Nor again from its own estimate on, or with wrong readings named; but of other readings it is."""
     recording, _ = flown("square", 27, "baro.scale=0.05")
     source = FlightSource(recording, flight_model(recording))
     term, wrong = Term("baro.scale"), Term("gps.outliers")
