@@ -28,8 +28,9 @@ from estimator.pieces import stretch_of
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 
-#: IMU samples in a stretch: its covariances and gains are in memory at one time.
-STRETCH = 4000
+#: IMU samples in a stretch: its covariances and gains are in memory at one time; and where sigmas are wanted, which
+#: come one a stretch.
+STRETCH, STRETCH_OF_SIGMAS = 4000, 400
 
 
 @dataclass(frozen=True)
@@ -48,16 +49,18 @@ class SmoothedStates:
     sigma: FloatArray
 
 
-def smooth(journal: Journal, sigmas: bool = False, stretch: int = STRETCH) -> SmoothedStates:
+def smooth(journal: Journal, sigmas: bool = False, stretch: int | None = None) -> SmoothedStates:
     """Smooth a run of the filter.
 
     Parameters
     ----------
     journal : of `run_filter`
     sigmas : also the 1-sigma at the start of every stretch
-    stretch : IMU samples in a stretch
+    stretch : IMU samples in a stretch; default: `STRETCH_OF_SIGMAS` where those are wanted, else `STRETCH`
     """
     from estimator.compiled import CompiledRun
+
+    stretch = stretch or (STRETCH_OF_SIGMAS if sigmas else STRETCH)
 
     inputs = journal.run
     assert isinstance(inputs, RunInputs)
