@@ -372,13 +372,17 @@ class LeastSquaresSource:
         every = every[np.argsort(self._problem.t[every], kind="stable")]
         calm = np.flatnonzero(~wrong[every])  # an interval must not live on one wrong reading
         scan, whole = scan_of(every[calm]), scan_of(every)
+        calm_dof = noise_dof - (len(every) - len(calm))
+        if not self._problem.noise_known and 1.0 < calm_dof < noise_dof:  # nor hide in the noise of one
+            noise *= scan.sum_of_squares / calm_dof
+            scan = scan_of(every[calm])
         t = self._problem.t[every]
         instants = self._problem.instants
         after_all = max(float(t[-1]) + _after(t), float(instants[-1]) + _after(instants))
         shortest = SHORTEST if self._problem.rows_are_readings else _SHORTEST_OF_SUMS
         findings = []
         for family, to_the_end in (("transient", False), ("step", True)):
-            found = find_interval(scan, to_the_end, noise_dof, shortest, len(calm))
+            found = find_interval(scan, to_the_end, calm_dof, shortest, len(calm))
             if found is not None:  # but its ends are where all readings put them
                 ends = (int(calm[found.first]), int(calm[found.last - 1]) + 1 if found.last < len(calm) else len(t))
                 first, last = refine(whole, *ends, to_the_end, shortest, _ENDS_WITHIN, len(t))

@@ -86,6 +86,11 @@ class OffsetScan:
         result = whiteness(self._parts[0][:rows, None])
         return result is not None and result[1] < 1e-3
 
+    @property
+    def sum_of_squares(self) -> float:
+        """Of the residual, as the fitted columns leave it."""
+        return float(np.sum(self._parts[0] ** 2))
+
     def without(self, first: int, last: int) -> OffsetScan:
         """The scan of what is left once an offset in this interval is fitted too."""
         residual, offset, fitted = self._parts
