@@ -115,8 +115,8 @@ class FlightPasses:
         )
 
     def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
-        """The motion that a pass has found, the effects taken off."""
-        terms = Terms(tuple(zip(effects, beta, strict=True)))
+        """The motion that a pass has found, the effects taken off, those declared too."""
+        terms = Terms(tuple(zip(effects, beta, strict=True))).joined(declared_terms(self.recording))
         return reference_motion(self.recording, journal, terms, self.table)
 
     def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part) -> Fitted:
@@ -188,7 +188,7 @@ class FlightPasses:
             if not deviance < best - _SETTLED_DEVIANCE:
                 break
             best, settled = deviance, motion
-            motion = reference_motion(self.recording, journal, declared_terms(self.recording), self.table)
+            motion = self.follow(journal, [], [])
         return settled
 
     def _step(self, information: FloatArray, score: FloatArray, effects: Sequence[Effect]) -> FloatArray:

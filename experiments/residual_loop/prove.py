@@ -12,7 +12,7 @@ from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
@@ -137,11 +137,26 @@ def _is_held_out(source: Source, selection: Selection, term: Term) -> bool:
 
 def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResidual]:
     """The readings in the interval of an effect: those of its own stream, or of all where it has none."""
+    residuals = source.residuals(selection.plain)
+    concerned = _concerned(source, term, residuals)
+    return [r.rows(_is_inside(term, r.t)) for r in residuals if r.stream in concerned]
+
+
+def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) -> set[str]:
+    """The stream of an effect, or all where it has no residuals."""
+    stream, names = source.effect(term).stream, {r.stream for r in residuals}
+    return {stream} if stream in names else names
+
+
+def _is_inside(term: Term, t: FloatArray) -> BoolArray:
     assert term.interval is not None
-    t0, t1 = term.interval
-    stream = source.effect(term).stream
-    rows = [r for r in source.residuals(selection.plain) if r.stream == stream] or source.residuals(selection.plain)
-    return [r.rows((r.t >= t0) & (r.t < t1)) for r in rows]
+    return np.asarray((t >= term.interval[0]) & (t < term.interval[1]))
+
+
+def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[Term]) -> Fit:
+    """The known effects, fitted to what is not held out."""
+    terms = [term for term in selection.final.terms if term in known]
+    return source.fit(terms, {term: selection.final.beta[term] for term in terms}, "fitting")
 
 
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
@@ -150,8 +165,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     untested = tuple(f.term for f in selection.findings if f.term.in_mean and f.term not in asked)
-    terms = [t for t in selection.final.terms if t in known]
-    fitting = source.fit(terms, {t: selection.final.beta[t] for t in terms}, "fitting")
+    fitting = _fitted_on_the_rest(source, selection, known)
     plain = source.fit((), part="fitting")
     noise = _noise(source, selection.final)
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
@@ -168,15 +182,12 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     the fitting part knows nothing are not counted.
     """
     known = known_from_fitting(source, selection)
-    terms = [term for term in selection.final.terms if term in known]
     asked = tested(source, selection, known)
-    beta = {term: selection.final.beta[term] for term in terms}
-    fitted = source.fit(terms, beta, "fitting")
+    fitted = _fitted_on_the_rest(source, selection, known)
     unknown = [term for term in selection.final.terms if term.interval is not None and term not in known]
     dropped: list[Term] = []
     for term in reversed(asked):
-        rest = [other for other in terms if other != term and other not in dropped]
-        without = source.fit(rest, {t: beta[t] for t in rest}, "fitting")
+        without = _fitted_on_the_rest(source, selection, known - {term, *dropped})
         if not _is_borne_out(source, fitted, without, term, unknown):
             dropped.append(term)
             fitted = without
@@ -238,14 +249,13 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     of the change of their residuals; intervals that are not known are left out.
     """
     gain, change = 0.0, 0.0
-    streams = {r.stream for r in source.residuals(fitted)}
+    concerned = {term: _concerned(source, term, source.residuals(fitted)) for term in unknown}
     for one, other in zip(source.residuals(without), source.residuals(fitted), strict=True):
         _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
         held = one.held_out[mine] & other.held_out[same]
         for term in unknown:
-            assert term.interval is not None
-            if source.effect(term).stream not in streams - {one.stream}:  # its own, or one that has no residuals
-                held &= (one.t[mine] < term.interval[0]) | (one.t[mine] >= term.interval[1])
+            if one.stream in concerned[term]:
+                held &= ~_is_inside(term, one.t[mine])
         before, after = one.whitened[mine[held]], other.whitened[same[held]]
         gain += float(np.sum(before**2) - np.sum(after**2))
         change += float(np.sum((before - after) ** 2))

@@ -20,6 +20,8 @@ from experiments.residual_loop.trace import report, trace
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.simulate import simulate
 
+#: Of an accelerometer, 3 sigma [m/s^2].
+PLAUSIBLE_BIAS = 0.15
 #: Shares from which the recordings of the blind maker are drawn here.
 KINDS = {"flight": 0.64, "hand": 0.06, "accel_poses": 0.1, "mag_poses": 0.1, "gyro_turns": 0.1}
 
@@ -207,3 +209,13 @@ def test_a_fit_is_found_once() -> None:
     t = source.recording.streams["baro"].t
     assert source.set_aside_within(found, Term("baro.transient", (float(t[200]) - 1e-3, float(t[200]) + 1e-3)))
     assert source.fit((term,), found.beta).detail is not found.detail
+
+
+def test_declared_effects_are_taken_off_the_motion_that_is_followed() -> None:
+    """A twentieth too much of the accelerometer is no force, whatever else is in the model."""
+    scenario, effects = load_scenario("hover"), {"accel.scale": (0.05, 0.05, 0.05)}
+    recording, _ = simulate(scenario, np.random.default_rng(28), effects, declare=True)
+    passes = FlightSource(recording, flight_model(recording))._passes
+    journal, _ = passes.run([], [], [], passes.plain_motion)
+    force = np.linalg.norm(np.mean(passes.follow(journal, [], []).f_b, axis=0))
+    assert force == pytest.approx(np.linalg.norm(passes.plain_motion.g_n), abs=PLAUSIBLE_BIAS)
