@@ -60,8 +60,8 @@ def smooth(journal: Journal, sigmas: bool = False, stretch: int | None = None) -
     """
     from estimator.compiled import CompiledRun
 
-    stretch = stretch or (STRETCH_OF_SIGMAS if sigmas else STRETCH)
-
+    if stretch is None:
+        stretch = STRETCH_OF_SIGMAS if sigmas else STRETCH
     inputs = journal.run
     assert isinstance(inputs, RunInputs)
     N, n = len(inputs.imu), inputs.model.layout.n

@@ -7,7 +7,7 @@ being the sensitivity pass: a linear problem with nothing left to project out, s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -19,6 +19,7 @@ from estimator.flight_model import FlightModel
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
     Rows,
@@ -51,26 +52,10 @@ from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
-#: Fits that are kept for being asked again.
-_MOST_QUESTIONS = 16
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
 _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
-
-
-@dataclass(frozen=True)
-class _Question:
-    """Terms, with the probes behind them, first values and part of a fit."""
-
-    terms: tuple[tuple[Term, Effect | None], ...]
-    first: bytes
-    part: Part
-
-    @staticmethod
-    def of(terms: Sequence[Term], first: Sequence[FloatArray], part: Part) -> _Question:
-        values = np.concatenate([np.zeros(0), *first])
-        return _Question(tuple((term, term.probe) for term in terms), values.tobytes(), part)
 
 
 class FlightSource:
@@ -89,7 +74,7 @@ class FlightSource:
         kept, self.wrong = without_wrong_readings(recording, ungated)
         self._passes = FlightPasses(kept, ungated)
         self._steps = StepColumns()
-        self._known: list[tuple[_Question, Fitted]] = []
+        self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = self._possible()
 
@@ -160,17 +145,17 @@ class FlightSource:
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Gauss-Newton over beta with whole filter passes in the effects' exact form.
 
-        What was asked before of the same readings, or is asked from its own estimate on, is not found again.
+        What was asked before of the same readings, or is asked from its own estimate on, is not found again, nor taken
+        further where it had not settled.
         """
         in_mean = [term for term in terms if term.in_mean]
         effects = [declaration(term) for term in in_mean]
         first = [np.asarray((start or {}).get(term, np.zeros(declaration(term).size))) for term in in_mean]
-        asked = _Question.of(in_mean, first, part)
-        best = next((f for q, f in self._known if q == asked and f.recording is self.recording), None)
+        asked = Question.of(in_mean, first, part)
+        best = self._known.of(asked, self.recording)
         if best is None:
             best = self._passes.fitted(effects, first, part)
-            again = _Question.of(in_mean, best.beta, part)
-            self._known = [(asked, best), (again, best), *self._known[: _MOST_QUESTIONS - 2]]
+            self._known.add(asked, Question.of(in_mean, best.beta, part), best)
         values, stds = dict(zip(in_mean, best.beta, strict=True)), dict(zip(in_mean, best.std, strict=True))
         for term in terms:
             if not term.in_mean:

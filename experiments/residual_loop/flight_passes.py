@@ -28,8 +28,8 @@ _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
-#: So has the plain model when a pass gains no more than this of -2 log L, and a fit that does not gain what was
-#: foretold to be less.
+#: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
+#: than this was foretold of it.
 _SETTLED_DEVIANCE = 1.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
@@ -153,8 +153,9 @@ class FlightPasses:
             best = (deviance, beta, journal, motion, sensitivity, information)
             if not effects:
                 break
-            step = self._step(information, W.T @ white, effects)
-            foretold = float(step @ information @ step)
+            score = W.T @ white
+            step = self._step(information, score, effects)
+            foretold = float(2.0 * step @ score - step @ information @ step)
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break

@@ -372,7 +372,7 @@ class LeastSquaresSource:
         every = every[np.argsort(self._problem.t[every], kind="stable")]
         calm = np.flatnonzero(~wrong[every])  # an interval must not live on one wrong reading
         scan, whole = scan_of(every[calm]), scan_of(every)
-        calm_dof = noise_dof - (len(every) - len(calm))
+        calm_dof = max(noise_dof - (len(every) - len(calm)), 1.0)
         if not self._problem.noise_known and 1.0 < calm_dof < noise_dof:  # nor hide in the noise of one
             noise *= scan.sum_of_squares / calm_dof
             scan = scan_of(every[calm])
@@ -388,7 +388,8 @@ class LeastSquaresSource:
                 first, last = refine(whole, *ends, to_the_end, shortest, _ENDS_WITHIN, len(t))
                 end = float(t[last]) if last < len(t) else after_all
                 term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
-                findings.append(LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched))
+                one = LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched, calm_dof)
+                findings.append(one)
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 

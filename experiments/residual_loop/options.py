@@ -77,6 +77,7 @@ class Offered:
 
 
 def _local_option(found: LocalFinding, noise_dof: float) -> Option:
+    noise_dof = noise_dof if found.noise_dof is None else found.noise_dof
     plain = log_p_value(gain_of_ratio(found.statistic, noise_dof), found.dof, noise_dof)
     raw = min(plain + found.searched, found.log_p)
     return Option(

@@ -14,7 +14,7 @@ from sensors.arrays import BoolArray, FloatArray
 
 #: Time constants of the noise that are tried: cells of the grid.
 _TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)
-#: Variances that are tried: logarithms of the largest share of a cell's information.
+#: Variances that are tried, in units of one over the largest information of a cell.
 _VARIANCES = np.logspace(-1.0, 6.0, 15)
 _ROUNDS = 2
 #: The noise is there where it gains more than this of 2 log L: the 5 % point of chi-square for its two parameters.
@@ -28,10 +28,11 @@ class SlowNoise:
     """White innovations plus the mark of an offset that is a stationary first-order Markov process on cells of time.
 
     With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
-    v, tau and s are those of the largest likelihood, once with the effect (an interval's offset, or any other) in the
-    mean and once without; the difference of 2 log likelihood is what the effect explains beside the noise. It is judged
-    by F, since the law of the noise is known from a number of cells alone. Where the data do not call for such noise
-    once the effect is in the mean, neither with the declared white noise nor with that which is left, there is none.
+    v and tau are those of the largest likelihood, once with the effect (an interval's offset, or any other) in the mean
+    and once without, s is what the best with it leaves, at least 1; the difference of 2 log likelihood is what the
+    effect explains beside the noise. It is judged by F, since the law of the noise is known from a number of cells
+    alone. Where the data do not call for such noise once the effect is in the mean, neither with the declared white
+    noise nor with that which is left, there is none.
 
     Neglects what the noise changes within a cell.
 
@@ -123,7 +124,7 @@ class SlowNoise:
 
 @dataclass(frozen=True)
 class _Law:
-    """A covariance s^2 v R R' of the offsets, with R turned so that its information is diagonal.
+    """A covariance s^2 v R R' of the offsets, v one of `_VARIANCES`, with R turned so that its information is diagonal.
 
     Attributes
     ----------

@@ -61,6 +61,7 @@ class LocalFinding:
     log_p : logarithm of the p-value, corrected for the search over intervals and for the colour of the residual
     beta : (size,) first-order estimate
     searched : logarithm of the number of intervals among which it is the best, which is in `log_p`
+    noise_dof : degrees of freedom of the noise by which it is judged; None: those of the fit's evidence
     """
 
     term: Term
@@ -69,6 +70,7 @@ class LocalFinding:
     log_p: float
     beta: FloatArray
     searched: float = 0.0
+    noise_dof: float | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from estimator.engine_filterpy import ReadableFilter
 from estimator.error_dynamics import transition
 from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import flight_model
-from estimator.sensitivity import driver_regressors, sensitivity_pass, sensor_regressors
+from estimator.sensitivity import _inverse, driver_regressors, sensitivity_pass, sensor_regressors
 from estimator.strapdown import strapdown_step
 from estimator.wiener import without_vibration
 from sensors.arrays import FloatArray
@@ -95,3 +95,13 @@ def test_fused_pass_is_the_dense_recursion(flown) -> None:
         pass
     W = np.concatenate(dense.W)
     assert np.max(np.abs(W - found.rows) / np.linalg.norm(W, axis=0)) < ROUNDING
+
+
+def test_inverse_by_cofactors() -> None:
+    """And one where an instrument shows nothing of a change."""
+    gain = np.eye(3) + 0.3 * np.random.default_rng(31).standard_normal((50, 3, 3))
+    gain[7, :, 1] = 0.0
+    found = _inverse(gain)
+    sound = np.arange(50) != 7
+    np.testing.assert_allclose(found[sound], np.linalg.inv(gain[sound]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(found[7], np.eye(3))

@@ -74,24 +74,33 @@ def test_a_jump_that_is_forgotten_before_the_next_point_of_the_grid_is_found() -
     assert jumps(answers, z[:, None], T, GRID).tolist() == [float(at)]
 
 
-def test_gain_is_that_of_the_likelihoods_themselves() -> None:
-    """Against dense covariances, of two streams that share the noise; the white noise is no larger than declared."""
+@pytest.mark.parametrize("level", [0.7, 3.0])
+def test_gain_is_that_of_the_likelihoods_themselves(level: float) -> None:
+    """Against dense covariances, of two streams that share the noise; white noise as declared at most, or larger, which
+    is then the unit of the second round.
+    """
     rng = np.random.default_rng(6)
     cells, n = 6, 90
     t = np.arange(cells) + 0.5
     V = [np.kron(np.eye(cells), np.full((n // cells, 1), size)) for size in (1.0, 0.4)]
     column = (np.arange(n)[:, None] >= n // 2).astype(float)
-    z = 0.7 * rng.standard_normal(n) + V[0] @ rng.standard_normal(cells) + 0.5 * column[:, 0]
+    z = level * (rng.standard_normal(n) + 1.4 * V[0] @ rng.standard_normal(cells) + 0.7 * column[:, 0])
     noise = SlowNoise(((t, V[0]), (t, V[1])), z, 1, np.ones(n, dtype=bool))
     unit = max(float(np.max(np.diag(v.T @ v))) for v in V)
-    gains: dict[bool, list[float]] = {False: [0.0], True: [float((column[:, 0] @ z) ** 2 / np.sum(column**2))]}
-    for tau, variance in product(_TIME_CONSTANTS, _VARIANCES):
-        K = variance / unit * np.exp(-np.abs(np.subtract.outer(t, t)) / tau)
-        parts = [v @ K @ v.T for v in V]
-        for covariance in (np.eye(n) + sum(parts), *(np.eye(n) + part for part in parts)):
-            inverse = np.linalg.inv(covariance)
-            plain = z @ z - z @ inverse @ z - np.linalg.slogdet(covariance)[1]
-            offset = (column[:, 0] @ inverse @ z) ** 2 / (column[:, 0] @ inverse @ column[:, 0])
-            gains[False].append(plain)
-            gains[True].append(plain + offset)
-    assert noise.gain_beside(column)[0] == pytest.approx(max(gains[True]) - max(gains[False]), rel=1e-9)
+    s2 = 1.0
+    for _ in range(2):
+        without, beside, left = [0.0], [float((column[:, 0] @ z) ** 2 / np.sum(column**2)) / s2], [np.nan]
+        for tau, variance in product(_TIME_CONSTANTS, _VARIANCES):
+            K = variance / unit * np.exp(-np.abs(np.subtract.outer(t, t)) / tau)
+            parts = [v @ K @ v.T for v in V]
+            for covariance in (sum(parts), *parts):
+                inverse = np.linalg.inv(np.eye(n) + covariance)
+                plain = (z @ z - z @ inverse @ z) / s2 + np.linalg.slogdet(inverse)[1]
+                offset = (column[:, 0] @ inverse @ z) / (column[:, 0] @ inverse @ column[:, 0])
+                gain = offset**2 * (column[:, 0] @ inverse @ column[:, 0]) / s2
+                without.append(plain)
+                beside.append(plain + gain)
+                left.append(float(np.mean((inverse @ (z - offset * column[:, 0])) ** 2)))
+        gains = max(beside) - max(without)
+        s2 = max(1.0, left[int(np.argmax(beside))])
+    assert noise.gain_beside(column)[0] == pytest.approx(gains, rel=1e-9)

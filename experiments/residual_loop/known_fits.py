@@ -1,0 +1,54 @@
+"""Fits of a flight that were asked before: each costs a dozen filter passes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.residual_loop.flight_passes import Fitted
+from experiments.residual_loop.source import Part
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+from sensors.effects import Effect
+from sensors.recording import Recording
+
+#: Fits that are kept, and the IMU samples of all of them together, each of which costs some 800 bytes.
+_MOST_FITS, _MOST_SAMPLES = 8, 1e6
+
+
+@dataclass(frozen=True)
+class Question:
+    """Terms, with the probes behind them, first values and part of a fit."""
+
+    terms: tuple[tuple[Term, Effect | None], ...]
+    first: bytes
+    part: Part
+
+    @staticmethod
+    def of(terms: Sequence[Term], first: Sequence[FloatArray], part: Part) -> Question:
+        """What is asked by terms with their first values."""
+        values = np.concatenate([np.zeros(0), *first])
+        return Question(tuple((term, term.probe) for term in terms), values.tobytes(), part)
+
+
+class KnownFits:
+    """The fits that were asked last, each with the questions to which it is the answer; those of other readings go."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[tuple[Question, Question], Fitted]] = []
+
+    def of(self, asked: Question, recording: Recording) -> Fitted | None:
+        """The fit of these very readings, if it is known."""
+        for place, (questions, fit) in enumerate(self._kept):
+            if asked in questions and fit.recording is recording:
+                self._kept.insert(0, self._kept.pop(place))
+                return fit
+        return None
+
+    def add(self, asked: Question, again: Question, fit: Fitted) -> None:
+        """Keep a fit as the answer to what was asked, and to itself asked again from its own estimate on."""
+        most = max(1, min(_MOST_FITS, int(_MOST_SAMPLES / max(len(fit.motion), 1))))
+        same = [one for one in self._kept if one[1].recording is fit.recording]
+        self._kept = [((asked, again), fit), *same][:most]
