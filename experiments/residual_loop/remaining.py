@@ -31,8 +31,6 @@ _LEAST_OF_A_LAW = 20
 _MIXED = 0.1
 #: Share of what it explains that a probe may miss: a function that is off by a third of its size.
 _LEFT_BY_PROBES = 0.1
-#: An interval that explains so many times as much as all probes is none of their error.
-_BEYOND_PROBES = 10.0
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
 _LEAST_FAULT = 1e-3
 
@@ -104,12 +102,11 @@ def stands_out(
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
-    interval does where it explains far more than the probes do: what has no name takes any shape in time, but no larger
-    one. Nothing does where a stream that it shows in is left with an error far larger than its noise, since the probes
-    have then not told what that error looks like; nor what explains no more than the probes, which are generic, may
-    have left of theirs.
+    interval never does: what has no name takes any shape in time. Nor does anything where a stream that it shows in is
+    left with an error far larger than its noise, since the probes have then not told what that error looks like; nor
+    what explains no more than the probes, which are generic, may have left of theirs.
     """
-    if finding.term.interval is not None and finding.gain < _BEYOND_PROBES * sum(s.statistic for _, s in suspects):
+    if finding.term.interval is not None:
         return False
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known

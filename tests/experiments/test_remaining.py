@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.score import Statistic
 from experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
-from experiments.residual_loop.remaining import _bursts, remaining, stands_out
-from experiments.residual_loop.select import Finding
+from experiments.residual_loop.remaining import _bursts, remaining
 from experiments.residual_loop.source import Fit, StreamResidual
-from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, Effect
 from sensors.effects.streams import STREAMS
@@ -235,23 +231,3 @@ def test_a_second_echo_at_random_is_structure(share: float) -> None:
 def test_a_second_echo_as_small_as_the_noise_is_noise() -> None:
     other = np.random.default_rng(14).uniform(size=(3000, 1)) < 0.3
     assert variance_left(white(15) + 2.0 * (other - 0.3)) == [False]
-
-
-# ---- effects beside probes
-
-
-@pytest.mark.parametrize(("gain", "stands"), [(5.0, False), (20.0, True)])
-def test_an_interval_stands_where_it_explains_far_more_than_the_probes(gain: float, stands: bool) -> None:
-    """In units of what the probe explains, in another stream."""
-    probe = 400.0
-    term = Term("sonar.transient", (10.0, 20.0))
-    found = Finding(term, np.ones(1), np.ones(1), -50.0, -50.0, 50.0, gain * probe, gain * probe, ())
-    suspect = Statistic("unexplained.gps.place", probe, 10, 1.0, -100.0, -100.0, *3 * (np.ones(10),))
-    t = np.arange(200.0)
-    white = np.random.default_rng(8).standard_normal((len(t), 1))
-    residual = StreamResidual("sonar", t, white, white, t > 130.0, "m", {}, np.arange(len(t)))
-    source: Any = SimpleNamespace(
-        noise_known=True, families=60, residuals=lambda fit: [residual], effect=lambda term: CATALOGUE[term.name]
-    )
-    fit = Fit((), {}, {}, 0.0, "all", None)
-    assert stands_out(source, fit, found, [(Term(suspect.name), suspect)], ALPHA) == stands
