@@ -78,26 +78,24 @@ class SlowNoise:
         values, vectors = np.linalg.eigh(column.T @ column)
         seen = vectors[:, values > _FLOOR * max(float(values[-1]), 1e-300)]
         x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)
+        beside_laws = [law.beside(b, x, own, score) for law in self._laws]
+        offset_alone = np.linalg.solve(own, score)
         s2, gain, needed = 1.0, 0.0, False
         for _ in range(_ROUNDS):
-            offset = np.linalg.solve(own, score)
+            offset = offset_alone
             alone = float(score @ offset) / s2
             without, beside = 0.0, alone
             at_best: FloatArray = np.zeros(len(b))
-            for law in self._laws:
-                y = law.root.T @ np.column_stack([b, x])  # along the law's own directions
-                known = 1.0 + law.information * _VARIANCES[:, None]
-                shrunk = _VARIANCES[:, None] / known
-                noise = shrunk @ y[:, 0] ** 2 / s2 - np.sum(np.log(known), axis=1)
-                left = (own - np.einsum("ki,vk,kj->vij", y[:, 1:], shrunk, y[:, 1:])) / s2
-                rest = (score - np.einsum("ki,vk,k->vi", y[:, 1:], shrunk, y[:, 0])) / s2
-                estimate = np.linalg.solve(left, rest[:, :, None])[:, :, 0]
+            for one in beside_laws:
+                noise = one.explained / s2 - one.log_det
+                rest = one.score / s2
+                estimate = np.linalg.solve(one.information / s2, rest[:, :, None])[:, :, 0]
                 both = noise + np.sum(rest * estimate, axis=1)
                 without = max(without, float(np.max(noise)))
                 best = int(np.argmax(both))
                 if both[best] > beside:
                     beside, offset = float(both[best]), estimate[best]
-                    at_best = law.root @ (shrunk[best] * (y[:, 0] - y[:, 1:] @ offset))
+                    at_best = one.most_likely(best, offset)
             needed |= beside - alone > _NEEDED  # with the offset in the model
             gain = beside - without if needed else alone
             residual = self.white - V @ at_best - column @ (seen @ offset)
@@ -134,6 +132,54 @@ class _Law:
 
     root: FloatArray
     information: FloatArray
+
+    def beside(self, b: FloatArray, x: FloatArray, own: FloatArray, score: FloatArray) -> _Beside:
+        """An offset beside noise of this law.
+
+        Parameters
+        ----------
+        b : (m size,) score of the offsets in the cells
+        x, own, score : (m size, d), (d, d), (d,) V' W, W' W and W' z, W the sensitivities to the one offset
+        """
+        y = self.root.T @ np.column_stack([b, x])  # along the law's own directions
+        known = 1.0 + self.information * _VARIANCES[:, None]
+        shrunk = _VARIANCES[:, None] / known
+        return _Beside(
+            self.root,
+            y,
+            shrunk,
+            explained=shrunk @ y[:, 0] ** 2,
+            log_det=np.sum(np.log(known), axis=1),
+            information=own - np.einsum("ki,vk,kj->vij", y[:, 1:], shrunk, y[:, 1:]),
+            score=score - np.einsum("ki,vk,k->vi", y[:, 1:], shrunk, y[:, 0]),
+        )
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """An offset of the stream beside noise of one law, for each of `_VARIANCES`, in units of s^2.
+
+    Attributes
+    ----------
+    root : (m size, k) of the law
+    y : (k, 1 + d) score of the law's directions, and their products with the sensitivities to the offset
+    shrunk : (v, k) variances of the law's directions, given the innovations
+    explained : (v,) what the noise alone explains
+    log_det : (v,) logarithm of the determinant of I + V K V'
+    information, score : (v, d, d), (v, d) of the offset, beside the noise
+    """
+
+    root: FloatArray
+    y: FloatArray
+    shrunk: FloatArray
+    explained: FloatArray
+    log_det: FloatArray
+    information: FloatArray
+    score: FloatArray
+
+    def most_likely(self, variance: int, offset: FloatArray) -> FloatArray:
+        """(m size,) the noise in the cells, of one of the variances, with the offset taken off."""
+        return np.asarray(self.root @ (self.shrunk[variance] * (self.y[:, 0] - self.y[:, 1:] @ offset)))
 
 
 def _root(t: FloatArray, tau: float) -> FloatArray:
