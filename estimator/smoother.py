@@ -130,8 +130,7 @@ def estimated_motion(
     """The motion as the filter, or all readings together, have it: the arrays along which effects are evaluated.
 
     f_b and w_ib_b are the IMU's readings less the biases, sample by sample, so that an effect on the IMU is taken of
-    what the
-    IMU saw; dw_b is the slope of w_ib_b over `RATE_WINDOW`.
+    what the IMU saw; dw_b is the slope of w_ib_b over `RATE_WINDOW`.
 
     Parameters
     ----------
