@@ -152,7 +152,8 @@ def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightMo
 def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
     """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
     states = smooth(journal)
-    plain = replace(journal, run=replace(journal.run, imu=table)) if isinstance(journal.run, RunInputs) else journal
+    assert isinstance(journal.run, RunInputs)
+    plain = replace(journal, run=replace(journal.run, imu=table))
     motion = estimated_motion(plain, smoothed=states)
     if not (terms.of_stream("accel") or terms.of_stream("gyro")):
         return motion
