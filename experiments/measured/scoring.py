@@ -52,7 +52,7 @@ def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> M
     hidden = withheld(gps.t) & (gps.t > imu[0]) & (gps.t < imu[-1])
     columns = {name: gps[name] + (FAR * hidden if name in POSITION else 0.0) for name in gps.columns}
     shown = source.recording.replace(streams={**source.recording.streams, "gps": Stream(gps.t, columns)})
-    betas = {declaration(term): fit.beta[term] for term in fit.terms if term.in_mean}
+    betas = {declaration(term): fit.beta[term] for term in fit.in_mean}
     journal = run_filter(shown, source.model.replace(gate_level=NOTHING_ELSE), betas, engine="numba", stride=0)
     one = journal.stream("gps")
     asked = hidden[one.index] & np.isfinite(one.nis)

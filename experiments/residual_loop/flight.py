@@ -167,17 +167,15 @@ class FlightSource:
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, by block of time."""
         state = _state(fit)
-        in_mean = [term for term in fit.terms if term.in_mean]
-        names = [term.key for term in in_mean]
         own = state.effects
-        others = [] if own_terms_only else [entry for entry in self._candidates if entry.name not in names]
+        others = [] if own_terms_only else [entry for entry in self._candidates if entry.name not in fit.keys]
         columns = [*own, *others]
         if not columns:
             return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
-        return self._evidence_of(columns, fit, names)
+        return self._evidence_of(columns, fit)
 
-    def _evidence_of(self, columns: Sequence[Effect], fit: Fit, names: Sequence[str]) -> Evidence:
-        """Of effects, the first of which are the fit's own with these names."""
+    def _evidence_of(self, columns: Sequence[Effect], fit: Fit) -> Evidence:
+        """Of effects, the first of which are the fit's own."""
         state = _state(fit)
         own = state.effects
         journal, sensitivity = state.journal, state.sensitivity
@@ -196,7 +194,7 @@ class FlightSource:
             score[k] = W[inside].T @ white[inside]
         plausible = [entry.plausible_in(self._passes.plain_motion) for entry in columns]
         return Evidence(
-            (*names, *(entry.name for entry in columns[len(own) :])),
+            (*fit.keys, *(entry.name for entry in columns[len(own) :])),
             tuple(entry.size for entry in columns),
             information,
             score,
@@ -291,7 +289,7 @@ class FlightSource:
         if term.interval is None or stream not in self.wrong:
             return False
         one = _state(fit).journal.stream(stream)
-        inside = (one.t >= term.interval[0]) & (one.t < term.interval[1])
+        inside = term.covers(one.t)
         return int(np.sum(inside)) < SHORTEST and self._take_out({stream: one.index[inside]})
 
     def _take_out(self, wrong: Mapping[str, IntArray]) -> bool:
@@ -338,8 +336,7 @@ class FlightSource:
     @staticmethod
     def _columns_of(fit: Fit, term: Term) -> BoolArray:
         """Which of the parameters in the fit are the term's."""
-        in_mean = [t for t in fit.terms if t.in_mean]
-        return np.concatenate([np.full(len(fit.beta[t]), t == term) for t in in_mean])
+        return np.concatenate([np.full(len(fit.beta[t]), t == term) for t in fit.in_mean])
 
     def _stamps(self, stream: str) -> FloatArray:
         return self.recording.streams["imu" if stream in ("accel", "gyro") else stream].t
@@ -402,7 +399,7 @@ class FlightSource:
         probes = [e for e in probes_for(streams, state.motion, covariates, self.model.sensors) if e.name not in here]
         if not probes:
             return ()
-        evidence = self._evidence_of([*own, *probes], fit, [t.key for t in fit.terms if t.in_mean])
+        evidence = self._evidence_of([*own, *probes], fit)
         given = list(evidence.names[: len(own)])
         return [(Term(e.name, probe=e), statistic_of(evidence, e.name, given)) for e in probes]
 

@@ -312,9 +312,9 @@ class LeastSquaresSource:
     def _evidence_of(self, fit: Fit, effects: Sequence[Effect]) -> Evidence:
         """The same of the fit's own terms and of these effects."""
         state = _state(fit)
-        moving = [term for term in fit.terms if term.in_mean]
-        wanted = [entry for entry in effects if entry.name not in {term.key for term in moving}]
-        names = [term.key for term in moving] + [entry.name for entry in wanted]
+        moving = fit.in_mean
+        wanted = [entry for entry in effects if entry.name not in fit.keys]
+        names = fit.keys + [entry.name for entry in wanted]
         rows = self._problem.rows(state.nuisance, fit.beta, wanted, known=True)
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
@@ -355,7 +355,7 @@ class LeastSquaresSource:
         """The best step, the best transient, and the wrong readings, about the fit."""
         state = _state(fit)
         rows = self._problem.rows(state.nuisance, fit.beta, ())
-        moving = [term for term in fit.terms if term.in_mean]
+        moving = fit.in_mean
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
         wrong = self._wrong_rows(rows, _SUSPECT)
@@ -454,8 +454,7 @@ class LeastSquaresSource:
         if not probes:
             return ()
         evidence = self._evidence_of(fit, probes)
-        given = [term.key for term in fit.terms if term.in_mean]
-        found = [(Term(entry.name, probe=entry), statistic_of(evidence, entry.name, given)) for entry in probes]
+        found = [(Term(entry.name, probe=entry), statistic_of(evidence, entry.name, fit.keys)) for entry in probes]
         return [(term, self._as_left_out(fit, term, s)) for term, s in found]
 
     def _as_left_out(self, fit: Fit, term: Term, s: Statistic) -> Statistic:
@@ -494,7 +493,7 @@ class LeastSquaresSource:
         if self._problem.rows_are_readings or term.interval is None:
             return term
         state, active = _state(fit), self._rows_of(fit)
-        others = [other for other in fit.terms if other.in_mean and other != term]
+        others = [other for other in fit.in_mean if other != term]
 
         def rows_of(steps: Sequence[Step]) -> onsets.Rows:
             wanted = [replace(declared_step(step), name=f"{step[0]}@{step[1]!r}") for step in steps]
@@ -544,7 +543,7 @@ class LeastSquaresSource:
         model = {**before.beta, term: np.zeros(len(beta))}
         rows = self._problem.rows(state.nuisance, model, ())
         active = state.used & ~state.wrong
-        own = [rows.effects[other.key] for other in before.terms if other.in_mean]
+        own = [rows.effects[key] for key in before.keys]
         S, N = rows.effects[term.key][active] @ beta, np.hstack([rows.nuisance, *own])[active]
         predicted = S - N @ np.linalg.lstsq(N, S, rcond=1e-10)[0]
         size = rows.raw[active] / np.where(rows.residual[active] == 0.0, np.inf, rows.residual[active])

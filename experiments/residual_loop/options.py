@@ -53,9 +53,9 @@ class Offered:
         self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
     ) -> None:
         self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
-        given = [term.key for term in fit.terms if term.in_mean]
         names = {term.name for term in fit.terms}
-        self.statistics = tuple(statistic_of(evidence, e.name, given) for e in source.candidates if e.name not in names)
+        others = [entry.name for entry in source.candidates if entry.name not in names]
+        self.statistics = tuple(statistic_of(evidence, name, fit.keys) for name in others)
         self.options = [option_of(s) for s in self.statistics]
         self.local: Sequence[LocalFinding] = ()
         self.searched = False

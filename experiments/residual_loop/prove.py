@@ -12,7 +12,7 @@ from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import FloatArray
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
@@ -113,7 +113,7 @@ def known_from_fitting(source: Source, selection: Selection) -> frozenset[Term]:
     if inside:
         part = source.evidence(replace(selection.final, part="fitting"), own_terms_only=True)
         for term in inside:
-            others = [t.key for t in terms if t.in_mean and t != term]
+            others = selection.final.keys_beside(term)
             if predicted_lambda(part, term.key, selection.final.beta[term], others) > DETECTABLE_LAMBDA:
                 known.add(term)
     return frozenset(known)
@@ -139,18 +139,13 @@ def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResi
     """The readings in the interval of an effect: those of its own stream, or of all where it has none."""
     residuals = source.residuals(selection.plain)
     concerned = _concerned(source, term, residuals)
-    return [r.rows(_is_inside(term, r.t)) for r in residuals if r.stream in concerned]
+    return [r.rows(term.covers(r.t)) for r in residuals if r.stream in concerned]
 
 
 def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) -> set[str]:
     """The stream of an effect, or all where it has no residuals."""
     stream, names = source.effect(term).stream, {r.stream for r in residuals}
     return {stream} if stream in names else names
-
-
-def _is_inside(term: Term, t: FloatArray) -> BoolArray:
-    assert term.interval is not None
-    return np.asarray((t >= term.interval[0]) & (t < term.interval[1]))
 
 
 def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[Term]) -> Fit:
@@ -230,7 +225,7 @@ def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
 
 def _errors_given_back(source: Source, fitted: Fit, term: Term) -> FloatArray:
     """Eigenvalues of L_h L_f^-1 of an effect, the others projected out of the whole and of the fitting part."""
-    others = [t.key for t in fitted.terms if t.in_mean and t != term]
+    others = fitted.keys_beside(term)
     of_all = _information(source, replace(fitted, part="all"), term, others)
     of_part = _information(source, fitted, term, others)
     ratio = np.linalg.pinv(of_part, rcond=1e-12, hermitian=True) @ (of_all - of_part)
@@ -249,13 +244,14 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     of the change of their residuals; intervals that are not known are left out.
     """
     gain, change = 0.0, 0.0
-    concerned = {term: _concerned(source, term, source.residuals(fitted)) for term in unknown}
-    for one, other in zip(source.residuals(without), source.residuals(fitted), strict=True):
+    residuals = source.residuals(fitted)
+    concerned = {term: _concerned(source, term, residuals) for term in unknown}
+    for one, other in zip(source.residuals(without), residuals, strict=True):
         _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
         held = one.held_out[mine] & other.held_out[same]
         for term in unknown:
             if one.stream in concerned[term]:
-                held &= ~_is_inside(term, one.t[mine])
+                held &= ~term.covers(one.t[mine])
         before, after = one.whitened[mine[held]], other.whitened[same[held]]
         gain += float(np.sum(before**2) - np.sum(after**2))
         change += float(np.sum((before - after) ** 2))

@@ -268,11 +268,10 @@ def _pair(
     """
     if evidence.noise_known:
         return None
-    given = [term.key for term in fit.terms if term.in_mean]
     names = [entry.name for entry in source.candidates if entry.name not in {term.name for term in fit.terms}]
     pairs = []
     for first, second in combinations(names, 2):
-        one, other = statistic_of(evidence, first, given), statistic_of(evidence, second, [*given, first])
+        one, other = statistic_of(evidence, first, fit.keys), statistic_of(evidence, second, [*fit.keys, first])
         gain = sum(gain_of_ratio(s.statistic, evidence.noise_dof) for s in (one, other))
         pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
     if not pairs:
@@ -287,7 +286,7 @@ def _pair(
         both = source.fit((*fit.terms, *terms), {**fit.beta, terms[1]: other.beta}, fit.part)
         for term, rest in (terms, terms[::-1]):
             without = fit_without(source, both, term)
-            s = statistic_of(source.evidence(without), term.name, [*given, rest.key])
+            s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
             trial = _trial(source, without, option_of(s))
             if trial is None or trial[1].log_p + searched > threshold:
                 return None
@@ -328,7 +327,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
         return None
-    others = [t.key for t in refit.terms if t.in_mean and t is not term]
+    others = refit.keys_beside(term)
     is_local = term.interval is not None
     scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
@@ -355,12 +354,11 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
     if len(findings) < 2:
         return fit, findings
     evidence = source.evidence(fit, own_terms_only=True)
-    in_mean = [term.key for term in fit.terms if term.in_mean]
     for finding in findings[:-1]:
         term, dof = finding.term, len(finding.beta)
         if not term.in_mean:
             continue
-        foretold = predicted_lambda(evidence, term.key, fit.beta[term], [key for key in in_mean if key != term.key])
+        foretold = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_beside(term))
         if evidence.noise_known and log_p_value(_FORETOLD * foretold, dof) < threshold:
             continue  # a refit would not find otherwise
         without = fit_without(source, fit, term)
@@ -375,7 +373,7 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     beta = fit.beta[term]
     information, spread, std = finding.information, 1.0, fit.std[term]
     if term.in_mean:
-        others = [t.key for t in fit.terms if t.in_mean and t != term]
+        others = fit.keys_beside(term)
         information = predicted_lambda(evidence, term.key, beta, others)
         s = statistic_of(evidence, term.key, others)
         spread = float(np.sqrt(max(s.scatter, 1.0)))

@@ -45,6 +45,20 @@ class Fit:
     part: Part
     detail: object
 
+    @property
+    def in_mean(self) -> tuple[Term, ...]:
+        """The terms that change the mean reading, in order."""
+        return tuple(term for term in self.terms if term.in_mean)
+
+    @property
+    def keys(self) -> list[str]:
+        """The names by which the evidence calls them."""
+        return [term.key for term in self.in_mean]
+
+    def keys_beside(self, term: Term) -> list[str]:
+        """The same without one of the terms."""
+        return [other.key for other in self.in_mean if other != term]
+
     def is_that_of(self, other: Fit) -> bool:
         """Whether both are one and the same fit of one part, with whatever labels."""
         return self.detail is other.detail and self.part == other.part

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect, effect, effects_for
 from sensors.errors import InputError
 from sensors.motion import Motion
@@ -35,6 +35,12 @@ class Term:
     def in_mean(self) -> bool:
         """Whether the effect changes the mean reading; outliers do not: they are left out of the fit instead."""
         return not self.name.endswith(".outliers")
+
+    def covers(self, t: FloatArray) -> BoolArray:
+        """(n,) whether each instant [s] is in the interval; all are where there is none."""
+        if self.interval is None:
+            return np.ones(len(t), dtype=bool)
+        return np.asarray((t >= self.interval[0]) & (t < self.interval[1]))
 
 
 Model = Mapping[Term, FloatArray]
