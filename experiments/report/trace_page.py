@@ -16,9 +16,9 @@ from experiments.report.trace_figures import Bar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.residual_loop.select import Finding
     from experiments.residual_loop.source import Source, StreamResidual
     from experiments.residual_loop.trace import Trace
+    from experiments.residual_loop.trials import Finding
 
 #: Candidates that the chart and the table show unfolded.
 _SHOWN = 12

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic, gain_of_ratio, log_p_value, statistic_of
+from estimator.score import Statistic, gain_of_ratio, log_p_value, statistic_of
 from experiments.residual_loop.source import Fit, LocalFinding, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
@@ -44,18 +44,18 @@ class Offered:
 
     Attributes
     ----------
+    evidence : about the fit
     statistics : of every candidate that is not in the fit
     options : those that may be added
     local : the best interval of each time-localised family, once they are searched
     """
 
-    def __init__(
-        self, source: Source, fit: Fit, evidence: Evidence, threshold: float, refused: Mapping[str, str]
-    ) -> None:
-        self._source, self._fit, self._noise_dof = source, fit, evidence.noise_dof
+    def __init__(self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str]) -> None:
+        self._source, self._fit = source, fit
+        self.evidence = source.evidence(fit)
         names = {term.name for term in fit.terms}
         others = [entry.name for entry in source.candidates if entry.name not in names]
-        self.statistics = tuple(statistic_of(evidence, name, fit.keys) for name in others)
+        self.statistics = tuple(statistic_of(self.evidence, name, fit.keys) for name in others)
         self.options = [option_of(s) for s in self.statistics]
         self.local: Sequence[LocalFinding] = ()
         self.searched = False
@@ -68,8 +68,12 @@ class Offered:
     def search(self) -> None:
         """Add the best interval of each time-localised family."""
         self.local = self._source.local_findings(self._fit)
-        self.options += [_local_option(found, self._noise_dof) for found in self.local]
+        self.options += [_local_option(found, self.evidence.noise_dof) for found in self.local]
         self.searched = True
+
+    def drop(self, term: Term) -> None:
+        """Offer a term no longer."""
+        self.options = [option for option in self.options if option.term != term]
 
     def open_to(self, full: bool) -> list[Option]:
         """All of them, or where intervals enough have been found those that last."""

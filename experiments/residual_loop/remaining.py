@@ -14,9 +14,9 @@ from estimator.whiteness import autocorrelation, whiteness
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.options import Option
 from experiments.residual_loop.probes import followed
-from experiments.residual_loop.select import Finding
 from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
+from experiments.residual_loop.trials import Finding
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
 #: an error that nobody declared, not noise that was declared badly: twice the standard deviation.

@@ -13,9 +13,10 @@ from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
-from experiments.residual_loop.select import CONFUSED, Finding, Selection, fit_without, select
+from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
+from experiments.residual_loop.trials import CONFUSED, Finding, fit_without, refitted
 from sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
@@ -115,7 +116,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     if len(more) > len(suspects):
         suspects = more
         beside = _beside(source, alpha, suspects)
-        selection = _better(beside, replace(selection, final=_refitted(source, fit)))
+        selection = _better(beside, replace(selection, final=refitted(source, fit)))
     if not suspects:
         return selection, suspects
     suspects, joint = _needed(source, selection, suspects, alpha)
@@ -166,13 +167,8 @@ def _with(source: Source, fit: Fit, term: Term, s: Statistic) -> Fit | None:
         return None
 
 
-def _refitted(source: Source, fit: Fit) -> Fit:
-    """The same of the readings that are left: a later selection may have set some aside."""
-    return source.fit(fit.terms, fit.beta, fit.part)
-
-
 def _of_what_is_left(source: Source, selection: Selection) -> Selection:
-    return _with_final(replace(selection, plain=_refitted(source, selection.plain)), _refitted(source, selection.final))
+    return _with_final(replace(selection, plain=refitted(source, selection.plain)), refitted(source, selection.final))
 
 
 def _with_final(selection: Selection, final: Fit) -> Selection:

@@ -18,8 +18,9 @@ from estimator.sensitivity import sensitivity_pass
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.manoeuvre import looks, most_alike
 from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.select import Finding, select
+from experiments.residual_loop.select import select
 from experiments.residual_loop.source import Source
+from experiments.residual_loop.trials import Finding
 from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, Effect, effect

@@ -1,0 +1,213 @@
+"""Options refitted in exact form: which of them stand, and which of those is the best; pairs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from estimator.score import (
+    Evidence,
+    gain_of_ratio,
+    log_bayes_factor,
+    log_p_of_deviance,
+    log_p_value,
+    predicted_lambda,
+    statistic_of,
+)
+from experiments.residual_loop.noise_left import noise_left
+from experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
+from experiments.residual_loop.source import LEAST_SPARE, Fit, Source
+from experiments.residual_loop.term import Term
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+
+#: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
+#: it.
+SHORTLIST, SHORTLIST_SHARE = 6, 0.25
+#: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
+SHORTLISTS = 2
+#: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
+#: Bayes factor above 10 is "very strong" evidence).
+CONFUSED = 10.0
+#: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
+#: sold, and ten of them is another instrument.
+IMPLAUSIBLE = 10.0
+#: A localised effect is looked for again about its own fit, so often at most.
+_RELOCATIONS = 3
+#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be.
+SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE = "slow noise", "no evidence", "impossible"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect that was accepted.
+
+    Attributes
+    ----------
+    term, beta, std : the effect and its estimate in the final model
+    log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
+    log_p_raw : the same without the scatter
+    log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
+    gain : drop of -2 log L that it brought
+    information : beta' Lambda beta, the others projected out
+    confused_with : names of effects that are as likely
+    spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
+    """
+
+    term: Term
+    beta: FloatArray
+    std: FloatArray
+    log_p: float
+    log_p_raw: float
+    log_odds: float
+    gain: float
+    information: float
+    confused_with: tuple[str, ...]
+    spread: float = 1.0
+
+
+def best_of(
+    source: Source,
+    fit: Fit,
+    options: Sequence[Option],
+    threshold: float,
+    refused: dict[str, str],
+    most: int,
+    rounds: int = SHORTLISTS,
+) -> tuple[Fit, Finding] | None:
+    """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
+
+    The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
+    scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did not
+    stand, and why.
+    """
+    unseen = blind_spots(source, fit, options, refused)
+    seen = [o for o in options if o.term.key not in refused and o.term not in {other.term for other in unseen}]
+    passing = [o for o in seen if o.log_p < threshold]
+    if not passing:
+        passing = [o for o in seen if o.log_p_raw < threshold and o.term.interval is None]
+    if not passing and not unseen:
+        return None
+    passing.sort(key=lambda o: o.log_p_raw)
+    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
+    to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
+    shortlist += unseen
+    tried = {o.term.key: _trial(source, fit, o) for o in to_try}
+    trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
+    if not trials:
+        for option in shortlist:
+            key = option.term.key
+            refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else NO_EVIDENCE
+        return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
+    trials.sort(key=lambda trial: -trial[1].log_odds)
+    chosen, finding = trials[0]
+    rivals = tuple(
+        other.term.name
+        for _, other in trials[1:]
+        if finding.term.in_mean
+        and other.term.in_mean
+        and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
+        and other.term.name != finding.term.name
+    )
+    return chosen, replace(finding, confused_with=rivals)
+
+
+def best_pair(
+    source: Source, fit: Fit, evidence: Evidence, threshold: float
+) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
+    """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
+    the noise. The pair has to pass among all pairs, and in the refit each of them beside the other.
+
+    Returns
+    -------
+    the fit with both, and of each the fit without it and the finding
+    """
+    if evidence.noise_known:
+        return None
+    names = [entry.name for entry in source.candidates if entry.name not in {term.name for term in fit.terms}]
+    pairs = []
+    for first, second in combinations(names, 2):
+        one, other = statistic_of(evidence, first, fit.keys), statistic_of(evidence, second, [*fit.keys, first])
+        gain = sum(gain_of_ratio(s.statistic, evidence.noise_dof) for s in (one, other))
+        pairs.append((log_p_value(gain, one.dof + other.dof, evidence.noise_dof), one, other))
+    if not pairs:
+        return None
+    log_p, one, other = min(pairs, key=lambda pair: pair[0])
+    searched = float(np.log(len(pairs)))
+    if log_p + searched > threshold:
+        return None
+    terms = Term(one.name), Term(other.name)
+    found = []
+    try:
+        both = source.fit((*fit.terms, *terms), {**fit.beta, terms[1]: other.beta}, fit.part)
+        for term, rest in (terms, terms[::-1]):
+            without = fit_without(source, both, term)
+            s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
+            trial = _trial(source, without, option_of(s))
+            if trial is None or trial[1].log_p + searched > threshold:
+                return None
+            found.append((without, trial[1]))
+    except InputError:  # no model follows from the two
+        return None
+    return both, found
+
+
+def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
+    """Refit with one more effect; None where it cannot be: its estimate is far outside its plausible size, no model
+    follows from it, or hardly a reading is left that could say otherwise.
+    """
+    term = option.term
+    try:
+        refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+    except InputError:  # no state or covariance that could be: this is not what happened
+        return None
+    for _ in range(_RELOCATIONS if term.interval is not None else 0):
+        moved = source.relocated(refit, term)
+        if moved == term:
+            break
+        start = {**fit.beta, moved: refit.beta[term]}
+        again = source.fit((*fit.terms, moved), start, fit.part)
+        if again.deviance >= refit.deviance:
+            break
+        refit, term = again, moved
+    gain = fit.deviance - refit.deviance
+    if not term.in_mean:
+        return refit, Finding(
+            term, refit.beta[term], refit.std[term], option.log_p, option.log_p_raw, -option.log_p_raw, gain,
+            option.statistic, (),
+        )  # fmt: skip
+    evidence = source.evidence(refit, own_terms_only=True)
+    beta, std = refit.beta[term], refit.std[term]
+    plausible = evidence.plausible[evidence.columns(term.key)]
+    if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
+        return None
+    if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
+        return None
+    others = refit.keys_beside(term)
+    is_local = term.interval is not None
+    scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
+    if evidence.noise_known:  # and perhaps too small
+        scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
+    plain = log_p_of_deviance(evidence, gain, option.dof)
+    log_p_raw = min(plain + option.search_raw, 0.0)
+    log_p = min(log_p_of_deviance(evidence, gain, option.dof, scatter) + option.search_raw, 0.0)
+    if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
+        log_p = max(log_p, plain + option.search)
+    log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
+    log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
+    information = predicted_lambda(evidence, term.key, beta, others)
+    return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
+
+
+def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
+    """The fit of the same part without some of its terms, from where the others are."""
+    rest = [term for term in fit.terms if term not in dropped]
+    return source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
+
+
+def refitted(source: Source, fit: Fit) -> Fit:
+    """The same fit of the readings that are left: some may have been set aside since."""
+    return source.fit(fit.terms, fit.beta, fit.part)
