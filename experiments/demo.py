@@ -14,7 +14,8 @@ from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
 from experiments.report.trace_words import parameter_rows, trace_summary
 from experiments.residual_loop.open_source import pose_source, triad_readings
-from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.report import report
+from experiments.residual_loop.trace import trace
 from experiments.scenarios.loader import load_scenario
 from sensors.effects import CATALOGUE
 from sensors.errors import InputError

@@ -8,9 +8,9 @@ from experiments.datasets import has_truth, reference_of, resolve
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
+from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
-from experiments.residual_loop.trace import report
 from sensors.recording import Recording
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from experiments.blind.maker.make import INDEX_FILE
 from experiments.datasets import resolve
+from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.trace import report
 from sensors.errors import InputError
 
 

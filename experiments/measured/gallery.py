@@ -21,10 +21,11 @@ from experiments.measured.scoring import AttitudeScore, withheld_errors
 from experiments.report.words import number
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.open_source import triad_readings
+from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import Trace, report
+from experiments.residual_loop.trace import Trace
 from sensors.errors import InputError
 from sensors.recording import Recording
 

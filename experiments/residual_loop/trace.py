@@ -1,4 +1,4 @@
-"""The loop from beginning to end, and its report: detect, trace, decide, add, prove."""
+"""The loop from beginning to end: detect, trace, decide, add, prove."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.prove import Errors, Proof, prove, rolled_back
+from experiments.residual_loop.prove import Proof, prove, rolled_back
 from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import CONFUSED, Finding, fit_without, refitted
+from experiments.residual_loop.trials import CONFUSED, fit_without, refitted
 from sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
@@ -295,137 +295,3 @@ def _separating_manoeuvre(selection: Selection) -> str:
         return ""
     first = selection.findings[0]
     return separating_manoeuvre(first.term.name, first.confused_with)
-
-
-# ---- the report
-
-
-def report(source: Source, result: Trace) -> dict[str, object]:
-    """The trace as the JSON of the report."""
-    proof = result.proof
-    error: dict[str, object] = {
-        "held_out": True,
-        "stream": proof.stream,
-        "same_names_on_fitting_part": result.same_names,
-        "before": _errors(proof.before),
-        "after": _errors(proof.after),
-        "in_sample": {
-            "before": {"sse": proof.in_sample_before.sse, "rms": proof.in_sample_before.rms},
-            "after": {"sse": proof.in_sample_after.sse, "rms": proof.in_sample_after.rms},
-        },
-        "untested": [term.name for term in proof.untested],
-    }
-    error["truth"] = _before_after(result.truth)
-    error["truth_held_out"] = _before_after(result.truth_held_out)
-    error["held_out_part"] = held_out_part(source, result)
-    counted = time_is_count(source, result)
-    colour = any(item.kind == "colour" for item in result.remaining)
-    return {
-        "format": 1,
-        "recording": result.recording,
-        "alpha": result.alpha,
-        "p_value_needed": result.alpha / max(source.families, 1),
-        "verdict": result.verdict,
-        "effects": [_effect(source, finding, counted) for finding in result.selection.findings],
-        "error": error,
-        "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
-        "candidates": [
-            *(_candidate(source, s) for s in _candidates(result.selection)),
-            *(_local_candidate(found) for found in result.selection.plain_local),
-        ],
-        "remaining": [
-            {
-                "stream": r.stream,
-                "kind": r.kind,
-                "excess": _number(r.excess),
-                "follows": r.follows,
-                "p_value": r.p_value,
-                "what": r.what,
-            }
-            for r in result.remaining
-        ],
-        "rolled_back": list(result.rolled_back),
-        "separates": result.separates,
-    }
-
-
-def _candidates(selection: Selection) -> list[Statistic]:
-    """Statistics about the plain model; the detectable size of what was not found, about the final one."""
-    final = {s.name: s for s in selection.final_statistics}
-    return [replace(s, detectable_from=final.get(s.name, s).detectable_from) for s in selection.plain_statistics]
-
-
-def _before_after(pair: tuple[Mapping[str, float], Mapping[str, float]] | None) -> dict[str, object] | None:
-    return None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
-
-
-def held_out_part(source: Source, result: Trace) -> str:
-    """Which part of the data took no part in the fit, in words."""
-    held = source.residuals(result.selection.plain)[0].held_out
-    stretches = int(np.sum(np.diff(held.astype(int)) == 1)) + int(held[0])
-    share = "third" if np.mean(held) > 0.25 else "fifth"
-    return f"last {share}" if stretches == 1 and held[-1] else f"held-out {share}"
-
-
-def time_is_count(source: Source, result: Trace) -> bool:
-    """Whether the "time" of the readings is their number: a log without time stamps."""
-    return all(np.array_equal(r.t, np.arange(len(r.t))) for r in source.residuals(result.selection.plain))
-
-
-def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object]:
-    entry = source.effect(finding.term)
-    interval = finding.term.interval
-    return {
-        "name": finding.term.name,
-        "beta": [float(b) for b in finding.beta],
-        "std": [_number(s) for s in finding.std],
-        "unit": list(entry.units),
-        "parameters": [p.name for p in entry.parameters],
-        "p_value": float(np.exp(finding.log_p)),
-        "log10_p_value": finding.log_p / float(np.log(10.0)),
-        "lambda": max(finding.information, 0.0),
-        "confused_with": list(finding.confused_with),
-        "interval": None if interval is None else [float(interval[0]), float(interval[1])],
-        "interval_unit": "reading" if counted else "s",
-        "satellite": finding.term.satellite,
-        "summary": entry.summary,
-    }
-
-
-def _errors(errors: Errors) -> dict[str, object]:
-    return {
-        "rms": errors.rms,
-        "unit": errors.unit,
-        "nis_per_dof": errors.nis_per_dof,
-        "interval": list(errors.interval),
-    }
-
-
-def _candidate(source: Source, s: Statistic) -> dict[str, object]:
-    entry = source.effect(Term(s.name))
-    return {
-        "name": s.name,
-        "parameters": [p.name for p in entry.parameters],
-        "unit": list(entry.units),
-        "statistic": s.statistic,
-        "dof": s.dof,
-        "p_value": s.p_value,
-        "scatter": s.scatter,
-        "detectable_from": [_number(d) for d in s.detectable_from],
-    }
-
-
-def _local_candidate(found: LocalFinding) -> dict[str, object]:
-    interval = found.term.interval
-    return {
-        "name": found.term.name,
-        "statistic": found.statistic,
-        "dof": found.dof,
-        "p_value": float(np.exp(found.log_p)),
-        "interval": None if interval is None else [float(interval[0]), float(interval[1])],
-        "detectable_from": [],
-    }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

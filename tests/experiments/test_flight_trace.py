@@ -14,9 +14,10 @@ from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.reference import score_against
+from experiments.residual_loop.report import report
 from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.trace import trace
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.simulate import simulate
 

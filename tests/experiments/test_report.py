@@ -26,8 +26,9 @@ from experiments.report.trace_words import (
 )
 from experiments.report.words import change, per_unit, with_sigma
 from experiments.residual_loop.open_source import pose_source, triad_readings
+from experiments.residual_loop.report import report
 from experiments.residual_loop.source import Source
-from experiments.residual_loop.trace import Trace, report, trace
+from experiments.residual_loop.trace import Trace, trace
 from experiments.scenarios import parse_effect
 from experiments.scenarios.loader import load_scenario
 from sensors.simulate import simulate

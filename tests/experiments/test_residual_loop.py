@@ -15,10 +15,11 @@ from experiments.datasets import resolve
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.open_source import pose_source
 from experiments.residual_loop.poses import NormPoses
+from experiments.residual_loop.report import report
 from experiments.residual_loop.select import select
 from experiments.residual_loop.source import log_p_needed
 from experiments.residual_loop.term import Term, declaration
-from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.trace import trace
 from experiments.residual_loop.wrong_readings import isolated_outliers
 from sensors.errors import InputError
 from sensors.motion import Motion

@@ -9,8 +9,9 @@ import pytest
 
 from calibration.gyro import read_turns
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
+from experiments.residual_loop.report import report
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import report, trace
+from experiments.residual_loop.trace import trace
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
 from tests.calibration.test_gyro import turned_log
