@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy import stats
 
 from estimator.score import Evidence, Statistic, statistic_of
 from experiments.residual_loop import onsets
+from experiments.residual_loop.gauss_newton import minimise
 from experiments.residual_loop.left_out import log_p_left_out
+from experiments.residual_loop.linear_problem import LinearProblem, Rows
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.onsets import Step, declared_step, refined
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
@@ -40,94 +41,6 @@ _WORTH_LEAVING_OUT = 0.05
 _SHORTEST_OF_SUMS = 2
 #: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
-
-
-@dataclass(frozen=True)
-class Rows:
-    """A least-squares problem linearised at one point: r = N d nuisance + S d beta + noise.
-
-    Attributes
-    ----------
-    residual : (rows,) whitened; measurements first, then rows that state a prior
-    nuisance : (rows, m)
-    effects : by key of the term or name of the candidate, (rows, size)
-    offset : (rows, k) derivative by a constant offset of the stream
-    measured : (rows,) false for rows that state a prior
-    raw : (rows,) the residual in physical units, zero for priors
-    """
-
-    residual: FloatArray
-    nuisance: FloatArray
-    effects: Mapping[str, FloatArray]
-    offset: FloatArray
-    measured: BoolArray
-    raw: FloatArray
-
-
-class LinearProblem(Protocol):
-    """What a concrete problem gives to `LeastSquaresSource`."""
-
-    @property
-    def name(self) -> str:
-        """Of the recording."""
-
-    @property
-    def where(self) -> str:
-        """How messages call the recording."""
-
-    @property
-    def stream(self) -> str:
-        """The sensor whose readings these are."""
-
-    @property
-    def unit(self) -> str:
-        """Of the raw residual."""
-
-    @property
-    def t(self) -> FloatArray:
-        """(rows,) time of each row [s]."""
-
-    @property
-    def instants(self) -> FloatArray:
-        """(n,) of the samples, of which a row may hold many [s]."""
-
-    @property
-    def rows_are_readings(self) -> bool:
-        """Whether each row is one reading by itself; turns share their poses, and a rest has three rows."""
-
-    @property
-    def noise_known(self) -> bool:
-        """Whether the noise is declared; else the whitening is up to one common factor."""
-
-    @property
-    def candidates(self) -> tuple[Effect, ...]:
-        """Effects with a regressor known from the start."""
-
-    @property
-    def covariates(self) -> Mapping[str, FloatArray]:
-        """(rows,) each: what a residual may follow."""
-
-    def start(self) -> FloatArray:
-        """(m,) first guess of the nuisance parameters."""
-
-    def plausible(self, entry: Effect) -> FloatArray:
-        """Plausible sizes of an effect's parameters in this problem's units."""
-
-    def rows(
-        self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
-    ) -> Rows:
-        """Linearise at a point; `wanted` are those whose derivatives are needed besides the model's own.
-
-        The derivatives are those of the residual, by which it is made least; or, with `known`, such as have nothing of
-        the residual's own noise in them: where thousands of readings are tested, they must not follow it.
-        """
-
-    def probes(self, most: int) -> tuple[Effect, ...]:
-        """What the errors might follow that is in no catalogue, with at most so many parameters each."""
-
-    @property
-    def faults(self) -> tuple[tuple[str, str, float, float], ...]:
-        """(stream, what, start [s], end [s]) of readings that are none and are in no row: frozen, saturated."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +112,7 @@ class LeastSquaresSource:
         x = self._problem.start()
         passes = 3 if any(not term.in_mean for term in terms) else 1
         for _ in range(passes):
-            x, beta, information = self._minimise(x, beta, used & ~wrong)
+            x, beta, information = minimise(self._problem, x, beta, used & ~wrong)
             if passes > 1:
                 wrong = self._wrong_about(self._problem.rows(x, beta, ()), beta)
         rows = self._problem.rows(x, beta, ())
@@ -228,66 +141,6 @@ class LeastSquaresSource:
             std[term] = np.sqrt(np.maximum(np.diag(covariance)[column : column + len(value)], 0.0))
             column += len(value)
         return std
-
-    def _minimise(
-        self, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
-    ) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
-        """Minimum over nuisance and beta, and the information matrix there (scaled columns are used inside).
-
-        Raises
-        ------
-        InputError : the parameters have gone where the model has no number
-        """
-        try:
-            with np.errstate(all="ignore"):  # a step too far is halved; where the start is, that is an error
-                return self._gauss_newton(x, beta, active)
-        except np.linalg.LinAlgError:
-            raise self._astray() from None
-
-    def _gauss_newton(
-        self, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
-    ) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
-        moving = [term for term in beta if term.in_mean]
-        rows = self._problem.rows(x, beta, ())
-        cost = float(np.sum(rows.residual[active] ** 2))
-        for _ in range(50):
-            J = self._slopes(rows, moving, active)
-            scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-            step = np.linalg.lstsq(J / scale, rows.residual[active], rcond=1e-10)[0] / scale
-            size = float(np.linalg.norm(J @ step))
-            for _ in range(12):
-                x_new, beta_new = x + step[: len(x)], dict(beta)
-                column = len(x)
-                for term in moving:
-                    beta_new[term] = beta[term] + step[column : column + len(beta[term])]
-                    column += len(beta[term])
-                try:
-                    rows_new = self._problem.rows(x_new, beta_new, ())
-                    cost_new = float(np.sum(rows_new.residual[active] ** 2))
-                except np.linalg.LinAlgError:
-                    cost_new = np.inf
-                if np.isfinite(cost_new) and cost_new <= cost * (1 + 1e-12) + 1e-300:
-                    break
-                step = 0.5 * step
-            else:
-                break
-            x, beta, rows, done = x_new, beta_new, rows_new, cost - cost_new <= 1e-10 * max(cost_new, 1e-300)
-            cost = cost_new
-            if done or size**2 <= 1e-10 * max(cost, 1e-300):
-                break
-        J = self._slopes(rows, moving, active)
-        return x, beta, J.T @ J
-
-    def _slopes(self, rows: Rows, moving: Sequence[Term], active: BoolArray) -> FloatArray:
-        """The rows in use by nuisance and beta."""
-        J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
-        if not np.all(np.isfinite(J)):
-            raise self._astray()
-        return np.asarray(J)
-
-    def _astray(self) -> InputError:
-        expected = "readings that the sensor's model can explain"
-        return InputError(self._problem.where, "a fit that does not converge", expected)
 
     # ---- evidence
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.triad import calibrate_norm, norm_jacobian
 from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
-from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.linear_problem import Rows
 from experiments.residual_loop.pose_probes import probes_of_a_triad
 from experiments.residual_loop.term import (
     Term,

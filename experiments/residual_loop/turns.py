@@ -16,7 +16,7 @@ import numpy as np
 from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
 from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
 from experiments.residual_loop.directions import direction_covariance
-from experiments.residual_loop.least_squares_source import Rows
+from experiments.residual_loop.linear_problem import Rows
 from experiments.residual_loop.pose_probes import probes_of_turns
 from experiments.residual_loop.term import (
     Term,
