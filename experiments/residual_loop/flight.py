@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 
-from estimator.effect_forms import Terms, stream_motion, with_covariates
 from estimator.faults import Note
 from estimator.flight_model import FlightModel
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
+from experiments.residual_loop.flight_candidates import best_starts, flight_candidates
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
@@ -35,7 +34,7 @@ from experiments.residual_loop.onsets import (
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.step_columns import StepColumns
-from experiments.residual_loop.term import Term, covariates_vary, declaration
+from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_readings import (
     SHORTEST,
     without_rows,
@@ -45,15 +44,12 @@ from experiments.residual_loop.wrong_readings import (
 )
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.covariates import covariates_for
-from sensors.effects import Effect, effects_for
+from sensors.effects import Effect
 from sensors.effects.streams import STREAMS
-from sensors.errors import InputError
 from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
-#: What is asked against the declared field cannot be asked where the field was found from the log itself.
-_OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 
@@ -76,7 +72,7 @@ class FlightSource:
         self._steps = StepColumns()
         self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
-        self._candidates = self._possible()
+        self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
 
     @property
     def recording(self) -> Recording:
@@ -120,25 +116,6 @@ class FlightSource:
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term, over its interval where it has one."""
         return declaration(term)
-
-    def _possible(self) -> tuple[Effect, ...]:
-        declared = set(self.recording.effects)
-        guessed = self.recording.environment.magnetic_field is None
-        found = []
-        for entry in effects_for("flight", candidate_streams(self.model)):
-            if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
-                continue
-            if entry.stream == "level" and "gps" not in self.model.sensors:  # nothing sees the velocity it goes with
-                continue
-            if entry.stream in self.model.sensors:
-                along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._passes.plain_motion)
-            else:
-                along = with_covariates(self.recording, entry.stream, self._passes.plain_motion)
-            if entry.missing(along):
-                continue
-            if covariates_vary(entry, along):
-                found.append(entry)
-        return tuple(found)
 
     # ---- fitting
 
@@ -212,39 +189,11 @@ class FlightSource:
         if {"gps", "base"} & set(self.model.sensors):
             return {}
         if self._starts is None or not self._starts[0].is_that_of(fit):
-            self._starts = fit, self._starts_about(fit)
+            named = {term.name for term in fit.terms}
+            others = [entry for entry in self._candidates if entry.name not in named]
+            best = best_starts(self._passes, _state(fit), fit.part, others)
+            self._starts = fit, {Term(name): beta for name, beta in best.items()}
         return self._starts[1]
-
-    def _starts_about(self, fit: Fit) -> Mapping[Term, FloatArray]:
-        named = {term.name for term in fit.terms}
-        found = {}
-        for entry in self._candidates:
-            if entry.name not in named and self._goes_with_place(entry):
-                tried = [(self._deviance_at(fit, entry, beta), beta) for beta in directions_of(entry)]
-                deviance, beta = min(tried, key=lambda one: one[0])
-                if deviance < fit.deviance:
-                    found[Term(entry.name)] = beta
-        return found
-
-    def _goes_with_place(self, entry: Effect) -> bool:
-        """Whether an effect is another one where the whole path lies elsewhere above the ground."""
-        if entry.stream not in self.model.sensors:
-            return False
-        along = stream_motion(self.recording, self.model, entry.stream, Terms(), self._passes.plain_motion)
-        elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
-        return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
-
-    def _deviance_at(self, fit: Fit, entry: Effect, beta: FloatArray) -> float:
-        """-2 log L of the fit with one more effect, of this size, the others as they are."""
-        state = _state(fit)
-        effects, betas = [*state.effects, entry], [*state.beta, beta]
-        try:
-            journal, _ = self._passes.run([], effects, betas, state.motion)
-            motion = self._passes.follow(journal, effects, betas)
-            journal, _ = self._passes.run([], effects, betas, motion)
-        except InputError:  # no state or covariance follows
-            return float(np.inf)
-        return self._passes.deviance(journal, fit.part)
 
     # ---- localised effects
 
@@ -451,12 +400,6 @@ class FlightSource:
         mine = sensor == stream
         t = journal.t[sensitivity.event][mine]
         return Signature(stream, t, predicted[mine], sensitivity.white[mine], "sigma")
-
-
-def directions_of(entry: Effect) -> list[FloatArray]:
-    """Betas of one plausible size along every axis and diagonal."""
-    signs = np.array([one for one in product((-1.0, 0.0, 1.0), repeat=entry.size) if any(one)])
-    return list(signs / np.linalg.norm(signs, axis=1, keepdims=True) * entry.plausible)
 
 
 def _state(fit: Fit) -> Fitted:

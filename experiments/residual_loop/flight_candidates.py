@@ -1,0 +1,84 @@
+"""Effects that may be in a flight, and the sizes from which those are sought to which the score at zero is blind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from estimator.effect_forms import Terms, stream_motion, with_covariates
+from estimator.flight_model import FlightModel
+from estimator.sensitivity import candidate_streams
+from experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from experiments.residual_loop.source import Part
+from experiments.residual_loop.term import covariates_vary
+from sensors.arrays import FloatArray
+from sensors.effects import Effect, effects_for
+from sensors.errors import InputError
+from sensors.motion import Motion
+from sensors.recording import Recording
+
+#: What is asked against the declared field cannot be asked where the field was found from the log itself.
+_OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
+
+
+def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) -> tuple[Effect, ...]:
+    """The effects that enter a stream of the run and whose covariates vary along the motion of the plain model."""
+    declared = set(recording.effects)
+    guessed = recording.environment.magnetic_field is None
+    found = []
+    for entry in effects_for("flight", candidate_streams(model)):
+        if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
+            continue
+        if entry.stream == "level" and "gps" not in model.sensors:  # nothing sees the velocity it goes with
+            continue
+        if entry.stream in model.sensors:
+            along = stream_motion(recording, model, entry.stream, Terms(), motion)
+        else:
+            along = with_covariates(recording, entry.stream, motion)
+        if not entry.missing(along) and covariates_vary(entry, along):
+            found.append(entry)
+    return tuple(found)
+
+
+def best_starts(passes: FlightPasses, fit: Fitted, part: Part, candidates: Sequence[Effect]) -> dict[str, FloatArray]:
+    """By name, of each candidate that goes with the place, the likeliest of `_directions` where that is likelier than
+    the fit.
+    """
+    found = {}
+    for entry in candidates:
+        if _goes_with_place(passes, entry):
+            tried = [(_deviance_at(passes, fit, part, entry, beta), beta) for beta in _directions(entry)]
+            deviance, beta = min(tried, key=lambda one: one[0])
+            if deviance < fit.deviance:
+                found[entry.name] = beta
+    return found
+
+
+def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
+    """Whether an effect is another one where the whole path lies elsewhere above the ground."""
+    if entry.stream not in passes.model.sensors:
+        return False
+    along = stream_motion(passes.recording, passes.model, entry.stream, Terms(), passes.plain_motion)
+    elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
+    return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
+
+
+def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, beta: FloatArray) -> float:
+    """-2 log L of the fit with one more effect, of this size, the others as they are."""
+    effects, betas = [*fit.effects, entry], [*fit.beta, beta]
+    try:
+        journal, _ = passes.run([], effects, betas, fit.motion)
+        motion = passes.follow(journal, effects, betas)
+        journal, _ = passes.run([], effects, betas, motion)
+    except InputError:  # no state or covariance follows
+        return float(np.inf)
+    return passes.deviance(journal, part)
+
+
+def _directions(entry: Effect) -> list[FloatArray]:
+    """Betas of one plausible size along every axis and diagonal."""
+    signs = np.array([one for one in product((-1.0, 0.0, 1.0), repeat=entry.size) if any(one)])
+    return list(signs / np.linalg.norm(signs, axis=1, keepdims=True) * entry.plausible)
