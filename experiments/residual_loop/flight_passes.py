@@ -16,6 +16,7 @@ from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
 from estimator.sensitivity import Sensitivity, sensitivity_pass
+from estimator.smoother import smooth
 from experiments.residual_loop.source import Part
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
@@ -33,6 +34,8 @@ _SETTLED = 0.05
 _SETTLED_DEVIANCE = 1.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
+#: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
+_TIMES_KNOWN = 5.0
 #: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
 _WIDE_START = 0.2
 #: Declared 1-sigma of the first attitude from which on its square matters: two sigma are 2 mm/s^2 [rad].
@@ -203,17 +206,20 @@ class FlightPasses:
         """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
 
         Where the recording declares no attitude, the first readings, from which it is found, have the effects in them
-        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent. The
-        sigma is no prior then; it is as wide as the filter can take and still be linear. Where it declares a coarse
-        one, that is its sigma: until the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force,
-        which is of second order and passes for an error of the accelerometer.
+        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent. Until
+        the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force, which is of second order and
+        passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where all readings
+        together know the first attitude so much better than that sigma that it adds nothing to them.
         """
         declared = self.recording.initial.attitude_std
-        if declared is not None:
-            return declared if declared > _SECOND_ORDER else None
+        if declared is not None and declared <= _SECOND_ORDER:
+            return None
         assert isinstance(journal.run, RunInputs)
-        widest = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
-        return max(widest, COARSE_ATTITUDE) if widest < _WIDE_START else None
+        first = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
+        wide = max(first, COARSE_ATTITUDE) if declared is None else declared
+        known = float(np.max(smooth(journal, sigmas=True).sigma[0, 6:9]))
+        narrow = min(wide, max(_TIMES_KNOWN * known, COARSE_ATTITUDE))
+        return narrow if narrow < _WIDE_START or declared is not None else None
 
     def _started(self, recording: Recording, motion: Motion) -> Recording:
         """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong."""
