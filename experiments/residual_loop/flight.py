@@ -52,6 +52,8 @@ _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
+#: The stream whose error drifts though nobody declares it.
+_DRIFTING = "gps"
 
 
 class FlightSource:
@@ -253,13 +255,17 @@ class FlightSource:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
         the fit as it is, of another to first order.
 
-        All streams are asked: an error of the position is seen in every other one too.
+        All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
+        effects of other streams even where its own residual is white: it drifts by nature (atmosphere, orbits,
+        reflections), and a filter that believes it follows it.
         """
-        noisy = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
-        found = np.full(len(terms), -np.inf)
-        for stream in noisy if terms else ():
-            found = np.maximum(found, self._beside_slow_noise(fit, terms, stream))
-        return [float(log_p) for log_p in found]
+        slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
+        found = dict.fromkeys(terms, -np.inf)
+        for stream in sorted({*slow, _DRIFTING} & set(self.recording.streams)):
+            asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
+            for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
+                found[term] = max(found[term], log_p)
+        return [float(found[term]) for term in terms]
 
     def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
         span = self._span_of(fit)
