@@ -27,6 +27,8 @@ from sensors.errors import InputError
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
+#: So many are tried beside it that the score prefers though their blocks scatter too much to pass before a refit.
+_AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
 #: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
@@ -81,7 +83,8 @@ def best_of(
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
     The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
-    scatter, and an interval, which has none, must not go before them for that. `refused` learns by key what did not
+    scatter, and an interval, which has none, must not go before them for that. Nor must an effect go before one that
+    the score prefers, whose blocks scatter until it is in the model. `refused` learns by key what did not
     stand, and why.
     """
     unseen = blind_spots(source, fit, options, refused)
@@ -93,6 +96,9 @@ def best_of(
         return None
     passing.sort(key=lambda o: o.log_p_raw)
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
+    if passing:
+        ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
+        shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
