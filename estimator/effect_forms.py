@@ -240,12 +240,18 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
             plain = sensor.predict(m)
             return entry.apply(plain, beta, m, sensor) - plain
 
-        offset += added(at)
-        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
-        for k, step in enumerate(STEPS):
-            if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
-                D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
-    return StreamForm(offset, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1))
+        with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
+            offset += added(at)
+            probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+            for k, step in enumerate(STEPS):
+                if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
+                    D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
+    return StreamForm(finite(offset), finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1))
+
+
+def finite(values: FloatArray) -> FloatArray:
+    """The values, zero where they are not finite: a beam above the horizon has no prediction."""
+    return np.where(np.isfinite(values), values, 0.0)
 
 
 def linear_form(

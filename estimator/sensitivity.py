@@ -31,6 +31,7 @@ from estimator.compiled import TILE, Columns, CompiledRun
 from estimator.effect_forms import (
     Terms,
     declared_terms,
+    finite,
     inputs_with,
     is_lateness,
     moved,
@@ -303,7 +304,7 @@ def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
 def sensor_regressors(
     recording: Recording, model: FlightModel, name: str, effects: Sequence[Effect], terms: Terms, motion: Motion
 ) -> FloatArray:
-    """(k, m, p) d z / d beta of effects on one sensor at its readings."""
+    """(k, m, p) d z / d beta of effects on one sensor at its readings; none where the motion foretells no reading."""
     at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
     plain = sensor.predict(at)
     parts = []
@@ -316,7 +317,7 @@ def sensor_regressors(
             parts.append(_slope_over_time(recording, name, entry, beta, at, motion, sensor))
         else:
             parts.append(entry.slope(plain, beta, at, sensor))
-    return np.ascontiguousarray(np.concatenate(parts, axis=2))
+    return finite(np.concatenate(parts, axis=2))
 
 
 def _slope_over_time(

@@ -143,8 +143,9 @@ class Effect:
             ahead, behind = np.array(beta, dtype=np.float64), np.array(beta, dtype=np.float64)
             ahead[k] += step
             behind[k] -= step
-            change = self.apply(plain, ahead, motion, model) - self.apply(plain, behind, motion, model)
-            columns.append(change / (2.0 * step))
+            with np.errstate(invalid="ignore"):  # a beam above the horizon: no reading, which nothing changes
+                change = self.apply(plain, ahead, motion, model) - self.apply(plain, behind, motion, model)
+            columns.append(np.where(np.isfinite(change), change, 0.0) / (2.0 * step))
         return np.stack(columns, axis=-1)
 
     def apply(

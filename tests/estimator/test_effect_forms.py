@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from estimator.effect_forms import Terms, declared_terms, with_covariates
+from estimator.effect_forms import Terms, declared_terms, stream_form, with_covariates
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
-from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass
+from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass, sensor_regressors
 from estimator.smoother import estimated_motion
 from experiments.scenarios.loader import load_scenario
 from sensors.arrays import FloatArray
@@ -96,3 +98,17 @@ def test_scores_of_a_clean_flight_are_normal(flown) -> None:
     seen = w > 1e-6
     z = (Q.T @ (b * scale))[seen] / np.sqrt(w[seen])
     assert abs(np.mean(z**2) - 1.0) < 3.3 * np.sqrt(2.0 / seen.sum())
+
+
+def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None:
+    """Upside down a sonar's beam is above the horizon: its prediction is infinite, and an effect adds nothing to it."""
+    recording, motion, _, _ = flown
+    on_its_back = np.tile((0.0, 1.0, 0.0, 0.0), (len(motion), 1))
+    over = replace(motion, q_nb=on_its_back)
+    model = flight_model(recording, gate_level=None)
+    for name in ("sonar.sound_speed", "sonar.beam_cone", "sonar.mount_offset"):
+        terms = Terms.of({name: effect(name).plausible})
+        form = stream_form(recording, model, "sonar", terms, over)
+        assert np.all(np.isfinite(form.offset)) and np.all(np.isfinite(form.D))
+        rows = sensor_regressors(recording, model, "sonar", [effect(name)], terms, over)
+        assert np.all(np.isfinite(rows))
