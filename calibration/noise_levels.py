@@ -50,6 +50,11 @@ FAR = 1.25
 #: The fit ends when an iteration gains less than this in log L over log L.
 GAIN = 1e-7
 MOST_ITERATIONS = 40
+#: How far the field's declination and dip may be off what the compass alone shows [rad], and the unit in which they are
+#: sought: a few sigmas of a flight.
+FIELD_RANGE, FIELD_UNIT = (0.6, 0.3), 0.02
+#: What the two angles have to gain of 2 log L: the 5 % point of chi-square.
+FIELD_GAIN = 6.0
 #: Passes that bring the NIS of each stream to one, and how near.
 POLISH_PASSES, POLISHED = 20, 0.02
 
@@ -78,6 +83,7 @@ class NoiseFit:
     log_likelihood : of the innovations at these levels
     runs : of the filter
     by_rule : of `estimated`, what a rule gives and not the likelihood
+    m_n : (3,) the field at which they were found, where its direction was sought as well
     """
 
     specs: Mapping[str, SensorSpec]
@@ -87,6 +93,7 @@ class NoiseFit:
     log_likelihood: float = float("nan")
     runs: int = 0
     by_rule: tuple[Key, ...] = ()
+    m_n: FloatArray | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -139,29 +146,38 @@ def noise_levels(recording: Recording) -> Mapping[str, SensorSpec]:
     return fit_noise_levels(recording).specs
 
 
-def fit_noise_levels(recording: Recording) -> NoiseFit:
+def fit_noise_levels(recording: Recording, turn_field: bool = False) -> NoiseFit:
     """Noise levels of a flight by maximum likelihood of its innovations; see `noise_levels`.
 
     Readings outside the IMU's time have no part in it.
+
+    Parameters
+    ----------
+    turn_field : seek declination and dip of the magnetic field as well: where neither the recording nor its place says
+        them. A compass alone does not know true north, and a body that stays near level shows of vertical field and
+        vertical hard iron only the sum; GPS and gravity see both. What is off there would count as a walk of the bias
     """
     specs, missing, assumed = first_guess(recording)
-    if not missing:
+    if not missing and not turn_field:
         return NoiseFit(specs, (), assumed)
     recording = within_imu(recording)
     specs, missing, assumed = first_guess(recording)
     sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
     ruled = tuple(key for key in missing if key not in sought)
-    if not sought:
+    if not sought and not turn_field:
         journal = run(prepare(recording, flight_model(recording, specs=specs)), "numba", stride=0)
         return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1, ruled)
-    problem = _Problem(recording, specs, sought)
-    theta = problem.maximise(np.zeros(len(sought)))
+    problem = _Problem(recording, specs, sought, turn_field)
+    theta = problem.maximise(problem.first)
+    if turn_field and not problem.field_gains(theta):
+        problem = _Problem(recording, specs, sought)
+        theta = problem.maximise(theta[: len(sought)])
     theta = problem.upper_walks(theta)
     theta = problem.polished(theta)
     journal = problem.journal(theta, gate_level=GATE_LEVEL, robust_level=None)
     return NoiseFit(
         problem.specs_of(theta), tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta),
-        problem.runs, ruled,
+        problem.runs, ruled, problem.field_of(theta) if problem.turn_field else None,
     )  # fmt: skip
 
 
@@ -251,17 +267,42 @@ def _with(spec: SensorSpec, key: str, value: float) -> SensorSpec:
 
 @dataclass
 class _Problem:
-    """Log-likelihood over theta, the logarithms of the levels over their first guess."""
+    """Log-likelihood over theta: the logarithms of the levels over their first guess and, where the field is sought too,
+    how far its declination and dip are off the model's, in `FIELD_UNIT`.
+    """
 
     recording: Recording
     start: Mapping[str, SensorSpec]
     keys: tuple[Key, ...]
+    turn_field: bool = False
     runs: int = 0
 
     def __post_init__(self) -> None:
         self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
         self.events = collect(self.recording, self.model)
-        self.bounds = np.log(np.array([self._range(*key) for key in self.keys]))
+        levels = np.log(np.array([self._range(*key) for key in self.keys]).reshape(-1, 2))
+        angles = np.array([(-most / FIELD_UNIT, most / FIELD_UNIT) for most in FIELD_RANGE if self.turn_field])
+        self.bounds = np.concatenate([levels, angles.reshape(-1, 2)])
+
+    @property
+    def first(self) -> FloatArray:
+        """Where the search begins."""
+        return np.zeros(len(self.bounds))
+
+    def field_of(self, theta: FloatArray) -> FloatArray:
+        """(3,) field at theta."""
+        if not self.turn_field:
+            return self.model.m_n
+        east, down = FIELD_UNIT * theta[len(self.keys) :]
+        north, dip = np.hypot(*self.model.m_n[:2]), np.arctan2(self.model.m_n[2], np.hypot(*self.model.m_n[:2]))
+        heading, norm = np.arctan2(self.model.m_n[1], self.model.m_n[0]), np.hypot(north, self.model.m_n[2])
+        level = norm * np.cos(dip + down)
+        return np.array([level * np.cos(heading + east), level * np.sin(heading + east), norm * np.sin(dip + down)])
+
+    def field_gains(self, theta: FloatArray) -> bool:
+        """Whether the data call for another field than the first."""
+        first = np.concatenate([theta[: len(self.keys)], np.zeros(len(theta) - len(self.keys))])
+        return 2.0 * (self.log_likelihood(theta) - self.log_likelihood(first)) > FIELD_GAIN
 
     def _range(self, name: str, key: str) -> tuple[float, float]:
         spec = self.start[name]
@@ -277,7 +318,7 @@ class _Problem:
     def specs_of(self, theta: FloatArray) -> dict[str, SensorSpec]:
         """Specs at theta."""
         specs = dict(self.start)
-        for (name, key), shift in zip(self.keys, theta, strict=True):
+        for (name, key), shift in zip(self.keys, theta[: len(self.keys)], strict=True):
             specs[name] = _with(specs[name], key, getattr(specs[name], key) * float(np.exp(shift)))
         return specs
 
@@ -286,7 +327,7 @@ class _Problem:
         """One pass of the filter."""
         self.runs += 1
         model = flight_model(self.recording, specs=self.specs_of(theta), gate_level=gate_level,
-                             robust_level=robust_level, magnetic_field=self.model.m_n)  # fmt: skip
+                             robust_level=robust_level, magnetic_field=self.field_of(theta))  # fmt: skip
         return run(prepare(self.recording, model, events=self.events), "numba", stride=0)
 
     def log_likelihood(self, theta: FloatArray) -> float:

@@ -13,6 +13,7 @@ from calibration.noise_start import within_imu
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
+from sensors.arrays import FloatArray
 from sensors.recording import Recording
 
 
@@ -44,7 +45,7 @@ def prepared(recording: Recording) -> Prepared:
 
     1. No magnetic field declared: hard iron, field and disturbed stretches from the log (`calibration.compass`).
     2. No magnetometer, but GPS: the first heading (`calibration.heading`).
-    3. No noise declared: noise levels (`calibration.noise_levels`).
+    3. No noise declared: noise levels (`calibration.noise_levels`); no place either: declination and dip with them.
 
     What is declared stays: a recording that declares all of it comes back as it is.
 
@@ -64,13 +65,28 @@ def prepared(recording: Recording) -> Prepared:
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
     notes += headed.notes[len(recording.notes) :]
-    noise = fit_noise_levels(headed)
-    model = flight_model(headed, specs=noise.specs)
+    noise = fit_noise_levels(headed, turn_field=_is_field_open(declared))
+    model = flight_model(headed, specs=noise.specs, magnetic_field=noise.m_n)
     notes += noise.notes
+    if noise.m_n is not None:
+        notes.append(turned_note(noise.m_n))
     if not notes:
         return Prepared(declared, noise, model)
     as_declared = headed.replace(environment=declared.environment, notes=(*declared.notes, *notes))
     return Prepared(as_declared, noise, model, tuple(notes))
+
+
+def _is_field_open(recording: Recording) -> bool:
+    """Whether nothing says the direction of the field, but GPS can tell it."""
+    said = recording.environment.magnetic_field is not None or recording.origin is not None
+    return not said and {"mag", "gps"} <= set(recording.streams)
+
+
+def turned_note(m_n: FloatArray) -> str:
+    """The direction of the field that makes the flight likeliest, in words."""
+    east, dip = np.arctan2(m_n[1], m_n[0]), np.arctan2(m_n[2], np.hypot(m_n[0], m_n[1]))
+    angles = f"declination {np.rad2deg(east):.1f}, dip {np.rad2deg(dip):.1f} deg"
+    return f"mag: that field turned to where GPS and gravity have it: {angles}"
 
 
 def field_note(compass: Compass, placed: bool) -> str:

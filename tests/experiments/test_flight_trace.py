@@ -20,10 +20,12 @@ from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
 from experiments.scenarios import load_scenario, parse_effect
+from sensors.recording import Initial, SensorSpec
 from sensors.simulate import simulate
 
 #: Of an accelerometer, 3 sigma [m/s^2].
 PLAUSIBLE_BIAS = 0.15
+A_DEGREE = 1.0
 #: Shares from which the recordings of the blind maker are drawn here.
 KINDS = {"flight": 0.64, "hand": 0.06, "accel_poses": 0.1, "mag_poses": 0.1, "gyro_turns": 0.1}
 #: Shares of what they hide.
@@ -80,6 +82,27 @@ def test_a_start_in_flight_is_no_error_of_the_accelerometer(tmp_path: Path) -> N
     names = select(flight_source(recording)).names
     assert "mag.scale" in names
     assert not any(name.startswith("accel.") for name in names)
+
+
+def test_a_log_that_declares_nothing_and_has_no_place() -> None:
+    """Its compass alone has the dip 4 deg off and no declination, which counted as a walk that hid the effect."""
+    recording, _ = flown("figure_eight", 27, "mag.current=0.003,0,0.001")
+    field_n = recording.environment.magnetic_field
+    assert field_n is not None
+    angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
+    kept = {name: recording.streams[name] for name in ("imu", "mag", "gps", "power")}
+    environment = replace(recording.environment, magnetic_field=None)
+    bare = recording.replace(streams=kept, sensors=angles, environment=environment, origin=None, initial=Initial())
+    source = flight_source(bare)
+    off = np.degrees(np.arccos(np.clip(_unit(source.model.m_n) @ _unit(field_n), -1.0, 1.0)))
+    assert off < A_DEGREE
+    selection = select(source)
+    assert selection.names == ("mag.current",)
+    assert np.all(np.abs(selection.findings[0].beta - [0.003, 0.0, 0.001]) < 4.0 * selection.findings[0].std)
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v)
 
 
 def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
