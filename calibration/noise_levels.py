@@ -267,8 +267,8 @@ def _with(spec: SensorSpec, key: str, value: float) -> SensorSpec:
 
 @dataclass
 class _Problem:
-    """Log-likelihood over theta: the logarithms of the levels over their first guess and, where the field is sought too,
-    how far its declination and dip are off the model's, in `FIELD_UNIT`.
+    """Log-likelihood over theta: the logarithms of the levels over their first guess and, where the field is sought
+    too, how far its declination and dip are off the model's, in `FIELD_UNIT`.
     """
 
     recording: Recording

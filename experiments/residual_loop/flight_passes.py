@@ -206,10 +206,10 @@ class FlightPasses:
         """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
 
         Where the recording declares no attitude, the first readings, from which it is found, have the effects in them
-        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent. Until
-        the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force, which is of second order and
-        passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where all readings
-        together know the first attitude so much better than that sigma that it adds nothing to them.
+        that are looked for: it may be wrong by as much as a magnetometer or an accelerometer may be turned or bent.
+        Until the tilt is found, an error theta of it lacks g theta^2 / 2 of the vertical force, which is of second
+        order and passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where
+        all readings together know the first attitude so much better than that sigma that it adds nothing to them.
         """
         declared = self.recording.initial.attitude_std
         if declared is not None and declared <= _SECOND_ORDER:
