@@ -109,6 +109,7 @@ def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None
     for name in ("sonar.sound_speed", "sonar.beam_cone", "sonar.mount_offset"):
         terms = Terms.of({name: effect(name).plausible})
         form = stream_form(recording, model, "sonar", terms, over)
-        assert np.all(np.isfinite(form.offset)) and np.all(np.isfinite(form.D))
+        assert np.all(np.isfinite(form.offset))
+        assert np.all(np.isfinite(form.D))
         rows = sensor_regressors(recording, model, "sonar", [effect(name)], terms, over)
         assert np.all(np.isfinite(rows))
