@@ -27,6 +27,8 @@ BLOCK, LEAST_BLOCKS = 30.0, 4
 #: A stretch is disturbed where the norm, averaged over `SMOOTH` seconds, is this many robust sigmas off; what is within
 #: `AROUND` seconds of it counts as disturbed as well.
 DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
+#: Hard iron, norm and dip are five unknowns, and each reading gives two lines.
+LEAST_READINGS = 10
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
 
@@ -81,12 +83,15 @@ def compass_of(recording: Recording) -> Compass:
 
     Raises
     ------
-    InputError : no `mag` or `imu`
+    InputError : no `mag` or `imu`, or hardly a reading of it
     """
     for name in ("mag", "imu"):
         if name not in recording.streams:
             raise InputError(recording.where, f"no stream {name}", "a magnetometer and an IMU")
     mag, imu = recording.streams["mag"], recording.streams["imu"]
+    if len(mag) < LEAST_READINGS:
+        expected = f"{LEAST_READINGS} readings to find the field from, or [environment] magnetic_field"
+        raise InputError(recording.where, f"{len(mag)} magnetometer readings", expected, "stream mag")
     f = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
     m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
     dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
@@ -178,11 +183,11 @@ def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: f
 
 def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
     """(n,) rows in and around stretches in which the averaged norm is off."""
-    window = max(round(SMOOTH * rate), 1)
+    window = min(max(round(SMOOTH * rate), 1), len(error))
     average = np.convolve(error, np.full(window, 1.0 / window), mode="same")
     sigma = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * norm)
     off = np.abs(average) > DISTURBED * sigma
-    reach = max(round(AROUND * rate), 1)
+    reach = min(max(round(AROUND * rate), 1), (len(error) - 1) // 2)
     near = np.convolve(off.astype(float), np.ones(2 * reach + 1), mode="same") > 0.5
     return np.asarray(near & (np.mean(near) < 0.5))  # more than half disturbed: then the fit is what is wrong
 

@@ -93,7 +93,7 @@ def still_rows(t: FloatArray, accel: FloatArray, gyro: FloatArray | None = None)
     accel : (n, 3) m/s^2
     gyro : (n, 3) rad/s
     """
-    window = max(round(float(WINDOW / np.median(np.diff(t)))), 5)
+    window = max(round(float(WINDOW / np.median(np.diff(t)))), 5) if len(t) > 1 else 1
     if len(t) < 2 * window:
         return np.zeros(len(t), dtype=bool)
     still = np.ones(len(t), dtype=bool)

@@ -54,7 +54,7 @@ def prepared(recording: Recording) -> Prepared:
     InputError : what `flight_model` raises; readings that all lie outside the IMU's time
     """
     declared, notes = recording, list[str]()
-    if "imu" not in recording.streams:
+    if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
     if "mag" in recording.streams and recording.environment.magnetic_field is None:
         recording = within_imu(recording)

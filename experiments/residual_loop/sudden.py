@@ -32,6 +32,8 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
     -------
     (k,) stamps of the first readings after the jumps [s], at most `_MOST`
     """
+    if len(t) < _SHORTEST_ANSWER:
+        return np.zeros(0)
     spacing = float(grid[1] - grid[0])
     gain = np.zeros(len(t))
     dof = answers.shape[3]

@@ -1,0 +1,60 @@
+"""Logs of a row or a few: every command says in one line what is missing, or does what can be done."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from experiments.bias_observability.case import case_of_recording
+from experiments.calibrate import calibrate_turns
+from experiments.measured.preparation import prepared
+from experiments.residual_loop.open_source import pose_source
+from experiments.residual_loop.run import trace_recording
+from experiments.scenarios import load_scenario
+from sensors.errors import InputError
+from sensors.recording import Environment, Recording
+from sensors.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def flight() -> Recording:
+    return simulate(load_scenario("hover"), np.random.default_rng(3), [])[0]
+
+
+def first_rows(recording: Recording, rows: int, *streams: str) -> Recording:
+    """The first rows of some streams, of all where none is named."""
+    cut = {n: s.rows(slice(0, rows)) if not streams or n in streams else s for n, s in recording.streams.items()}
+    return recording.replace(streams=cut)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+@pytest.mark.parametrize("sensor", ["accel", "gyro"])
+def test_poses_of_a_few_rows(flight: Recording, rows: int, sensor: str) -> None:
+    poses = first_rows(flight, rows).replace(kind="poses")
+    with pytest.raises(InputError, match="0 static poses"):
+        pose_source(poses, sensor)
+    with pytest.raises(InputError, match="0 static poses"):
+        calibrate_turns(poses, "full", None)
+
+
+def test_a_flight_of_one_row(flight: Recording) -> None:
+    for command in (prepared, case_of_recording, trace_recording):
+        with pytest.raises(InputError, match="at least 2 IMU samples"):
+            command(first_rows(flight, 1))
+        with pytest.raises(InputError, match="at least 2 IMU samples"):
+            command(first_rows(flight, 1, "imu").replace(environment=Environment(), sensors={}))
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_a_field_is_not_found_from_a_few_readings(flight: Recording, rows: int) -> None:
+    with pytest.raises(InputError, match="10 readings to find the field from"):
+        prepared(first_rows(flight, rows, "mag").replace(environment=Environment()))
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+def test_a_flight_of_a_few_rows_is_traced_or_refused(flight: Recording, rows: int) -> None:
+    try:
+        _, result = trace_recording(first_rows(flight, rows))
+    except InputError:
+        return
+    assert not result.selection.findings
