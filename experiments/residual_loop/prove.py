@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20
@@ -65,10 +66,17 @@ class Proof:
     fits: tuple[Fit, Fit]
 
 
-def stream_in_question(source: Source, selection: Selection) -> str:
-    """The stream that the first effect enters, if it has residuals; else the one with the largest NIS."""
-    residuals = source.residuals(selection.plain)
-    names = {r.stream for r in residuals}
+def stream_in_question(source: Source, selection: Selection, names: Collection[str]) -> str:
+    """The stream that the first effect enters, if it is among `names`; else that of them with the largest NIS.
+
+    Raises
+    ------
+    InputError : there is none
+    """
+    residuals = [r for r in source.residuals(selection.plain) if r.stream in names]
+    if not residuals:
+        expected = "a stream that the model foretells from beginning to end"
+        raise InputError(source.name, "no stream with readings left to fit and to prove by", expected)
     if selection.findings:
         entered = source.effect(selection.findings[0].term).stream
         if entered in names:
@@ -156,7 +164,6 @@ def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[T
 
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
     """Fit on the fitting part, count on the held-out part, before and after; and the same in sample."""
-    stream = stream_in_question(source, selection)
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     untested = tuple(f.term for f in selection.findings if f.term.in_mean and f.term not in asked)
@@ -165,7 +172,9 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     noise = _noise(source, selection.final)
     before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
-    first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in (before, after, all_before, all_after))
+    of_all = before, after, all_before, all_after
+    stream = stream_in_question(source, selection, set.intersection(*({r.stream for r in part} for part in of_all)))
+    first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in of_all)
     nis = third.nis_per_dof, fourth.nis_per_dof
     return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
 
@@ -246,7 +255,11 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     gain, change = 0.0, 0.0
     residuals = source.residuals(fitted)
     concerned = {term: _concerned(source, term, residuals) for term in unknown}
-    for one, other in zip(source.residuals(without), residuals, strict=True):
+    both = {r.stream: r for r in residuals}  # a model may foretell no reading of a stream
+    for one in source.residuals(without):
+        other = both.get(one.stream)
+        if other is None:
+            continue
         _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
         held = one.held_out[mine] & other.held_out[same]
         for term in unknown:

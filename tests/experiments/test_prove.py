@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -11,12 +13,13 @@ from estimator.flight_model import flight_model
 from experiments.residual_loop import prove
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.prove import rolled_back
-from experiments.residual_loop.select import select
-from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.select import Selection, select
+from experiments.residual_loop.source import Fit, Part, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.arrays import FloatArray
 from sensors.effects import Effect, effect
+from sensors.errors import InputError
 from sensors.simulate import simulate
 
 TERM = Term("mag.declination")
@@ -35,7 +38,7 @@ def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
 class Whitened:
     """A source with white residuals e + d without an effect and e with it."""
 
-    noise_known = True
+    name, noise_known = "whitened", True
 
     def __init__(self, e: FloatArray, d: FloatArray) -> None:
         self._with, self._without = e, e + d
@@ -97,3 +100,29 @@ def test_slow_noise_asks_for_a_gain(monkeypatch: pytest.MonkeyPatch) -> None:
         source = cast(Source, Whitened(np.asarray(e), np.asarray(d)))
         assert prove._held_out_gain(source, fitted, without, ())[0] < 0.0
         assert prove._is_borne_out(source, fitted, without, TERM, ()) == borne_out
+
+
+class Foretold(Whitened):
+    """The same; the model with the effect foretells no reading of the range sensor."""
+
+    def residuals(self, fit: Fit) -> list[StreamResidual]:
+        mag = super().residuals(fit)
+        return mag if TERM in fit.terms else [*mag, replace(mag[0], stream="sonar", whitened=9.0 * mag[0].whitened)]
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        return Fit(tuple(terms), dict(start or {}), {}, 0.0, part, None)
+
+
+def test_errors_are_compared_on_a_stream_that_both_models_foretell() -> None:
+    noise = np.random.default_rng(1).standard_normal(100)
+    source = cast(Source, Foretold(noise, np.ones(100)))
+    plain, final = source.fit(()), source.fit((TERM,), {TERM: np.ones(1)})
+    proof = prove.prove(source, Selection(plain, final, (), (), (), (), ()), np.random.default_rng(2))
+    assert proof.stream == "mag"
+    assert np.isfinite(prove._held_out_gain(source, final, plain, ())[0])
+
+
+def test_no_stream_that_both_models_foretell_is_one_line() -> None:
+    source = cast(Source, Foretold(np.ones(100), np.ones(100)))
+    with pytest.raises(InputError, match="no stream with readings left"):
+        prove.stream_in_question(source, Selection(source.fit(()), source.fit(()), (), (), (), (), ()), ())
