@@ -29,15 +29,17 @@ def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict
     """Blocks position (n, 1, 3) and attitude (n, 1, 3) of `slant_range`.
 
     With c = e3' C_nb beam: d range / d down = -1 / c, and since d(C_nb beam) = -C_nb [beam]x dtheta_b,
-    d range / d dtheta_b = range / c (e3' C_nb [beam]x) = range / c (d_b x beam)' with d_b = C_bn e3.
+    d range / d dtheta_b = range / c (e3' C_nb [beam]x) = range / c (d_b x beam)' with d_b = C_bn e3. No finite number
+    where the beam does not point below the horizon.
     """
     n = len(motion)
     beam = np.broadcast_to(beam_b, (n, 3))
     c = rotate(motion.q_nb, beam)[:, 2]
     d_b = rotate_back(motion.q_nb, np.broadcast_to(BODY_DOWN, (n, 3)))
     position = np.zeros((n, 1, 3))
-    position[:, 0, 2] = -1.0 / c
-    attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        position[:, 0, 2] = -1.0 / c
+        attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam)
     return {"position": position, "attitude": attitude[:, None, :]}
 
 

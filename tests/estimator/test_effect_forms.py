@@ -18,6 +18,7 @@ from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, effect, effects_for
 from sensors.errors import InputError
 from sensors.motion import Motion
+from sensors.ranging import slant_range_jacobian
 from sensors.recording import Recording
 from sensors.simulate import simulate
 
@@ -113,3 +114,8 @@ def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None
         assert np.all(np.isfinite(form.D))
         rows = sensor_regressors(recording, model, "sonar", [effect(name)], terms, over)
         assert np.all(np.isfinite(rows))
+
+
+def test_the_jacobian_of_a_beam_above_the_horizon_makes_no_warning() -> None:
+    over = Motion(t=np.zeros(2), p_n=np.zeros((2, 3)), q_nb=np.array([[0.0, 1.0, 0.0, 0.0], [0.5, 0.5, 0.5, 0.5]]))
+    assert set(slant_range_jacobian(over)) == {"position", "attitude"}
