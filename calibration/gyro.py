@@ -32,6 +32,10 @@ _OFF_DIAGONAL = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _NAMES = tuple(f"scale {a}" for a in "xyz") + tuple(f"offset {a}" for a in "xyz")
 _NAMES += tuple("T_" + "xyz"[i] + "xyz"[j] for i, j in _OFF_DIAGONAL)
 _PLAUSIBLE = np.array([0.05] * 3 + [0.1] * 3 + [0.05] * 6)  # 1, rad/s, 1: MPU-6050 data sheet, +-3 %, +-20 deg/s, 2 %
+#: Bias of the worst rate gyroscopes that are sold is 40 deg/s; in a pose a gyroscope shows no more [rad/s].
+_HIGHEST_RATE_AT_REST = 1.0
+#: A turn's path over its change of tilt: a few at most; degrees make it 57 times that, thousandths a thousand times.
+_LONGEST_TURN, _SHORTEST_TURN, _NOT_DEGREES = 20.0, 0.1, 300.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def read_turns(
 
     Raises
     ------
-    InputError : fewer than four poses
+    InputError : fewer than four poses, or a gyroscope that turns as no rate in rad/s does
     """
     poses = find_poses(t, accel, gyro, where, at_least=4)
     rate = 1.0 / float(np.median(np.diff(t)))
@@ -113,7 +117,10 @@ def read_turns(
     if density is None:
         density = float(np.sqrt(np.mean(poses.noise[:, 3:] ** 2) / rate))
     white = at_rest / np.sqrt(poses.count)
-    return GyroLog(t, gyro, f_b, poses, direction, np.hypot(white, leftover), density, gravity, white, calibration)
+    sigma = np.hypot(white, leftover)
+    log = GyroLog(t, gyro, f_b, poses, direction, sigma, density, gravity, white, calibration)
+    _require_radians(log, where)
+    return log
 
 
 def rotation_increments(t: FloatArray, w: FloatArray) -> FloatArray:
@@ -281,14 +288,13 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
 
     Raises
     ------
-    InputError : fewer turns than the parameters need, or readings that look like degrees per second
+    InputError : fewer turns than the parameters need
     """
     entries = {"none": (), "triangular": ((0, 1), (0, 2), (1, 2)), "full": _OFF_DIAGONAL}[axes]
     names = _NAMES[:6] + tuple("T_" + "xyz"[i] + "xyz"[j] for i, j in entries)
     plausible = np.concatenate([_PLAUSIBLE[:6], np.full(len(entries), 0.05)])
     sigma_turn, sigma_rest = noise_of_turns(log)
     bias = np.median(log.poses.mean[:, 3:], axis=0)
-    _require_radians(log, bias, where)
     start = np.concatenate([np.ones(3), -bias, np.zeros(len(entries))])
     factors = np.ones(2)
     for _ in range(4):  # the two scatters settle within a per cent after two or three
@@ -344,18 +350,27 @@ def _whitened(
     return residual, jacobian
 
 
-def _require_radians(log: GyroLog, bias: FloatArray, where: str) -> None:
+def _require_radians(log: GyroLog, where: str) -> None:
     """Compare the turns as the gyroscope and as the accelerometer saw them: degrees come out 57 times too long."""
+    expected = "a gyroscope in rad/s, after the conversion of a map"
+    bias = np.median(log.poses.mean[:, 3:], axis=0)
+    at_rest = float(np.linalg.norm(bias))
+    if at_rest > _HIGHEST_RATE_AT_REST:
+        found = f"gyroscope with a rate of {at_rest:.3g} rad/s ({np.rad2deg(at_rest):.0f} deg/s) at rest"
+        raise InputError(
+            where,
+            f"{found}: looks like deg/s, or another unit",
+            f"{expected}, below {_HIGHEST_RATE_AT_REST:.0f} at rest",
+        )
     speed = np.linalg.norm(log.reading - bias, axis=1)
     angle = np.array([np.sum(speed[turn][:-1] * np.diff(log.t[turn])) for turn in log.turns])
     unit = log.direction / log.gravity
     tilt = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
     ratio = float(np.median(angle / np.maximum(tilt, 1e-3)))
-    if ratio > 20.0:  # a turn's path is a few times its change of tilt at most; degrees make it 57 times
-        raise InputError(
-            where, f"turns {ratio:.0f} times longer than the accelerometer shows", "rad/s (looks like deg/s)"
-        )
-    if ratio < 0.1:
-        raise InputError(
-            where, f"turns {1 / ratio:.0f} times shorter than the accelerometer shows", "gyroscope in rad/s"
-        )
+    if _SHORTEST_TURN <= ratio <= _LONGEST_TURN:
+        return
+    turned, shown = np.rad2deg(float(np.median(angle))), np.rad2deg(float(np.median(tilt)))
+    relation = f"{ratio:.0f} times longer" if ratio > 1.0 else f"{1.0 / max(ratio, 1e-9):.0f} times shorter"
+    found = f"gyroscope with turns of {turned:.3g} deg where the accelerometer shows {shown:.3g} deg ({relation})"
+    looks = "looks like deg/s" if _LONGEST_TURN < ratio < _NOT_DEGREES else "looks like another unit, or no turns"
+    raise InputError(where, f"{found}: {looks}", expected)

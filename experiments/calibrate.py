@@ -171,7 +171,8 @@ def warnings_of(
 def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, object]:
     """The calibration as the JSON of the report; what the data do not determine is null."""
     std = result.std()
-    norm = isinstance(result, Calibration)
+    # directions of specific force are scaled to g: over g, their residuals are angles
+    unit = 1.0 if isinstance(result, Calibration) else result.log.gravity**2
     document: dict[str, object] = {
         "format": 1,
         "sensor": sensor,
@@ -181,8 +182,8 @@ def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, obj
         "normalised_by": result.normalised_by if isinstance(result, Calibration) else 1.0,
         "std": {name: _plain(value) for name, value in std.items()},
         "n": result.n if isinstance(result, Calibration) else len(result.log.poses),
-        "sse_before": result.fit.sse_before if norm else result.sse_before,  # type: ignore[union-attr]
-        "sse": result.fit.sse if norm else result.sse,  # type: ignore[union-attr]
+        "sse_before": (result.fit.sse_before if isinstance(result, Calibration) else result.sse_before) / unit,
+        "sse": (result.fit.sse if isinstance(result, Calibration) else result.sse) / unit,
         "undetermined": list(result.undetermined),
         "singular_values": _plain(result.fit.singular_values),
     }
@@ -199,8 +200,8 @@ def _plain(values: FloatArray) -> object:
 
 
 def _squared(sensor: str) -> str:
-    """Unit of the sum of squares, of the norm's residuals or of the turns' directions; none for a field."""
-    return "" if sensor == "mag" else " (m/s^2)^2"
+    """Unit of the sum of squares, of the norm's residuals or of the angles that turns miss; none for a field."""
+    return {"mag": "", "gyro": " rad^2"}.get(sensor, " (m/s^2)^2")
 
 
 def summary(sensor: str, document: dict[str, object]) -> str:

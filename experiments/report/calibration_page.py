@@ -29,7 +29,7 @@ def calibration_page(
 ) -> None:
     """Write the page of a calibration."""
     gyro = not isinstance(result, Calibration)
-    squared = " / (m/s²)²" if sensor != "mag" else ""
+    squared = {"mag": "", "gyro": " / rad²"}.get(sensor, " / (m/s²)²")
     page = Page(
         f"{name}: {words.SENSORS[sensor]} calibrated",
         "calibrated = T K (reading + b), so that "

@@ -195,6 +195,7 @@ def _quantity(
         file=_file_name(entry, files),
         factor=factor,
         shift=shift,
+        unit=unit,
         undo_offset=_each(undo, "offset", len(columns), 0.0),
         undo_scale=_each(undo, "scale", len(columns), 1.0),
         zero=_each(counts, "zero", len(columns), 0.0),

@@ -88,6 +88,7 @@ class Quantity:
     columns : of the log, as many as outputs
     file : of the map that holds them; empty: the stream's
     factor, shift : to SI
+    unit : as the map names it; empty: none
     undo_offset, undo_scale, zero, per_unit : see above, each one number or one a column
     axes : (3, 3) or None
     polar : columns are speed, course [deg] and down: velocity in NED
@@ -100,6 +101,7 @@ class Quantity:
     file: str = ""
     factor: float = 1.0
     shift: float = 0.0
+    unit: str = ""
     undo_offset: FloatArray = field(default_factory=lambda: np.zeros(1))
     undo_scale: FloatArray = field(default_factory=lambda: np.ones(1))
     zero: FloatArray = field(default_factory=lambda: np.zeros(1))

@@ -13,7 +13,7 @@ from sensors.errors import InputError
 from sensors.formats.columns import read_columns
 from sensors.formats.geodetic import ned_columns, to_ned
 from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
-from sensors.formats.plausible import check_units
+from sensors.formats.plausible import check_field, check_units
 from sensors.formats.units import UNITS
 from sensors.recording import GEODETIC, Recording, Stream, check_rows
 from sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
@@ -55,6 +55,9 @@ def read_mapped(path: Path, rules: Map) -> Recording:
         notes=(*notes, *chosen),
     )  # fmt: skip
     check_units(recording)
+    units = {quantity.unit for stream in rules.streams for name, quantity in stream.quantities.items() if name == "mag"}
+    if units & set(UNITS["field"]):
+        check_field(recording)
     return recording
 
 

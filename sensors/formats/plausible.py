@@ -16,6 +16,12 @@ from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
 _NEAR_GRAVITY = 1.6
 _ACCEL_UNITS = (("g", 1.0), ("milli-g", 1000.0))
+#: A sensor at rest in poses whose norm is off gravity by this factor is in another unit.
+_OTHER_UNIT = 7.0
+#: Norm of the field on the Earth's surface [gauss] (World Magnetic Model); units are ten apart or more, and a reading's
+#: scale, iron of the vehicle and steel of a room may make it three times as large or small.
+_FIELD = (0.2, 0.7)
+_FIELD_FACTOR = 3.0
 #: Gravity on the Earth's surface lies within 0.3 % of the standard one; on other bodies the rules below do not hold.
 _EARTH_GRAVITY = (9.7, 9.9)
 #: Beyond 10 g in the middle of a flight: no vehicle, but raw counts of every converter with 12 bits or more.
@@ -63,16 +69,49 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
             raise InputError(recording.where, f"{found}: looks like {unit}", hint, f"stream {name}")
     if not poses and force > _HIGHEST_MEDIAN_FORCE:
         raise InputError(recording.where, f"{found}: looks like raw counts", "m/s^2", f"stream {name}")
+    times = force / STANDARD_GRAVITY
+    if poses and not 1.0 / _OTHER_UNIT < times < _OTHER_UNIT:
+        ratio = f"{times:.0f} times gravity" if times > 1.0 else f"gravity / {1.0 / max(times, 1e-9):.0f}"
+        found += f", {ratio}: looks like another unit"
+        raise InputError(recording.where, found, f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest", f"stream {name}")
 
 
 def _check_time(recording: Recording, imu: Stream) -> None:
-    if recording.kind != "flight" or len(imu) < 10:
+    if len(imu) < 10:
         return
     step = float(np.median(np.diff(imu.t)))
     if step >= 1.0:
         unit = "ms" if step < 1000.0 else "us"
-        found = f"a median step of {step:.4g} between samples: time looks like {unit}"
-        raise InputError(recording.where, found, "seconds", "stream imu")
+        meant = ", or us as ms" if unit == "ms" else ""
+        found = f"a median step of {step:.4g} s between samples: time looks like {unit} read as s{meant}"
+        raise InputError(recording.where, found, "seconds, after the conversion of a map", "stream imu")
+
+
+def check_field(recording: Recording) -> None:
+    """Refuse a magnetometer in gauss, as the unit of a map says, that no field on the Earth would make so.
+
+    What spreads about the middle of the readings is held against the strongest field, wherever hard iron has put it;
+    the longest reading against the weakest, since few directions make the spread small.
+
+    Raises
+    ------
+    InputError : names the stream, the size found and that expected
+    """
+    for name in ("mag", "poses"):
+        stream = recording.streams.get(name)
+        if stream is None or not stream.has(MAG):
+            continue
+        reading = stream.array(MAG)
+        spread = float(np.median(np.linalg.norm(reading - np.median(reading, axis=0), axis=1)))
+        longest = float(np.max(np.linalg.norm(reading, axis=1)))
+        if spread > _FIELD_FACTOR * _FIELD[1]:
+            found = f"magnetometer readings that spread over {spread:.3g} gauss"
+        elif max(spread, longest) < _FIELD[0] / _FIELD_FACTOR:
+            found = f"magnetometer readings up to {longest:.3g} gauss"
+        else:
+            continue
+        expected = f"{_FIELD[0]} to {_FIELD[1]} gauss, the Earth's field, after the conversion of the map"
+        raise InputError(recording.where, f"{found}: looks like another unit", expected, f"stream {name}")
 
 
 def _check_pressure(recording: Recording, baro: Stream) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.gyro import calibrate_gyro, integrate_turns, read_turns, rotation_increments, running_product
-from experiments.calibrate import calibrate_turns
+from experiments.calibrate import as_json, calibrate_turns, summary
 from experiments.datasets import resolve
 from sensors.errors import InputError
 from sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_multiply
@@ -86,6 +86,24 @@ def test_degrees_are_recognised() -> None:
     t, accel, gyro = turned_log(np.random.default_rng(5), 10)
     with pytest.raises(InputError, match="looks like deg/s"):
         calibrate_gyro(read_turns(t, accel, np.rad2deg(gyro), 9.8))
+
+
+@pytest.mark.parametrize(
+    ("scale", "bias", "says"),
+    [(1e3, 0.0, "times longer.: looks like another unit"), (1e-3, 0.0, "times shorter"), (1.0, 10.0, "at rest")],
+)
+def test_other_units_are_named_with_the_size_after_conversion(scale: float, bias: float, says: str) -> None:
+    t, accel, gyro = turned_log(np.random.default_rng(5), 10)
+    with pytest.raises(InputError, match=f"{says}.*rad/s, after the conversion of a map"):
+        read_turns(t, accel, scale * gyro + bias, 9.8)
+
+
+def test_residuals_of_turns_are_angles() -> None:
+    t, accel, gyro = turned_log(np.random.default_rng(6))
+    result = calibrate_gyro(read_turns(t, accel, gyro, 9.8))
+    document = as_json("gyro", result)
+    assert document["sse"] == pytest.approx(result.sse / 9.8**2)
+    assert "rad^2" in summary("gyro", document)
 
 
 @pytest.mark.measured

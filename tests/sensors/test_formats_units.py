@@ -7,7 +7,7 @@ import pytest
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats.plausible import check_units
+from sensors.formats.plausible import check_field, check_units
 from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
 from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
@@ -56,6 +56,9 @@ def recording(
         ({"accel_scale": 1.0 / 9.81, "kind": "poses", "gravity": 9.8}, "looks like g;"),
         ({"time_scale": 1e3}, "time looks like ms"),
         ({"time_scale": 1e6}, "time looks like us"),
+        ({"time_scale": 1e3, "kind": "poses"}, "time looks like ms read as s, or us as ms"),
+        ({"accel_scale": 1000.0, "kind": "poses"}, "1000 times gravity"),
+        ({"accel_scale": 1e-3, "kind": "poses"}, "gravity / 1000"),
     ],
 )
 def test_wrong_unit_is_recognised(changes: dict[str, float], looks: str) -> None:
@@ -78,6 +81,22 @@ def test_wrong_unit_is_recognised(changes: dict[str, float], looks: str) -> None
 )
 def test_legitimate_readings_pass(changes: dict[str, float]) -> None:
     check_units(recording(**changes))  # type: ignore[arg-type]
+
+
+def field(scale: float) -> Recording:
+    """A magnetometer that a map says is in gauss, with hard iron as large as the field."""
+    readings = scale * np.random.default_rng(2).normal(scale=0.3, size=(200, 3)) + scale * np.array([0.5, 0.0, 0.0])
+    return Recording("field", "poses", {"mag": Stream(np.arange(200.0), dict(zip(MAG, readings.T, strict=True)))})
+
+
+@pytest.mark.parametrize(("scale", "says"), [(1000.0, "spread over"), (10.0, "spread over"), (0.01, "up to")])
+def test_field_that_the_earth_has_not(scale: float, says: str) -> None:
+    with pytest.raises(InputError, match=f"{says} .* gauss: looks like another unit; expected 0.2 to 0.7 gauss"):
+        check_field(field(scale))
+
+
+def test_field_with_large_iron_passes() -> None:
+    check_field(field(1.0))
 
 
 def still(w: FloatArray) -> Recording:
