@@ -15,7 +15,7 @@ from sensors.effects import CATALOGUE, Effect, effect
 from sensors.errors import InputError
 from sensors.simulate import Present, simulate
 
-__all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder"]
+__all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder", "size_note"]
 
 #: Effects that cannot be said without the interval in which they act
 _NEEDS_INTERVAL = {"step": "@T0", "transient": "@T0:T1"}
@@ -88,6 +88,30 @@ def interval_note(present: Present) -> str:
     )
 
 
+def size_note(present: Present, field: float = 1.0) -> str:
+    """What to know of an effect that is far larger than those of instruments that are sold; or "".
+
+    Parameters
+    ----------
+    field : norm of the magnetic field, with which some parameters go
+    """
+    from experiments.residual_loop.trials import IMPLAUSIBLE
+
+    plausible = present.effect.plausible * (field if present.effect.in_field_units else 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(np.abs(present.beta) / plausible, nan=0.0)
+    k = int(np.argmax(ratio))
+    if ratio[k] <= IMPLAUSIBLE:
+        return ""
+    parameter = present.effect.parameters[k]
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return (
+        f"{present.effect.name}: {parameter.name} = {present.beta[k]:g}{unit} is {ratio[k]:.3g} times the plausible "
+        f"{plausible[k]:g}{unit} of instruments that are sold; beyond {IMPLAUSIBLE:.0f} times the tracer does not give "
+        "an error that name"
+    )
+
+
 def _numbers(where: str, text: str, separator: str) -> list[float]:
     try:
         numbers = [float(part) for part in text.split(separator)]
@@ -137,6 +161,10 @@ def simulate_to_folder(
     for note in filter(None, map(interval_note, present)):
         tell(note)
     recording, truth = simulate(load_scenario(scenario), np.random.default_rng(seed), present, declare)
+    m_n = recording.environment.magnetic_field
+    field = 1.0 if m_n is None else float(np.linalg.norm(m_n))
+    for note in filter(None, (size_note(entry, field) for entry in present)):
+        tell(note)
     out = Path(out)
     write_recording(recording, out, truth)
     answer = out.with_name(out.name + ".answer.json")

@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scenarios import interval_note, load_scenario, parse_effect, scenario_names, simulate_to_folder
+from experiments.scenarios import (
+    interval_note,
+    load_scenario,
+    parse_effect,
+    scenario_names,
+    simulate_to_folder,
+    size_note,
+)
 from sensors.errors import InputError
 from sensors.formats.plain import read_recording, read_truth
 
@@ -111,6 +118,18 @@ def test_an_interval_of_an_effect_that_acts_all_the_time_is_remarked_upon() -> N
     assert "mag.transient" in interval_note(parse_effect("mag.current=0.1,0,0@20:30"))
     assert not interval_note(parse_effect("mag.current=0.1,0,0"))
     assert not interval_note(parse_effect("mag.transient=0.1,0,0@20:30"))
+
+
+def test_an_effect_far_beyond_what_is_sold_is_remarked_upon() -> None:
+    assert "xy = 30 is 600 times the plausible 0.05" in size_note(parse_effect("mag.cross_axis=30,0,0"))
+    assert not size_note(parse_effect("mag.cross_axis=0.3,0,0"))
+    assert not size_note(parse_effect("mag.current=3,0,0"), field=1e4)
+
+
+def test_the_remark_on_the_size_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    simulate_to_folder("mag_poses", tmp_path / "run", ["mag.cross_axis=30,0,0"], tell=told.append)
+    assert len(told) == 1
 
 
 def test_only_a_recording_written_before_is_replaced_and_only_on_demand(tmp_path: Path) -> None:
