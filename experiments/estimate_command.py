@@ -14,6 +14,7 @@ from experiments.datasets import has_truth, reference_of, resolve
 from experiments.estimate import bias_courses, estimated, score
 from experiments.measured.preparation import prepared
 from experiments.measured.reference import in_frame, mounted
+from experiments.refused import refused
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.words import BIAS_UNITS, SENSORS, number, reference_name, reference_value, with_sigma
@@ -62,14 +63,17 @@ def run(
 
 
 def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
-    """A sentence for each sensor whose innovations are not as large as the filter expects them.
+    """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected.
 
     Parameters
     ----------
     input : how the user calls the log
     """
-    found = []
+    not_used = refused(document.get("readings", {}))
+    found = list(not_used.values())
     for sensor, nis in document["nis"].items():
+        if sensor in not_used:
+            continue
         low, high = document["nis_interval"][sensor]
         if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
             continue
@@ -98,20 +102,22 @@ def coarse_note(journal: Journal) -> list[str]:
 
 def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
-    lines = [f"{name}: {number(document['duration'])} s", "  biases at the end ± 1 sigma"]
+    first = list(refused(document.get("readings", {})).values())
+    lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
+    lines.append("  biases at the end ± 1 sigma")
     for sensor, values in document["bias"].items():
         parts = zip(_listed(values), _listed(document["bias_std"][sensor]), strict=True)
         text = ", ".join(with_sigma(b, s) for b, s in parts)
         lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}")
     lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")
     for sensor, nis in document["nis"].items():
-        size = "no reading" if nis is None else f"{nis:.3f}"
+        size = "no reading" if nis is None else f"{nis:.3f}" if nis < 1e4 else f"{nis:.3g}"
         lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused")
     for quantity, value in (document.get("truth") or {}).items():
         if quantity.endswith("_rms"):
             lines.append(f"  {reference_name(quantity)}: {reference_value(quantity, value)}")
     lines += [f"  note: {note}" for note in [*document["noise"], *document.get("notes", [])]]
-    lines += [f"  warning: {warning}" for warning in document["warnings"]]
+    lines += [f"  warning: {warning}" for warning in document["warnings"] if warning not in first]
     return "\n".join(lines)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.datasets import has_truth, reference_of, resolve
+from experiments.refused import refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
+from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
@@ -34,6 +36,7 @@ def run(
     document = report(source, result)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
+    document["warnings"] = list(refused(source.gated()).values()) if isinstance(source, FlightSource) else []
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -41,7 +44,8 @@ def run(
 
         with working("drawing"):
             trace_page(html, source, result, document)
-    return "\n".join([trace_summary(document), *(f"  note: {note}" for note in notes)])
+    warnings = [f"warning: {warning}" for warning in document["warnings"]]
+    return "\n".join([*warnings, trace_summary(document), *(f"  note: {note}" for note in notes)])
 
 
 def _what(recording: Recording) -> str:

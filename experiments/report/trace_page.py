@@ -64,6 +64,8 @@ def trace_page(
     hidden : of a simulated recording, the effects that are in it: shown beside what was found
     """
     page = Page(trace_words.title(document), f"{document['recording']}. {trace_words.lead(document)}")
+    for warning in document.get("warnings", []):
+        page.text(f"{warning[0].upper()}{warning[1:]}.")
     made = trace_figures(source, result, document)
     if document["effects"]:
         _numbers(page, document)

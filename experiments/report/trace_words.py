@@ -15,6 +15,7 @@ from experiments.report.words import (
     per_unit,
     reference_change,
     reference_name,
+    times,
     unit_words,
     with_sigma,
 )
@@ -28,6 +29,8 @@ _SPOILED = {
 #: A change of that error by less than this share is no headline: the residual's is, then.
 _TELLING = 0.1
 _MOST_IN_TITLE = 2
+#: An excess beyond so many times the expected is said as a factor, not in per cent.
+_FACTOR = 9.0
 
 
 def title(document: Mapping[str, Any]) -> str:
@@ -196,6 +199,8 @@ def remaining_sentence(item: Mapping[str, Any]) -> str:
     if item.get("what"):
         return str(item["what"])
     if item["kind"] == "variance":
+        if size > _FACTOR:
+            return f"the variance of the {sensor} residual is {times(1.0 + size)} what was expected"
         relation = "larger" if size > 0 else "smaller"
         return f"the variance of the {sensor} residual is {abs(100 * size):.0f} % {relation} than expected"
     if item["kind"] == "colour":

@@ -24,6 +24,14 @@ def number(value: float) -> str:
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
+def times(ratio: float) -> str:
+    """A large factor in two digits: `15 times`, `9.3e5 times`."""
+    if ratio < 1e3:
+        return f"{float(f'{ratio:.2g}'):g} times"
+    digits, power = f"{ratio:.1e}".split("e")
+    return f"{digits}e{int(power)} times"
+
+
 def p_value_words(log10_p: float) -> str:
     """A p-value; beyond a hundred digits the number says nothing more."""
     return f"p = 10^{log10_p:.0f}" if log10_p > -100.0 else "p < 10^-100"

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from estimator.faults import Note
+from estimator.filter import run_filter
 from estimator.flight_model import FlightModel
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
@@ -67,7 +68,7 @@ class FlightSource:
     """
 
     def __init__(self, recording: Recording, model: FlightModel) -> None:
-        self._as_recorded = recording
+        self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
         self._passes = FlightPasses(kept, ungated)
@@ -365,6 +366,10 @@ class FlightSource:
             for note in self._passes.notes
             if isinstance(note, Note) and note.kind in ("frozen", "saturated")
         ]
+
+    def gated(self) -> Mapping[str, Mapping[str, int]]:
+        """What the gate of the filter makes of the readings, by sensor: see `Journal.counts`."""
+        return run_filter(self._as_recorded, self._gated, engine="numba", stride=0).counts()
 
     # ---- residuals and states
 

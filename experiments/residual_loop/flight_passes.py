@@ -127,7 +127,7 @@ class FlightPasses:
 
         Raises
         ------
-        InputError : from the first values no state or covariance follows
+        InputError : from the first values no state, covariance or finite information follows
         """
         beta, motion = list(beta), self.plain_motion
         best: tuple[float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
@@ -140,6 +140,9 @@ class FlightPasses:
                     motion = self.follow(journal, effects, beta)
                 journal, sensitivity = self.run(effects, effects, beta, motion)
                 deviance = self.deviance(journal, part)
+                W, white = self.rows(sensitivity, journal, part)
+                information, score = W.T @ W, W.T @ white
+                self._require_numbers(deviance, information, score, *beta)
             except InputError:  # beta so far off that no state or covariance follows
                 if best is None:
                     raise
@@ -151,12 +154,9 @@ class FlightPasses:
                 beta = [0.5 * (b + good) for b, good in zip(beta, best[1], strict=True)]
                 journal, motion = best[2], best[3]
                 continue
-            W, white = self.rows(sensitivity, journal, part)
-            information = W.T @ W
             best = (deviance, beta, journal, motion, sensitivity, information)
             if not effects:
                 break
-            score = W.T @ white
             step = self._step(information, score, effects)
             foretold = float(2.0 * step @ score - step @ information @ step)
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
@@ -168,6 +168,13 @@ class FlightPasses:
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
+
+    def _require_numbers(self, *values: float | FloatArray) -> None:
+        """Raise where a pass has led to what is no number: nothing can be said of such a model."""
+        if not all(np.all(np.isfinite(value)) for value in values):
+            raise InputError(
+                self.recording.where, "a fit that does not converge", "readings that the model can explain"
+            )
 
     def in_part(self, t: FloatArray, part: Part) -> BoolArray:
         """Which instants are in a part."""

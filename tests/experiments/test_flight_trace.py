@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ import pytest
 from estimator.flight_model import flight_model
 from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
+from experiments.refused import refused
 from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.flight_passes import FlightPasses
 from experiments.residual_loop.open_flight import flight_source
 from experiments.residual_loop.reference import score_against
 from experiments.residual_loop.report import report
@@ -20,7 +23,9 @@ from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
 from experiments.scenarios import load_scenario, parse_effect
-from sensors.recording import Initial, SensorSpec
+from sensors.arrays import FloatArray
+from sensors.errors import InputError
+from sensors.recording import Initial, Recording, SensorSpec, Stream
 from sensors.simulate import simulate
 
 #: Of an accelerometer, 3 sigma [m/s^2].
@@ -254,3 +259,30 @@ def test_declared_effects_are_taken_off_the_motion_that_is_followed() -> None:
     journal, _ = passes.run([], [], [], passes.plain_motion)
     force = np.linalg.norm(np.mean(passes.follow(journal, [], []).f_b, axis=0))
     assert force == pytest.approx(np.linalg.norm(passes.plain_motion.g_n), abs=PLAUSIBLE_BIAS)
+
+
+def test_a_trial_that_leads_to_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Information that is not finite makes a step that is none: no model, and no crash."""
+    source = flight_source(shortened(flown("hover", 3)[0], 5.0))
+    rows = FlightPasses.rows
+
+    def no_numbers(*given: Any) -> tuple[FloatArray, FloatArray]:
+        W, white = rows(*given)
+        return np.full_like(W, np.nan), white
+
+    monkeypatch.setattr(FlightPasses, "rows", no_numbers)
+    with pytest.raises(InputError, match="a fit that does not converge"):
+        source.fit([Term("mag.current")])
+
+
+def shortened(recording: Recording, seconds: float) -> Recording:
+    """The beginning of a flight."""
+    return recording.replace(streams={n: s.rows(s.t < s.t[0] + seconds) for n, s in recording.streams.items()})
+
+
+def test_readings_in_another_unit_are_refused_by_the_gate() -> None:
+    recording = shortened(flown("hover", 3)[0], 10.0)
+    baro = recording.streams["baro"]
+    wrong = Stream(baro.t, {**baro.columns, "height": 1000.0 * baro["height"]})
+    for one, names in ((recording, set()), (recording.replace(streams={**recording.streams, "baro": wrong}), {"baro"})):
+        assert set(refused(FlightSource(one, flight_model(one)).gated())) == names

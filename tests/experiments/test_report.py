@@ -164,6 +164,22 @@ def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, re
         assert "`sinan trace run1`" in warnings[0]
 
 
+def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
+    readings = {"baro": {"gated": 990, "accepted": 10}, "gps": {"gated": 10, "accepted": 90}, "mag": {"gated": 3}}
+    document = {"nis": {"gps": 3.0, "baro": 1e10}, "nis_interval": {"gps": [0.9, 1.1], "baro": [0.9, 1.1]}}
+    warnings = innovation_warnings({**document, "readings": readings}, "run1")
+    assert warnings[0].startswith("the filter refused 990 of 1000 barometer readings: their unit, axis or frame")
+    assert len(warnings) == 2
+    assert "GPS" in warnings[1]
+
+
+def test_a_large_excess_is_said_as_a_factor() -> None:
+    item = {"stream": "baro", "kind": "variance", "follows": "time", "p_value": 0.0}
+    assert "is 9.3e5 times what was expected" in remaining_sentence({**item, "excess": 933562.47})
+    assert "is 15 times what" in remaining_sentence({**item, "excess": 14.2})
+    assert "60 % larger" in remaining_sentence({**item, "excess": 0.6})
+
+
 @pytest.mark.parametrize(
     ("mean", "said"), [(1.0, ""), (1.15, "one in twenty"), (1.5, "not by chance"), (0.5, "not by chance")]
 )
