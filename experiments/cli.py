@@ -79,6 +79,14 @@ def _say(work: Callable[[], str], json: Path | None, html: Path | None, **writte
         typer.echo(f"{what}: {path}")
 
 
+def _require_place_for(folder: Path | None) -> None:
+    """A folder that is written to lies in one that is there, or in one that is made with it."""
+    from experiments.report.files import require_parent
+
+    if folder is not None:
+        require_parent(folder.parent)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -103,6 +111,7 @@ def demo(
     """The whole loop on an embedded recording with an effect that it does not declare; writes a page."""
     from experiments.demo import run
 
+    _require_place_for(out)
     run(out)
 
 
@@ -142,6 +151,7 @@ def simulate(
     from experiments.report.console import note, working
     from experiments.scenarios import simulate_to_folder
 
+    _require_place_for(out)
     with working("simulating"):
         answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
     typer.echo(f"recording: {out}\nanswer: {answer}")
@@ -153,6 +163,7 @@ def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> No
     from experiments.datasets import convert as convert_log
     from experiments.report.console import working
 
+    _require_place_for(out)
     with working("converting"):
         recording = convert_log(input, out, map, force)
     typer.echo(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
@@ -269,6 +280,7 @@ def montecarlo(
     """Fly a scenario many times and check the filter's errors against its own prediction."""
     from experiments.monte_carlo_command import run
 
+    _require_place_for(resume)
     _say(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
 
 
@@ -285,6 +297,7 @@ def lab(
     if name is None:
         typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))
     else:
+        _require_place_for(out)
         run(name, out)
 
 
@@ -312,6 +325,7 @@ def blind(
     """Trace recordings whose effects are sealed, then open the answers: rates with their intervals."""
     from experiments.blind.command import run
 
+    _require_place_for(out)
     _say(lambda: run(out, runs, seed, world.value, workers, html), None, html)
 
 

@@ -15,16 +15,28 @@ def require_place(path: Path) -> None:
 
     Raises
     ------
-    InputError : it is a folder; its folder cannot be made or written
+    InputError : it is a folder; its folder cannot be made or written, or would be the second that is made
     """
+    require_parent(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None
     if path.is_dir():
         raise InputError(path, "a folder", "a file that can be written")
     if not os.access(path.parent, os.W_OK):
         raise InputError(path, "a folder without permission to write", "a file that can be written")
+
+
+def require_parent(folder: Path) -> None:
+    """Raise unless a folder, which may have to be made, lies in one that is there: a name in a path may be mistyped.
+
+    Raises
+    ------
+    InputError : it would be the second that is made
+    """
+    if not folder.is_dir() and not folder.absolute().parent.is_dir():
+        raise InputError(folder, f"no folder {folder.parent}", "a folder that is there, or one in such a folder")
 
 
 def write_text(path: Path, text: str) -> None:

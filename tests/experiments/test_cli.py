@@ -94,6 +94,8 @@ def test_demo_writes_pages_and_figures(tmp_path: Path) -> None:
         (["simulate", "mag_poses", "{poses}"], 1, "--force"),
         (["convert", "{poses}", "{poses}/.."], 1, "not written by sinan"),
         (["trace", "{poses}", "--json", "/proc/none/x.json"], 1, "/proc/none"),
+        (["trace", "{poses}", "--html", "{tmp}/none/none/x.html"], 1, "no folder {tmp}/none"),
+        (["simulate", "mag_poses", "{tmp}/none/none/x"], 1, "no folder {tmp}/none"),
         (["trace"], 2, "INPUT"),
         (["calibrate", "nose", "{poses}"], 2, "nose"),
         (["lab", "nothing"], 1, "one of accelerometer"),
@@ -102,10 +104,11 @@ def test_demo_writes_pages_and_figures(tmp_path: Path) -> None:
 def test_bad_input_is_one_line(poses: Path, tmp_path: Path, arguments: list[str], status: int, says: str) -> None:
     result = sinan(*(a.format(poses=poses, tmp=tmp_path) for a in arguments))
     assert result.returncode == status, result.stderr
-    assert says in result.stderr
+    assert says.format(tmp=tmp_path) in result.stderr
     assert "Traceback" not in result.stderr
     if status == 1:
         assert len(result.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "none").exists()
 
 
 def test_nan_is_named_with_file_and_row(poses: Path, tmp_path: Path) -> None:
