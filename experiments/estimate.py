@@ -14,6 +14,7 @@ from estimator.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from estimator.filter import Engine, choose_engine, prepare, run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
+from experiments.refused import doubted_shares
 from sensors.arrays import FloatArray
 from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_interpolate
@@ -124,6 +125,7 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "nis": {name: _number(value.mean) for name, value in consistency.items()},
         "nis_interval": {name: [_number(v) for v in value.interval] for name, value in consistency.items()},
         "rejected": dict(journal.rejected()),
+        "doubted": doubted_shares(journal),
         "readings": {name: dict(row) for name, row in journal.counts().items()},
         "log_likelihood": journal.log_likelihood,
         "estimates": "position, velocity and attitude" if journal.model.translation else "attitude",

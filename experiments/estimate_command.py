@@ -69,7 +69,7 @@ def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
     ----------
     input : how the user calls the log
     """
-    not_used = refused(document.get("readings", {}))
+    not_used = refused(document.get("doubted", {}))
     found = list(not_used.values())
     for sensor, nis in document["nis"].items():
         if sensor in not_used:
@@ -102,7 +102,7 @@ def coarse_note(journal: Journal) -> list[str]:
 
 def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
-    first = list(refused(document.get("readings", {})).values())
+    first = list(refused(document.get("doubted", {})).values())
     lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
     lines.append("  biases at the end ± 1 sigma")
     for sensor, values in document["bias"].items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.datasets import has_truth, reference_of, resolve
-from experiments.refused import refused
+from experiments.refused import doubted_shares, refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.trace_words import trace_summary
@@ -36,7 +36,9 @@ def run(
     document = report(source, result)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
-    document["warnings"] = list(refused(source.gated()).values()) if isinstance(source, FlightSource) else []
+    document["warnings"] = (
+        list(refused(doubted_shares(source.gated())).values()) if isinstance(source, FlightSource) else []
+    )
     if json is not None:
         write_json(json, document)
     if html is not None:

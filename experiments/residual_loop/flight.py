@@ -15,6 +15,7 @@ import numpy as np
 from estimator.faults import Note
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel
+from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates
@@ -367,9 +368,9 @@ class FlightSource:
             if isinstance(note, Note) and note.kind in ("frozen", "saturated")
         ]
 
-    def gated(self) -> Mapping[str, Mapping[str, int]]:
-        """What the gate of the filter makes of the readings, by sensor: see `Journal.counts`."""
-        return run_filter(self._as_recorded, self._gated, engine="numba", stride=0).counts()
+    def gated(self) -> Journal:
+        """The filter with its gate over the recording as it is."""
+        return run_filter(self._as_recorded, self._gated, engine="numba", stride=0)
 
     # ---- residuals and states
 

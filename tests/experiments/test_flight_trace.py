@@ -13,7 +13,7 @@ import pytest
 from estimator.flight_model import flight_model
 from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
-from experiments.refused import refused
+from experiments.refused import doubted_shares, refused
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.flight_passes import FlightPasses
 from experiments.residual_loop.open_flight import flight_source
@@ -284,5 +284,6 @@ def test_readings_in_another_unit_are_refused_by_the_gate() -> None:
     recording = shortened(flown("hover", 3)[0], 10.0)
     baro = recording.streams["baro"]
     wrong = Stream(baro.t, {**baro.columns, "height": 1000.0 * baro["height"]})
-    for one, names in ((recording, set()), (recording.replace(streams={**recording.streams, "baro": wrong}), {"baro"})):
-        assert set(refused(FlightSource(one, flight_model(one)).gated())) == names
+    in_millimetres = recording.replace(streams={**recording.streams, "baro": wrong})
+    for one, names in ((recording, set()), (in_millimetres, {"baro"})):
+        assert set(refused(doubted_shares(FlightSource(one, flight_model(one)).gated()))) == names

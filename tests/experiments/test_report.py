@@ -165,10 +165,10 @@ def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, re
 
 
 def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
-    readings = {"baro": {"gated": 990, "accepted": 10}, "gps": {"gated": 10, "accepted": 90}, "mag": {"gated": 3}}
+    shares = {"baro": 0.99, "gps": 0.1, "level": 1.0}
     document = {"nis": {"gps": 3.0, "baro": 1e10}, "nis_interval": {"gps": [0.9, 1.1], "baro": [0.9, 1.1]}}
-    warnings = innovation_warnings({**document, "readings": readings}, "run1")
-    assert warnings[0].startswith("the filter refused 990 of 1000 barometer readings: their unit, axis or frame")
+    warnings = innovation_warnings({**document, "doubted": shares}, "run1")
+    assert warnings[0].startswith("the filter believes 1 % of the barometer readings: their unit, axis or frame")
     assert len(warnings) == 2
     assert "GPS" in warnings[1]
 
