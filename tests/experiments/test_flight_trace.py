@@ -82,7 +82,7 @@ def test_coloured_positions_pass_for_no_effect(seed: int, index: int, tmp_path: 
 
 
 def test_a_start_in_flight_is_no_error_of_the_accelerometer(tmp_path: Path) -> None:
-    """The first readings know the tilt to 0.3 rad, all together to 0.001: a start as wide as the first is not linear."""
+    """The first readings know the tilt to 0.3 rad, all to 0.001: a start as wide as the first is not linear."""
     recording = resolve(str(make_one(tmp_path, 9002, 79, KINDS, "mixed", CLASSES)), None)
     names = select(flight_source(recording)).names
     assert "mag.scale" in names
