@@ -248,11 +248,16 @@ def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) ->
         raise InputError(where, "directions too much alike to fix scale and offset", "readings all round the sphere")
 
 
+def _of_size(largest: float) -> str:
+    """What readings of a size that no sensor has are called."""
+    return "readings that are all 0" if largest == 0.0 else f"readings of at most {largest:.3g}"
+
+
 def _require_spread(readings: FloatArray, where: str) -> None:
     """Raise if all readings point the same way: nothing can be calibrated then; or if their squares are no numbers."""
     largest = float(np.max(np.abs(readings)))
     if not _SMALLEST < largest < 1.0 / _SMALLEST:
-        raise InputError(where, f"readings of at most {largest:.3g}", "readings of a sensor that works")
+        raise InputError(where, _of_size(largest), "readings of a sensor that works")
     centred = readings - readings.mean(axis=0)
     size = np.max(np.linalg.norm(readings, axis=1))
     spread = np.sqrt(np.linalg.eigvalsh(centred.T @ centred / len(readings))[-1])

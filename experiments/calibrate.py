@@ -10,9 +10,10 @@ import numpy as np
 from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
 from calibration.triad import Axes, Calibration, calibrate_norm
 from estimator.whiteness import whiteness
-from experiments.datasets import resolve
+from experiments.datasets import called, field_unit_of, resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
+from experiments.report.words import counted, stream_unit
 from experiments.residual_loop.open_source import (
     TriadReadings,
     choose_sensor,
@@ -57,6 +58,9 @@ def run(
         readings = without_declared(recording, triad_readings(recording, sensor, gravity))
         result = calibrate_triad(recording, readings, axes or "none")
     document = as_json(sensor, result)
+    if readings is not None:
+        document["unit"] = readings.unit
+        document["read_in"] = field_unit_of(input, map_file) if sensor == "mag" else readings.unit
     document["declared_effects"] = list(declared_for(recording, sensor))
     document["warnings"] = warnings_of(result, readings, input)
     if json is not None:
@@ -65,7 +69,7 @@ def run(
         from experiments.report.calibration_page import calibration_page
 
         shown = () if readings is None else (readings.reading, readings.norm, readings.unit)
-        calibration_page(html, recording.name, sensor, result, document, *shown)
+        calibration_page(html, called(input, recording), sensor, result, document, *shown)
     return summary(sensor, document)
 
 
@@ -160,8 +164,9 @@ def warnings_of(
     if readings.sigma is not None and freedom > 0 and fit.sigma > 0.0:
         ratio = float(np.sqrt(fit.sse / freedom)) / fit.sigma
         if ratio > _TOO_LARGE + 3.0 / np.sqrt(2.0 * freedom):  # three sigma of the ratio itself
-            size = f"{np.sqrt(fit.sse / len(fit.residual)):.3g} {'' if readings.unit == '1' else readings.unit}".strip()
-            found.append(f"the residual, {size} RMS, is {ratio:.1f} times what the declared noise leaves: {what_next}")
+            rms = np.sqrt(fit.sse / len(fit.residual))
+            size = f"{rms:.3g} {stream_unit(readings.sensor, readings.unit)} RMS"
+            found.append(f"the residual, {size}, is {ratio:.1f} times what the declared noise leaves: {what_next}")
     colour = whiteness(fit.residual[np.argsort(readings.t, kind="stable")][:, None])
     if not found and colour is not None and colour[1] < _NO_NOISE:
         found.append(f"neighbouring residuals are correlated ({colour[0]:.2g}), as noise never is: {what_next}")
@@ -176,6 +181,7 @@ def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, obj
     document: dict[str, object] = {
         "format": 1,
         "sensor": sensor,
+        "unit": {"accel": "m/s^2", "gyro": "rad/s", "mag": "1"}[sensor],
         "T": _plain(result.T),
         "K": _plain(result.K),
         "b": _plain(result.offset),
@@ -211,15 +217,17 @@ def summary(sensor: str, document: dict[str, object]) -> str:
         return "  ".join("  undetermined" if v is None else f"{v:+10.4f}" for v in values)  # type: ignore[attr-defined]
 
     T: list[object] = document["T"]  # type: ignore[assignment]
+    n: int = document["n"]  # type: ignore[assignment]
     lines = [
-        f"{sensor}: calibrated = T K (reading + b), {document['n']} readings",
+        f"{sensor}: calibrated = T K (reading + b), {counted(n, 'static pose' if sensor == 'gyro' else 'reading')}",
         *(f"  T  {numbers(row)}" for row in T),
         f"  K  {numbers(document['K'])}",
-        f"  b  {numbers(document['b'])}",
+        f"  b  {numbers(document['b'])}  {stream_unit(sensor, str(document['unit']))}",
         f"  sum of squared residuals {document['sse_before']:.4g} -> {document['sse']:.4g}{_squared(sensor)}",
     ]
     if document["normalised_by"] != 1.0:
-        lines.append(f"  readings divided by their mean norm {document['normalised_by']:.6g}")
+        norm = f"{document['normalised_by']:.6g} {document.get('read_in') or '(in the unit of the log)'}"
+        lines.append(f"  readings divided by their mean norm {norm}")
     lines += [f"  {sentence}" for sentence in document["undetermined"]]  # type: ignore[attr-defined]
     lines += [f"  warning: {sentence}" for sentence in document.get("warnings", [])]  # type: ignore[attr-defined]
     return "\n".join(lines)

@@ -10,14 +10,23 @@ import numpy as np
 
 from estimator.filter import Engine
 from estimator.journal import Journal
-from experiments.datasets import has_truth, reference_of, resolve
+from experiments.datasets import called, has_truth, reference_of, resolve
 from experiments.estimate import bias_courses, estimated, score
 from experiments.measured.preparation import prepared
 from experiments.measured.reference import in_frame, mounted
 from experiments.refused import refused
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
-from experiments.report.words import BIAS_UNITS, SENSORS, number, reference_name, reference_value, with_sigma
+from experiments.report.words import (
+    BIAS_UNITS,
+    SENSORS,
+    bias_rows,
+    number,
+    off_by,
+    reference_name,
+    reference_value,
+    with_sigma,
+)
 from experiments.residual_loop.open_source import require_kind
 from sensors.errors import InputError
 
@@ -50,6 +59,8 @@ def run(
             truth if has_truth(input) else in_frame(mounted(recording, truth), journal.imu_t, journal.imu_x[:, 6:10])
         )
         document["truth"] = score(journal, truth)
+    document["called"] = called(input, recording)
+    document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
     document["warnings"] = warnings_of(document, input)
@@ -58,12 +69,13 @@ def run(
     if html is not None:
         from experiments.report.estimate_page import estimate_page
 
-        estimate_page(html, recording.name, document, bias_courses(journal, truth))
-    return summary(recording.name, document)
+        estimate_page(html, document["called"], document, bias_courses(journal, truth))
+    return summary(document["called"], document)
 
 
 def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
-    """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected.
+    """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected;
+    not for what no sensor reads, such as the level: its sigma is the filter's own assumption, which nobody declared.
 
     Parameters
     ----------
@@ -75,6 +87,8 @@ def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
         if sensor in not_used:
             continue
         low, high = document["nis_interval"][sensor]
+        if sensor in document.get("assumed", ()):
+            continue
         if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
             continue
         relation, why = (
@@ -104,15 +118,12 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
     first = list(refused(document.get("doubted", {})).values())
     lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
-    lines.append("  biases at the end ± 1 sigma")
-    for sensor, values in document["bias"].items():
-        parts = zip(_listed(values), _listed(document["bias_std"][sensor]), strict=True)
-        text = ", ".join(with_sigma(b, s) for b, s in parts)
-        lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}")
+    lines += _biases(document)
     lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")
     for sensor, nis in document["nis"].items():
         size = "no reading" if nis is None else f"{nis:.3f}" if nis < 1e4 else f"{nis:.3g}"
-        lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused")
+        assumed = " (an assumption of the filter, no sensor)" if sensor in document.get("assumed", ()) else ""
+        lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused{assumed}")
     for quantity, value in (document.get("truth") or {}).items():
         if quantity.endswith("_rms"):
             lines.append(f"  {reference_name(quantity)}: {reference_value(quantity, value)}")
@@ -121,5 +132,21 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _listed(values: Any) -> list[float]:
-    return list(values) if isinstance(values, list | tuple) else [values]
+def _biases(document: Mapping[str, Any]) -> list[str]:
+    """The biases at the end: a line a sensor; beside a truth a line a component, with the truth and how far off."""
+    rows = bias_rows(document)
+    if all(row.truth is None for row in rows):
+        lines = ["  biases at the end ± 1 sigma"]
+        for sensor in document["bias"]:
+            text = ", ".join(with_sigma(row.value, row.sigma) for row in rows if row.sensor == sensor)
+            lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}")
+        return lines
+    cells = [("biases at the end", "± 1 sigma", "truth", "off by", "")]
+    for row in rows:
+        truth = "-" if row.truth is None else f"{row.truth:.{row.digits}f}"
+        cells.append((f"  {row.name}", with_sigma(row.value, row.sigma), truth, off_by(row), row.unit))
+    widths = [max(len(cell[k]) for cell in cells) for k in range(4)]
+    return [
+        f"  {name:{widths[0]}}  {value:>{widths[1]}}  {truth:>{widths[2]}}  {off:>{widths[3]}}  {unit}".rstrip()
+        for name, value, truth, off, unit in cells
+    ]

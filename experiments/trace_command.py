@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.datasets import has_truth, reference_of, resolve
+from experiments.datasets import called, has_truth, reference_of, resolve
 from experiments.refused import doubted_shares, refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
@@ -34,6 +34,7 @@ def run(
     with working(_what(recording), flies=recording.kind == "flight"):
         source, result = trace_recording(recording, sensor, alpha, gravity, reference, not has_truth(input))
     document = report(source, result)
+    document["called"] = called(input, recording)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
     document["warnings"] = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from experiments.bias_observability.case import Case, case_of_recording, case_of_scenario
@@ -42,9 +43,10 @@ def case_of(text: str, map_file: Path | None = None) -> Case:
         if scenario.kind != "flight":
             raise InputError(f"scenario {text}", f'kind = "{scenario.kind}"', "a flight: poses show no filter's biases")
         return case_of_scenario(scenario)
-    from experiments.datasets import resolve
+    from experiments.datasets import called, resolve
 
     if map_file is None and "/" not in text and not Path(text).exists():
         names = ", ".join(scenario_names())
         raise InputError(text, "no such scenario, file or folder", f"a log, DATASET/FILE, or one of {names}")
-    return case_of_recording(resolve(text, map_file))
+    recording = resolve(text, map_file)
+    return replace(case_of_recording(recording), name=called(text, recording))

@@ -99,6 +99,11 @@ def unit_of(label: str) -> str:
     return _UNITS[block_of(label)]
 
 
+def unit_in_words(label: str) -> str:
+    """The same for a person: that of the field is called by its name."""
+    return unit_of(label) or "field"
+
+
 def shown(label: str, value: float) -> float:
     """A value in `unit_of`: angles and rates in degrees."""
     return float(np.rad2deg(value)) if unit_of(label).startswith("deg") else value
@@ -107,8 +112,7 @@ def shown(label: str, value: float) -> float:
 def amount_of(label: str, value: float, signed: bool = False) -> str:
     """A value that is already in `unit_of`, with its unit."""
     text = figures(value) if signed and value < 0.0 else f"{'+' if signed else ''}{figures(abs(value))}"
-    unit = unit_of(label)
-    return f"{text} {unit}" if unit else text
+    return f"{text} {unit_in_words(label)}"
 
 
 def figures(value: float) -> str:

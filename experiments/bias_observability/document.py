@@ -14,8 +14,10 @@ from experiments.bias_observability.directions import (
     listed,
     name_of,
     shown,
+    unit_in_words,
     unit_of,
 )
+from experiments.bias_observability.segments import MOST_SEGMENTS
 from experiments.bias_observability.study import BiasStudy, Study, Weakness
 from sensors.arrays import FloatArray
 
@@ -166,8 +168,11 @@ def advice(study: Study) -> list[str]:
             name, left = flown[0]
             assert study.catalogue is not None
             here = 100.0 * weakness.direction.left
-            share = f"leaves {100.0 * left:.1f} % of the prior sigma along it, this flight {here:.0f} %"
-            lines.append(f"{title}: fly {name}; {study.catalogue.horizon:.0f} s of that {share}")
+            share = f"leave {100.0 * left:.1f} % of the prior sigma along it, this flight {here:.0f} %"
+            what = study.catalogue.summaries[study.catalogue.names.index(name)].rstrip(".")
+            what = what if what[1:2].isupper() else f"{what[0].lower()}{what[1:]}"
+            flight = f"fly as in the scenario `{name}` ({what})"
+            lines.append(f"{title}: {flight}; {study.catalogue.horizon:.0f} s of that {share}")
         elif "gps" not in study.case.aboard and all(
             block_of(label) in ("position", "velocity") for label in weakness.direction.main
         ):
@@ -215,7 +220,9 @@ def summary(study: Study) -> str:
         f"{len(found.labels)}, {study.strong} directions narrowed to half their prior sigma or less",
     ]
     lines += [f"  weak: {w.direction.sentence}" for w in study.weaknesses if w.sensors == study.case.aboard]
-    lines.append("  bias             sigma at the start → at the end, half of it after, brought by")
+    flown = ", ".join(study.states[0].bits)
+    lines.append(f"  flown: {flown}{explained(study)}")
+    lines.append("  bias             sigma at the start → at the end, half of it after, manoeuvre that brought most")
     for state in study.biases:
         lines.append(
             f"    {name_of(state.label):16} {sigma_change(state)}, {halved_in_words(state)}, {state.brought_by or '-'}"
@@ -225,11 +232,17 @@ def summary(study: Study) -> str:
     return "\n".join(lines)
 
 
+def explained(study: Study) -> str:
+    """What the numbers of the manoeuvres are, and what a hold is, where one is flown."""
+    said = ["the number is the manoeuvre's place in the flight"] if len(study.case.segments) <= MOST_SEGMENTS else []
+    said += ["a hold stands still in the air"] if any(s.name == "hold" for s in study.case.segments) else []
+    return f" ({'; '.join(said)})" if said else ""
+
+
 def sigma_change(state: BiasStudy) -> str:
     """`0.1 → 0.0026 m/s²`."""
     before, after = (shown(state.label, value) for value in (state.prior, state.posterior))
-    unit = unit_of(state.label)
-    return f"{figures(before)} → {figures(after)}" + (f" {unit}" if unit else "")
+    return f"{figures(before)} → {figures(after)} {unit_in_words(state.label)}"
 
 
 def halved_in_words(state: BiasStudy) -> str:

@@ -4,7 +4,18 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from experiments.datasets.inputs import convert, has_truth, reference_of, resolve
+from experiments.datasets.inputs import called, convert, field_unit_of, has_truth, reference_of, resolve
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
-__all__ = ["DataFile", "Dataset", "convert", "dataset_names", "has_truth", "load_dataset", "reference_of", "resolve"]
+__all__ = [
+    "DataFile",
+    "Dataset",
+    "called",
+    "convert",
+    "dataset_names",
+    "field_unit_of",
+    "has_truth",
+    "load_dataset",
+    "reference_of",
+    "resolve",
+]

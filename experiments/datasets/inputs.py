@@ -36,6 +36,27 @@ def resolve(text: str, map_file: Path | None = None) -> Recording:
     return open_log(path, kept).replace(source=text)
 
 
+def called(text: str, recording: Recording) -> str:
+    """What the user calls a recording: the name of its folder; of a log, the recording's own, which is the file's."""
+    path = Path(text)
+    folder = path if path.is_dir() else path.parent if path.name == "recording.toml" else None
+    return recording.name if folder is None else folder.resolve().name
+
+
+def field_unit_of(text: str, map_file: Path | None = None) -> str:
+    """The unit of a log's magnetometer readings where its map names the log's own, which it turns into gauss; else
+    empty: nobody says what it is.
+    """
+    from sensors.formats.toml_table import load_toml
+
+    kept = map_file if Path(text).exists() or map_file is not None else locate(text)[1]
+    if kept is None:
+        return ""
+    streams = load_toml(kept).table("streams")
+    named = [streams.table(name).table("mag").text("unit") for name in ("mag", "poses") if name in streams]
+    return "gauss" if any(named) else ""
+
+
 def reference_of(text: str, map_file: Path | None = None) -> Stream | None:
     """What the recording of `resolve` may be scored against, for scoring alone: its truth, or what its map calls one.
 

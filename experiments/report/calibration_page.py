@@ -41,7 +41,7 @@ def calibration_page(
                 f"{words.number(document['sse_before'])} → {words.number(document['sse'])}",
                 f"sum of squared residuals{squared}, before and after",
             ),
-            (str(document["n"]), "static poses" if gyro else "readings"),
+            (str(document["n"]), words.noun_of(document["n"], "static pose" if gyro else "reading")),
         ]
     )
     for warning in document.get("warnings", []):
@@ -50,10 +50,11 @@ def calibration_page(
         before = np.linalg.norm(readings, axis=1)
         after = np.linalg.norm(result.apply(readings * result.normalised_by), axis=1)
         page.figure(
-            figures.norm_before_after(before, after, norm, unit), "Norm of each reading; the line is its true value."
+            figures.norm_before_after(before, after, norm, words.stream_unit(sensor, unit)),
+            "Norm of each reading; the line is its true value.",
         )
     page.heading("Parameters")
-    offset_unit = {"accel": "m/s²", "gyro": "rad/s"}.get(sensor, "of the field")
+    offset_unit = words.stream_unit(sensor, str(document["unit"]))
     rows = []
     for i, axis in enumerate("xyz"):
         rows.append([f"scale K {axis}", *_cells(document["K"][i], document["std"]["K"][i]), "ratio"])

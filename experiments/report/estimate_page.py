@@ -10,10 +10,11 @@ from experiments.estimate import BiasCourse
 from experiments.report import figures
 from experiments.report.page import Page
 from experiments.report.words import (
-    BIAS_UNITS,
     SENSORS,
-    component_name,
+    bias_rows,
+    counted,
     number,
+    off_by,
     reference_name,
     reference_value,
     with_sigma,
@@ -22,7 +23,7 @@ from experiments.report.words import (
 
 def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:
     """Write the page."""
-    page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {_verdict(document)}")
+    page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {verdict(document)}")
     truth = {k: v for k, v in (document.get("truth") or {}).items() if k.endswith("_rms")}
     page.numbers([(reference_value(name, value), reference_name(name)) for name, value in truth.items()])
     for warning in document.get("warnings", []):
@@ -33,50 +34,63 @@ def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: S
         figures.biases_over_time(courses),
         "Each bias, as the filter estimates it, with its 3-sigma band" + ("; black: the truth." if known else "."),
     )
-    errors = (document.get("truth") or {}).get("bias_error", {})
-    rows = []
-    for sensor, values in document["bias"].items():
-        listed = values if isinstance(values, list) else [values]
-        sigmas = document["bias_std"][sensor]
-        sigmas = sigmas if isinstance(sigmas, list) else [sigmas]
-        rows += [
-            [
-                f"{sensor} {component_name(sensor, k, len(listed))}".strip(),
-                BIAS_UNITS.get(sensor, "m"),
-                with_sigma(b, s),
-                number(e) if e is not None else "-",
-            ]
-            for k, b, s, e in zip(
-                range(len(listed)),
-                listed,
-                sigmas,
-                errors.get(sensor, [None] * len(listed)),
-                strict=True,
-            )
+    rows = [
+        [
+            row.name,
+            row.unit,
+            with_sigma(row.value, row.sigma),
+            *(["-" if row.truth is None else f"{row.truth:.{row.digits}f}", off_by(row)] if known else []),
         ]
-    page.table(["bias", "unit", "at the end ± 1 sigma", "true minus estimate"], rows, numeric=(2, 3))
+        for row in bias_rows(document)
+    ]
+    page.table(
+        ["bias", "unit", "at the end ± 1 sigma", *(["truth", "estimate minus truth"] if known else [])],
+        rows,
+        numeric=(2, 3, 4),
+    )
     page.heading("Innovations: reading minus prediction")
     page.text(
         "NIS is the squared innovation over the variance that the filter expects of it, a degree of freedom: 1 is "
-        "right, more means errors that the filter does not know of. Refused are single readings that no noise explains."
+        "right, more means errors that the filter does not know of. A filter whose model is right is outside the "
+        "interval by chance in one case of twenty, the more seldom the farther. Refused are single readings that no "
+        "noise explains."
     )
     rows = [
         [
             SENSORS.get(sensor, sensor),
             "-" if nis is None else f"{nis:.3f}",
             " to ".join("-" if v is None else f"{v:.3f}" for v in document["nis_interval"][sensor]),
+            innovations(document, sensor) or "-",
             str(document["rejected"].get(sensor, 0)),
         ]
         for sensor, nis in document["nis"].items()
     ]
-    page.table(["sensor", "NIS", "95 % of right filters", "refused"], rows, numeric=(1, 2, 3))
+    head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
+    page.table(head, rows, numeric=(1, 2, 4))
     for note in [*document.get("noise", []), *document.get("notes", [])]:
         page.text(str(note), note=True)
     page.write(path)
 
 
-def _verdict(document: Mapping[str, Any]) -> str:
-    outside = len(document.get("warnings", []))
+def innovations(document: Mapping[str, Any], sensor: str) -> str:
+    """Whether a sensor's innovations are as large as the filter expects: by the interval of its NIS."""
+    if sensor in document.get("assumed", ()):
+        return "assumed, no sensor"
+    nis, (low, high) = document["nis"][sensor], document["nis_interval"][sensor]
+    if nis is None or low is None:
+        return ""
+    return "larger" if nis > high else "smaller" if nis < low else "as expected"
+
+
+def verdict(document: Mapping[str, Any]) -> str:
+    """How many sensors' innovations are larger and how many smaller than expected, as the table marks them."""
+    marks = {sensor: innovations(document, sensor) for sensor in document["nis"]}
+    asked = [sensor for sensor, mark in marks.items() if mark in ("larger", "smaller", "as expected")]
+    outside = [
+        f"{mark} than it expects in {len(named)} ({', '.join(named)})"
+        for mark in ("larger", "smaller")
+        if (named := [SENSORS.get(sensor, sensor) for sensor in asked if marks[sensor] == mark])
+    ]
     if not outside:
-        return "Its innovations are about as large as it expects: nothing speaks against its model."
-    return f"The innovations of {outside} of {len(document['nis'])} sensors are not as large as it expects."
+        return "Its innovations are as large as it expects: nothing speaks against its model."
+    return f"Of {counted(len(asked), 'sensor')}, the innovations are {' and '.join(outside)}."

@@ -15,6 +15,10 @@ from sensors.arrays import FloatArray
 BEFORE, AFTER, SOFT, BAND, CHANCE = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3", "#d98c2b"
 
 
+#: Room beyond the lowest and the highest curve, as a share of what they span.
+_MARGIN = 0.08
+
+
 def new_figure(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple[Figure, Any]:
     """A figure with axes in the house style."""
     figure = Figure(figsize=(9.0, height * rows), layout="constrained")
@@ -29,12 +33,12 @@ def norm_before_after(before: FloatArray, after: FloatArray, norm: float, unit: 
     """Norm of each reading before and after a calibration, against the norm it should have."""
     figure, axes = new_figure(1, 1, 2.8)
     one = axes[0, 0]
-    index = np.arange(1, len(before) + 1)
+    index = np.arange(len(before))
     one.axhline(norm, color=SOFT, lw=1.0)
     style = "." if len(before) > 60 else "o"
     one.plot(index, before, style, color=BEFORE, ms=4.5, label="before")
     one.plot(index, after, style, color=AFTER, ms=4.5, label="after")
-    one.set_xlabel("reading", fontsize=9)
+    one.set_xlabel("reading, counted from 0", fontsize=9)
     one.set_ylabel(axis_label("norm", unit), fontsize=9)
     one.legend(frameon=False, fontsize=9, ncols=2, loc="upper left", bbox_to_anchor=(0.0, 1.14))
     return figure
@@ -72,7 +76,8 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             settled = slice(len(band) // 10, None)  # the first tenth, where the band is wide, would hide the rest
             shown = [value[settled] - 1.6 * band[settled], value[settled] + 1.6 * band[settled]]
             shown += [course.truth[:, k]] if course.truth.size else []
-            one.set_ylim(min(map(np.min, shown)), max(map(np.max, shown)))
+            low, high = min(map(np.min, shown)), max(map(np.max, shown))
+            one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
             axis = component_name(course.name, k, course.value.shape[1])
             one.set_title(f"{course.name} {axis} / {BIAS_UNITS.get(course.name, 'm')}", loc="left", fontsize=9)
             one.tick_params(labelsize=7)
@@ -120,4 +125,7 @@ def averages_with_intervals(entries: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 
 def axis_label(text: str, unit: str) -> str:
-    return text if unit in ("1", "") else f"{text} / {unit}"
+    """What an axis shows; a unit that is said in words follows a comma."""
+    if unit in ("1", ""):
+        return text
+    return f"{text}, {unit}" if " " in unit else f"{text} / {unit}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.report.figures import stage_bars
 from experiments.report.page import Page
-from experiments.report.words import change, length, number, shown_stages, stage_names
+from experiments.report.words import change, counted, length, number, shown_stages, stage_names
 
 
 def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
@@ -18,7 +18,7 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
     names = ", ".join(effect["name"].removeprefix("pseudorange.").replace("_", " ") for effect in document["effects"])
     page = Page(
         _title(document, first, last),
-        f"{document['recording']}: {document['epochs']} epochs of {', '.join(document['systems'])}. "
+        f"{document['recording']}: {counted(document['epochs'], 'epoch')} of {', '.join(document['systems'])}. "
         + (f"The ranges call for, in the order of evidence: {names}." if names else "The ranges call for no effect."),
     )
     page.numbers(
@@ -42,7 +42,7 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
     if document["excluded"] or document["journal"]:
         page.heading("What was left out, and what cannot be seen")
     for item in document["excluded"]:
-        page.text(f"Satellite {item['satellite']} was left out in {item['epochs']} epochs.")
+        page.text(f"Satellite {item['satellite']} was left out in {counted(item['epochs'], 'epoch')}.")
     for note in document["journal"]:
         page.text(note, note=True)
     page.write(path)

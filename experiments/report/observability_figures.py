@@ -12,7 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_of
+from experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_in_words
 from experiments.bias_observability.document import NAMES, base_places
 from experiments.bias_observability.segments import MOST_SEGMENTS
 from experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
@@ -97,7 +97,7 @@ def sigma_curves(study: Study) -> Figure:
         one.spines[["top", "right"]].set_visible(False)
         one.tick_params(labelsize=9)
         start = shown(study.found.labels[places[0]], float(sigma[0, places[0]]))
-        unit = unit_of(study.found.labels[places[0]])
+        unit = unit_in_words(study.found.labels[places[0]])
         one.set_title(
             f"{_block_name(block)}: σ as a share of the prior {start:.2g} {unit}".rstrip(), loc="left", fontsize=10
         )

@@ -10,6 +10,7 @@ from experiments.bias_observability.document import (
     NAMES,
     advice,
     base_places,
+    explained,
     flown_by,
     halved_in_words,
     headline,
@@ -33,8 +34,8 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
     made = {
         "curves": (
             figures.sigma_curves(study),
-            "Uncertainty of every bias over time; above, what is flown. A fall is information, a rise is the bias's "
-            "own random walk. The dashed line is half of what was known before the flight.",
+            f"Uncertainty of every bias over time; above, what is flown{explained(study)}. A fall is information, a "
+            "rise is the bias's own random walk. The dashed line is half of what was known before the flight.",
         ),
         "singular values": (
             figures.singular_values(study),
@@ -61,8 +62,9 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
     if study.catalogue is not None:
         made["catalogue"] = (
             figures.catalogue_map(study),
-            f"The same sensors and the same prior on every flight of the catalogue, the best flight on the left: per "
-            f"cent of the prior sigma that {study.catalogue.horizon:.0f} s of it leave.",
+            "The same sensors and the same prior on every scenario of the catalogue that is a flight of its own, the "
+            "best on the left (`sinan simulate NAME` flies it; docs/scenarios.md): per cent of the prior sigma that "
+            f"{study.catalogue.horizon:.0f} s of it leave.",
         )
     if "base" in study.found.readings:
         made["base"] = (
@@ -103,7 +105,7 @@ def observability_page(path: Path, study: Study) -> None:
         page.heading("Which manoeuvre brought it")
         page.figure(*made["gains"])
     if "catalogue" in made:
-        page.heading("Which manoeuvre to fly")
+        page.heading("Which scenario to fly")
         page.figure(*made["catalogue"])
     page.heading("Which sensor shows what")
     page.figure(*made["sensors"])
@@ -139,7 +141,7 @@ def _weak(page: Page, study: Study, made: dict[str, tuple[Figure, str]]) -> None
         flights = [name for name, _ in flown_by(weakness, study)][:_MOST_FLIGHTS]
         shows = sensors_in_words(weakness.removed_by)
         rows.append([NAMES[missing], weakness.direction.title, shows, ", ".join(flights) or "-"])
-    page.table(["without", "not told apart", "what shows it", "flights that show it, all sensors aboard"], rows)
+    page.table(["without", "not told apart", "what shows it", "scenarios that show it, all sensors aboard"], rows)
 
 
 def _bias_table(page: Page, study: Study) -> None:
@@ -161,7 +163,7 @@ def _bias_table(page: Page, study: Study) -> None:
         "σ at the start → end",
         "of the prior left",
         "halved after",
-        "brought by",
+        "manoeuvre that brought most",
         "remaining error goes with",
     ]
     page.table(head, rows, numeric=(1, 2, 3))

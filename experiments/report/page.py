@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -36,6 +37,7 @@ figure { margin: 1rem 0; } figure img { width: 100%; height: auto; }
 table { border-collapse: collapse; min-width: 50%; font-size: .92rem; }
 th, td { text-align: left; padding: .35rem 1.4rem .35rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+tr.marked td { background: #fbe9c3; font-weight: 600; }
 code { background: #eef2f5; padding: .1rem .3rem; border-radius: .25rem; }
 """
 
@@ -51,33 +53,33 @@ class Page:
 
     def __init__(self, title: str, lead: str = "") -> None:
         self._title = title
-        self._parts = [f"<h1>{_unbroken(title)}</h1>"]
+        self._parts = [f"<h1>{_marked(title)}</h1>"]
         if lead:
-            self._parts.append(f'<p class="lead">{_unbroken(lead)}</p>')
+            self._parts.append(f'<p class="lead">{_marked(lead)}</p>')
 
     def heading(self, text: str) -> None:
         """A section."""
-        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+        self._parts.append(f"<h2>{_marked(text)}</h2>")
 
     def subheading(self, text: str) -> None:
         """A part of a section."""
-        self._parts.append(f"<h3>{html.escape(text)}</h3>")
+        self._parts.append(f"<h3>{_marked(text)}</h3>")
 
     @contextmanager
     def folded(self, summary: str) -> Iterator[None]:
         """What is added inside is folded away behind one line."""
-        self._parts.append(f"<details><summary>{html.escape(summary)}</summary>")
+        self._parts.append(f"<details><summary>{_marked(summary)}</summary>")
         yield
         self._parts.append("</details>")
 
     def text(self, text: str, note: bool = False) -> None:
         """A paragraph; a note is set softer."""
         mark = ' class="note"' if note else ""
-        self._parts.append(f"<p{mark}>{html.escape(text)}</p>")
+        self._parts.append(f"<p{mark}>{_marked(text)}</p>")
 
     def numbers(self, pairs: Sequence[tuple[str, str]]) -> None:
         """A row of large numbers, each (value, what it is)."""
-        cells = [f'<div class="number"><b>{html.escape(v)}</b><span>{html.escape(k)}</span></div>' for v, k in pairs]
+        cells = [f'<div class="number"><b>{_marked(v)}</b><span>{_marked(k)}</span></div>' for v, k in pairs]
         self._parts.append(f'<div class="numbers">{"".join(cells)}</div>')
 
     def figure(self, figure: Figure, caption: str) -> None:
@@ -85,17 +87,24 @@ class Page:
         text = html.escape(caption)
         self._parts.append(
             f'<figure><img alt="{text}" src="data:image/png;base64,{base64.b64encode(png(figure)).decode()}">'
-            f"<figcaption>{text}</figcaption></figure>"
+            f"<figcaption>{_marked(caption)}</figcaption></figure>"
         )
 
-    def table(self, head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> None:
-        """A table; columns in `numeric` are set to the right."""
+    def table(
+        self,
+        head: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        numeric: Sequence[int] = (),
+        marked: Sequence[int] = (),
+    ) -> None:
+        """A table; columns in `numeric` are set to the right, rows in `marked` stand out."""
 
         def row(cells: Sequence[str], tag: str) -> str:
             marks = [' class="n"' if i in numeric else "" for i in range(len(cells))]
-            return "".join(f"<{tag}{m}>{html.escape(c)}</{tag}>" for m, c in zip(marks, cells, strict=True))
+            return "".join(f"<{tag}{m}>{_marked(c)}</{tag}>" for m, c in zip(marks, cells, strict=True))
 
-        body = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in rows)
+        kinds = [' class="marked"' if k in marked else "" for k in range(len(rows))]
+        body = "".join(f"<tr{kind}>{row(cells, 'td')}</tr>" for kind, cells in zip(kinds, rows, strict=True))
         self._parts.append(f'<div class="wide"><table><tr>{row(head, "th")}</tr>{body}</table></div>')
 
     def write(self, path: Path) -> None:
@@ -104,14 +113,18 @@ class Page:
             path,
             '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{html.escape(self._title)}</title><style>{_STYLE}</style></head>\n"
+            f"<title>{html.escape(self._title.replace('`', ''))}</title><style>{_STYLE}</style></head>\n"
             f"<body>{chr(10).join(self._parts)}</body></html>\n",
         )
 
 
-def _unbroken(text: str) -> str:
-    """Escaped, without a line break before a per cent sign or around an arrow."""
-    return html.escape(text).replace(" %", "&nbsp;%").replace(" → ", "&nbsp;→&nbsp;")
+def _marked(text: str) -> str:
+    """Escaped; names of commands and effects in backticks as code, exponents raised, and no line break before a per
+    cent sign or around an arrow.
+    """
+    text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text))
+    text = re.sub(r"\^(-?\d+)", lambda found: f"<sup>{found[1].replace('-', '−')}</sup>", text)
+    return text.replace(" %", "&nbsp;%").replace(" → ", "&nbsp;→&nbsp;")
 
 
 def png(figure: Figure) -> bytes:

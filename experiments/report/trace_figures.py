@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
-from experiments.report.words import SENSORS, change, unit_words
+from experiments.report.words import SENSORS, change, stream_unit
 from experiments.residual_loop.prove import Errors
 from experiments.residual_loop.source import Signature, StreamResidual
 from sensors.arrays import BoolArray, FloatArray
@@ -64,9 +64,11 @@ def residuals_over_time(
         one.axhline(0.0, color=SOFT, lw=0.8)
         for start, end in intervals:
             one.axvspan(start, end, color=DISTURBED, alpha=0.35, lw=0)
-        size = f"{r.rms:.3g} {unit_words(r.unit)}".strip()
+        size = f"{r.rms:.3g} {stream_unit(r.stream, r.unit)}".strip()
         one.set_title(f"{label}: RMS {size} over all data", loc="left", fontsize=10)
-        one.set_ylabel(axis_label(f"{SENSORS.get(r.stream, r.stream)}\nresidual", r.unit), fontsize=9)
+        one.set_ylabel(
+            axis_label(f"{SENSORS.get(r.stream, r.stream)}\nresidual", stream_unit(r.stream, r.unit)), fontsize=9
+        )
     _limit(axes[0, 0], np.concatenate([before.residual.ravel(), after.residual.ravel()]))
     axes[1, 0].set_xlabel(_time_label(before.t, f"shaded: {held_out}, not used in the proof's fit"), fontsize=9)
     return figure
@@ -86,7 +88,7 @@ def error_bars(all_data: tuple[Errors, Errors], held_out: tuple[Errors, Errors],
     one.set_yticks([y for *_, y in groups], [label for label, *_ in groups])
     longest = max(max(e.interval[1], e.rms) for pair in (all_data, held_out) for e in pair)
     one.set_xlim(0.0, 1.25 * longest)
-    unit = all_data[0].unit
+    unit = stream_unit(stream, all_data[0].unit)
     one.set_xlabel(axis_label(f"RMS of the {SENSORS.get(stream, stream)} residual", unit), fontsize=9)
     handles, labels = _legend((("plain model", BEFORE), ("with the effects found", AFTER)))
     one.legend(handles, labels, frameon=False, fontsize=9, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
@@ -99,18 +101,18 @@ def residual_against_effect(signature: Signature, name: str) -> Figure:
     one = axes[0, 0]
     thin = _thin(len(signature.residual))
     one.plot(signature.predicted[thin], signature.residual[thin], ".", ms=4, color=BEFORE, alpha=0.5)
+    unit = stream_unit(signature.stream, signature.unit)
     low, high = float(np.min(signature.predicted)), float(np.max(signature.predicted))
     one.plot([low, high], [low, high], color=AFTER, lw=1.8)
-    one.set_xlabel(
-        axis_label(f"what {name} predicts for the {_sensor(signature)} residual", signature.unit), fontsize=9
-    )
-    one.set_ylabel(axis_label(f"{_sensor(signature)} residual\nwithout the effect", signature.unit), fontsize=9)
+    one.set_xlabel(axis_label(f"what {name} predicts for the {_sensor(signature)} residual", unit), fontsize=9)
+    one.set_ylabel(axis_label(f"{_sensor(signature)} residual\nwithout the effect", unit), fontsize=9)
     one.yaxis.set_major_locator(MaxNLocator(6))
     return figure
 
 
 def effect_over_time(before: StreamResidual, after: StreamResidual, name: str, interval: tuple[float, float]) -> Figure:
     """Residual around the interval of a time-localised effect, of the model without it and of the final one."""
+    unit = stream_unit(before.stream, before.unit)
     t0, t1 = max(interval[0], before.t[0]), min(interval[1], before.t[-1])
     step = (before.t[-1] - before.t[0]) / max(len(before.t), 1)
     around = max(1.5 * (t1 - t0), 12.0 * step)
@@ -124,7 +126,7 @@ def effect_over_time(before: StreamResidual, after: StreamResidual, name: str, i
             one.plot(r.t[rows], component, ".", ms=5, color=colour, alpha=0.6, label=label if k == 0 else None)
     one.axhline(0.0, color=SOFT, lw=0.8)
     one.set_xlabel(_time_label(before.t, "yellow: when it acts"), fontsize=9)
-    one.set_ylabel(axis_label(f"{SENSORS.get(before.stream, before.stream)} residual", before.unit), fontsize=9)
+    one.set_ylabel(axis_label(f"{SENSORS.get(before.stream, before.stream)} residual", unit), fontsize=9)
     one.legend(frameon=False, fontsize=9)
     return figure
 
@@ -183,9 +185,9 @@ def residuals_like_noise(streams: Sequence[StreamResidual], scale: float) -> Fig
     return figure
 
 
-def error_change(before: Errors, after: Errors) -> str:
+def error_change(before: Errors, after: Errors, stream: str) -> str:
     """RMS before and after with its unit."""
-    return f"{change(before.rms, after.rms)} {unit_words(before.unit)}".strip()
+    return f"{change(before.rms, after.rms)} {stream_unit(stream, before.unit)}".strip()
 
 
 def _legend(entries: Sequence[tuple[str, str]]) -> tuple[list[object], list[str]]:

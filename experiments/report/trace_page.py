@@ -12,6 +12,8 @@ from experiments.report import trace_figures as figures
 from experiments.report import trace_words, words
 from experiments.report.page import Page
 from experiments.report.trace_figures import Bar
+from experiments.residual_loop.judged import judged
+from experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +65,7 @@ def trace_page(
     ----------
     hidden : of a simulated recording, the effects that are in it: shown beside what was found
     """
-    page = Page(trace_words.title(document), f"{document['recording']}. {trace_words.lead(document)}")
+    page = Page(trace_words.title(document), f"{trace_words.name_of(document)}. {trace_words.lead(document)}")
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
     made = trace_figures(source, result, document)
@@ -153,12 +155,38 @@ def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Fig
         models = (step.before, result.selection.final)
         before, after = (next(r for r in source.residuals(m) if r.stream == signature.stream) for m in models)
         figure = figures.effect_over_time(before, after, name, finding.term.interval)
-        return figure, f"The residual around the interval, just before {name} was added and in the end.{where}"
+        is_last = result.selection.steps[-1].term == finding.term
+        return figure, f"{_local_caption(before, after, finding.term, is_last)}{where}"
     return (
         figures.residual_against_effect(signature, name),
         f"The residual just before {name} was added, against what {name} says it should be: points along the line "
         f"are explained, a round cloud would be noise.{where}",
     )
+
+
+def _local_caption(before: StreamResidual, after: StreamResidual, term: Term, is_last: bool) -> str:
+    """What to look at in the figure of a time-localised effect: its readings, and what the others gain.
+
+    Parameters
+    ----------
+    is_last : no other effect was added after it, so what the others gain is its doing
+    """
+    masks = [term.covers(r.t) for r in (before, after)]
+    parts = [(masks, "the yellow part"), ([~mask for mask in masks], "all the rest")]
+    rms = {
+        part: [float(np.sqrt(np.mean(r.residual[mask] ** 2))) for r, mask in zip((before, after), keep, strict=True)]
+        for keep, part in parts
+        if all(np.any(mask) for mask in keep)
+    }
+    unit = words.stream_unit(before.stream, before.unit)
+    sizes = " and ".join(f"{f'{words.change(*pair)} {unit}'.strip()} in {part}" for part, pair in rms.items())
+    text = f"The residual around the interval, just before {term.name} was added and in the end: RMS {sizes}."
+    if is_last and len(rms) == 2 and rms["all the rest"][1] < rms["all the rest"][0]:
+        text += (
+            f" Without {term.name} the whole model bends towards the yellow readings, and the others pay for it: some "
+            "of them, here perhaps those beside the yellow part, may get worse, but all together they get better."
+        )
+    return text
 
 
 def step_of(result: Trace, finding: Finding) -> int:
@@ -172,18 +200,17 @@ def evidence(result: Trace) -> list[Bar]:
     """Evidence for what was found at the step at which it was chosen, for all else about the last model."""
     selection = result.selection
     found = [Bar(f"{f.term.name} (step {step_of(result, f)})", f.log_p / _LN10, "found") for f in selection.findings]
-    left = {option.term.key for option in selection.left}
     named = {f.term.name for f in selection.findings}
     others = [
         Bar(
-            f"another {option.term.name}" if option.term.name in named else option.term.name,
-            option.log_p / _LN10,
-            "left" if option.term.key in left else "other",
+            (f"another {one.term.name}" if one.term.name in named else one.term.name)
+            + (f" ({trace_words.REFUSED[one.why][0]})" if one.why else ""),
+            one.log_p / _LN10,
+            "left" if one.why else "other",
         )
-        for option in selection.last_options
-        if option.dof > 0
+        for one in judged(selection)
     ]
-    return found + sorted(others, key=lambda bar: bar.log10_p)
+    return found + others
 
 
 def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[Figure, str]:
@@ -199,7 +226,8 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
         caption = "Every candidate against the plain model: none reaches the dashed line."
     if any(bar.kind == "left" for bar in others):
         caption = caption.split(": nothing")[0].split(": none")[0].rstrip(".") + (
-            ". Orange: passes the line, but no effect of that name and a plausible size explains it."
+            ". Orange: passes the line, but was not accepted, for the reason in brackets: "
+            f"{'; '.join(_reasons(others))}."
         )
     for effect in document["effects"]:
         if effect["confused_with"]:
@@ -208,6 +236,11 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
     if hidden:
         caption += f" The {hidden} weakest are in the list below."
     return figures.evidence_bars(shown, -float(np.log10(document["p_value_needed"]))), caption
+
+
+def _reasons(bars: Sequence[Bar]) -> list[str]:
+    """What the reasons in the brackets of these bars mean."""
+    return [f"{mark}, {why}" for mark, why in trace_words.REFUSED.values() if any(f"({mark})" in b.label for b in bars)]
 
 
 # ---- sections
@@ -247,8 +280,10 @@ def _effect_section(
     text = f"Chosen at step {step}, {words.p_value_words(effect['log10_p_value'])} about the model before it"
     text += f" (needed: p < {document['p_value_needed']:.2g})."
     if effect.get("interval"):
-        counted = " (counted from 0)" if effect["interval_unit"] == "reading" else ""
-        text += f" It acts {trace_words.interval_words(effect)}{counted}."
+        from_0 = " (counted from 0)" if effect["interval_unit"] == "reading" else ""
+        text += f" It acts {trace_words.interval_words(effect)}{from_0}."
+    if together := trace_words.known_together(effect):
+        text += f" {together}"
     if effect["confused_with"]:
         text += f" The data cannot tell it from {', '.join(effect['confused_with'])}."
     if effect["name"] in document["error"]["untested"]:
@@ -276,13 +311,16 @@ def _candidate_tables(page: Page, result: Trace, document: Mapping[str, Any]) ->
     known = {c["name"]: c for c in document["candidates"]}
     found = [[f.term.name, f"chosen: {_p(f.log_p / _LN10)}", "found"] for f in result.selection.findings]
     rows = []
-    for option in sorted(result.selection.last_options, key=lambda option: option.log_p):
-        name = option.term.name
-        if option.term.interval is not None or name not in known:
+    for one in judged(result.selection):
+        name = one.term.name
+        if one.why:
+            seen = f"not accepted: {trace_words.REFUSED[one.why][1]}"
+        elif one.term.interval is not None or name not in known:
             seen = "its interval is searched"
         else:
             seen = trace_words.detectable_words(known[name]) or "not visible in these data"
-        rows.append([name, _p(option.log_p / _LN10), seen])
+        rows.append([name, _p(one.log_p / _LN10), seen])
+    rows += [[o.term.name, "-", "not visible in these data"] for o in result.selection.last_options if o.dof == 0]
     head = ["effect", "p-value", "would be found from"]
     if not found:
         page.text("From these sizes on each effect would have been found in these data:")

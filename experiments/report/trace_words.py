@@ -10,14 +10,23 @@ import numpy as np
 from experiments.report.words import (
     SENSORS,
     change,
+    counted,
     number,
     p_value_words,
     per_unit,
     reference_change,
     reference_name,
+    stream_unit,
     times,
-    unit_words,
     with_sigma,
+)
+from experiments.residual_loop.trials import (
+    BESIDE_ERROR,
+    IMPOSSIBLE,
+    NO_EVIDENCE,
+    ROLLED_BACK,
+    SLOW_NOISE,
+    UNTRIED,
 )
 from sensors.effects import CATALOGUE
 
@@ -31,6 +40,17 @@ _TELLING = 0.1
 _MOST_IN_TITLE = 2
 #: An excess beyond so many times the expected is said as a factor, not in per cent.
 _FACTOR = 9.0
+#: A parameter that is not so many sigma from zero is not known to be anything by itself.
+_ALONE = 3.0
+#: Why an effect that passes its test was not accepted: in a word or two beside its name, and in a sentence.
+REFUSED = {
+    SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
+    NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
+    IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
+    UNTRIED: ("not tried", "stronger ones that look like it did not stand, and it was not tried"),
+    BESIDE_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
+    ROLLED_BACK: ("held out", "the held-out part of the data does not bear it out"),
+}
 
 
 def title(document: Mapping[str, Any]) -> str:
@@ -59,6 +79,11 @@ def title(document: Mapping[str, Any]) -> str:
     return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
 
 
+def name_of(document: Mapping[str, Any]) -> str:
+    """What the user calls the recording; where nobody said so, its own name."""
+    return str(document.get("called") or document["recording"])
+
+
 def headline_error(document: Mapping[str, Any]) -> str:
     """The error that matters to the user, before and after on held-out data: of the states where they are known."""
     error = document["error"]
@@ -74,8 +99,8 @@ def headline_error(document: Mapping[str, Any]) -> str:
 
 def residual_change(error: Mapping[str, Any]) -> str:
     """RMS of the residual before and after on held-out data, with its unit."""
-    unit = error["before"]["unit"]
-    return f"{change(error['before']['rms'], error['after']['rms'])} {unit_words(unit)}".strip()
+    unit = stream_unit(error["stream"], error["before"]["unit"])
+    return f"{change(error['before']['rms'], error['after']['rms'])} {unit}".strip()
 
 
 def lead(document: Mapping[str, Any]) -> str:
@@ -105,22 +130,33 @@ def _proof(document: Mapping[str, Any]) -> str:
 
 
 def _strongest(document: Mapping[str, Any]) -> str:
-    asked = [c for c in document["candidates"] if c["dof"] > 0]
+    # one that cannot be seen beside an error outside the catalogue was not judged: its place there is null
+    asked = [c for c in document["candidates"] if c["dof"] > 0 and c.get("judged_log10_p_value", 0.0) is not None]
     unseen = sum(c["dof"] == 0 for c in document["candidates"])
     if not asked:
         return "There are too few readings to look for any effect."
-    best = min(asked, key=lambda c: c["p_value"])
-    text = (
-        f"The strongest of {len(asked)} candidates, {best['name']}, has p = {best['p_value']:.2g}; "
-        f"p < {document['p_value_needed']:.2g} would be needed."
-    )
+    best = min(asked, key=_log10_p)
+    who = f"The strongest of {counted(len(asked), 'candidate')}, {best['name']},"
+    needed = f"p < {document['p_value_needed']:.2g}"
+    if best.get("refused"):
+        return (
+            f"{who} has {p_value_words(_log10_p(best))}, where {needed} is needed, but it was not accepted: "
+            f"{REFUSED[best['refused']][1]}."
+        )
+    text = f"{who} has {p_value_words(_log10_p(best))}; {needed} would be needed."
     sizes = [(s, unit) for s, unit in zip(best["detectable_from"], best.get("unit", []), strict=False) if s is not None]
     if sizes:
         size, unit = min(sizes)
         text += f" It would have been seen from {per_unit(size, unit, best['name'])} on."
     if unseen:
-        text += f" {unseen} other effects cannot be seen in these data at any size."
+        text += f" {counted(unseen, 'other effect')} cannot be seen in these data at any size."
     return text
+
+
+def _log10_p(candidate: Mapping[str, Any]) -> float:
+    """Of the p-value by which a candidate was judged in the end; of one that was not, about the plain model."""
+    judged = candidate.get("judged_log10_p_value")
+    return float(np.log10(max(candidate["p_value"], 1e-300))) if judged is None else float(judged)
 
 
 def size_words(effect: Mapping[str, Any]) -> str:
@@ -172,12 +208,25 @@ def effect_line(effect: Mapping[str, Any]) -> str:
     values = _listed([(name, value, unit if unit != "ratio" else "") for name, value, unit in parameter_rows(effect)])
     when = f"; {interval_words(effect)}" if effect.get("interval") else ""
     satellite = f"; satellite {effect['satellite']}" if effect.get("satellite") else ""
-    return f"{effect['name']}: {values}{when}{satellite}; {p_value_words(effect['log10_p_value'])}"
+    line = f"{effect['name']}: {values}{when}{satellite}; {p_value_words(effect['log10_p_value'])}"
+    together = known_together(effect)
+    return f"{line}\n    {together}" if together else line
+
+
+def known_together(effect: Mapping[str, Any]) -> str:
+    """A sentence where all components together are certain and no single one is; else empty."""
+    pairs = [(b, s) for b, s in zip(effect["beta"], effect["std"], strict=True) if s]
+    if len(pairs) < 2 or any(abs(b) > _ALONE * s for b, s in pairs):
+        return ""
+    return (
+        f"Its components are known only together: p is that of all {len(pairs)} at once, which are surely not all "
+        f"zero; of the single ones, whose errors go together, each is within {_ALONE:g} sigma of zero."
+    )
 
 
 def trace_summary(document: Mapping[str, Any]) -> str:
     """The trace in a few lines for the terminal."""
-    lines = [f"{document['recording']}: {document['verdict']}", f"  {title(document)}.", f"  {lead(document)}"]
+    lines = [f"{name_of(document)}: {document['verdict']}", f"  {title(document)}.", f"  {lead(document)}"]
     lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
     if document["effects"] and document["error"]["same_names_on_fitting_part"]:
         lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
@@ -187,7 +236,7 @@ def trace_summary(document: Mapping[str, Any]) -> str:
             change_ = reference_change(name, before, truth["after"][name])
             lines.append(f"  {reference_name(name)}, all data: {change_}")
     if not document["effects"]:
-        sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c]
+        sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c and not c.get("refused")]
         lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
     lines += [f"  remains: {remaining_sentence(item)}" for item in document["remaining"]]
     return "\n".join(lines)

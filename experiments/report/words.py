@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import floor, log10
 from typing import Any
 
@@ -32,8 +33,20 @@ def times(ratio: float) -> str:
     return f"{digits}e{int(power)} times"
 
 
+def counted(n: int, noun: str) -> str:
+    """`1 reading`, `2 readings`."""
+    return f"{n} {noun_of(n, noun)}"
+
+
+def noun_of(n: int, noun: str) -> str:
+    """The noun behind a number, with the s of a plural where there are several or none."""
+    return noun if n == 1 else f"{noun}s"
+
+
 def p_value_words(log10_p: float) -> str:
     """A p-value; beyond a hundred digits the number says nothing more."""
+    if log10_p > -4.0:
+        return f"p = {10.0**log10_p:.2g}"
     return f"p = 10^{log10_p:.0f}" if log10_p > -100.0 else "p < 10^-100"
 
 
@@ -78,12 +91,18 @@ def change(before: float, after: float) -> str:
 _UNIT_WORDS = {
     "1": "", "1/A": "per ampere", "1/K": "per kelvin", "1/s": "per second", "m/s^2": "m/s²", "m/K": "m per kelvin",
     "(m/s^2)/K": "m/s² per kelvin", "(rad/s)/K": "rad/s per kelvin", "(rad/s)/(m/s^2)": "rad/s per m/s²",
+    "field": "in the unit of the field",
 }  # fmt: skip
 
 
 def unit_words(unit: str) -> str:
     """A unit as a sentence writes it; a pure number has none."""
     return _UNIT_WORDS.get(unit, unit.replace("^2", "²"))
+
+
+def stream_unit(stream: str, unit: str) -> str:
+    """The unit of a stream's readings or residuals, behind a number: a magnetometer's are parts of the field."""
+    return "of the field" if stream == "mag" and unit == "1" else unit_words(unit)
 
 
 def per_unit(value: float, unit: str, effect: str = "") -> str:
@@ -143,6 +162,54 @@ def state_size(block: str, value: float) -> str:
     """The size of an error of a block of states, with its unit; positions and other biases are in metres."""
     unit, factor = _STATE_UNITS.get(block, ("m", 1.0))
     return f"{number(factor * value)} {unit}"
+
+
+@dataclass(frozen=True)
+class BiasRow:
+    """One component of a bias at the end of a flight.
+
+    Attributes
+    ----------
+    sensor, name : `gyro`, `gyro x`
+    unit : of value, sigma and truth
+    truth : None where it is not known
+    """
+
+    sensor: str
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    truth: float | None
+
+    @property
+    def digits(self) -> int:
+        """Decimals that the sigma has with two figures."""
+        return min(max(1 - floor(log10(self.sigma)), 0), 12) if self.sigma > 0.0 else 4
+
+
+def bias_rows(document: Mapping[str, Any]) -> list[BiasRow]:
+    """The biases of an estimate, component by component."""
+    errors = (document.get("truth") or {}).get("bias_error", {})  # true minus estimate
+    rows = []
+    for sensor, values in document["bias"].items():
+        listed, sigmas = _listed(values), _listed(document["bias_std"][sensor])
+        off = errors.get(sensor, [None] * len(listed))
+        for k, (b, s, e) in enumerate(zip(listed, sigmas, off, strict=True)):
+            name = f"{sensor} {component_name(sensor, k, len(listed))}".strip()
+            rows.append(BiasRow(sensor, name, BIAS_UNITS.get(sensor, "m"), b, s, None if e is None else b + e))
+    return rows
+
+
+def off_by(row: BiasRow) -> str:
+    """Estimate minus truth, in units of the sigma that the filter states."""
+    if row.truth is None or row.sigma <= 0.0:
+        return "-"
+    return f"{(row.value - row.truth) / row.sigma:+.1f} sigma"
+
+
+def _listed(values: Any) -> list[float]:
+    return list(values) if isinstance(values, list | tuple) else [values]
 
 
 def component_name(sensor: str, k: int, size: int) -> str:

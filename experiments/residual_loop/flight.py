@@ -34,7 +34,7 @@ from experiments.residual_loop.onsets import (
     slow_noise_steps,
 )
 from experiments.residual_loop.probes import probes_for
-from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual
+from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
 from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_readings import (
@@ -389,7 +389,7 @@ class FlightSource:
             keep = one.accepted
             if np.any(keep):
                 held = one.t[keep] > self._passes.split
-                unit = {"mag": "1", "level": "m/s^2"}.get(name, "m")
+                unit = {"mag": field_unit(float(np.linalg.norm(self.model.m_n))), "level": "m/s^2"}.get(name, "m")
                 rows.append(
                     StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}, one.index[keep])
                 )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from estimator.score import Statistic
+from experiments.residual_loop.judged import Judged, judged
 from experiments.residual_loop.prove import Errors
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import LocalFinding, Source
@@ -36,6 +37,7 @@ def report(source: Source, result: Trace) -> dict[str, object]:
     error["held_out_part"] = held_out_part(source, result)
     counted = time_is_count(source, result)
     colour = any(item.kind == "colour" for item in result.remaining)
+    others = judged(result.selection)
     return {
         "format": 1,
         "recording": result.recording,
@@ -46,8 +48,8 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         "error": error,
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
         "candidates": [
-            *(_candidate(source, s) for s in _candidates(result.selection)),
-            *(_local_candidate(found) for found in result.selection.plain_local),
+            *(_candidate(source, s, others) for s in _candidates(result.selection)),
+            *(_local_candidate(found, others) for found in result.selection.plain_local),
         ],
         "remaining": [
             {
@@ -117,7 +119,7 @@ def _errors(errors: Errors) -> dict[str, object]:
     }
 
 
-def _candidate(source: Source, s: Statistic) -> dict[str, object]:
+def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
     entry = source.effect(Term(s.name))
     return {
         "name": s.name,
@@ -128,10 +130,11 @@ def _candidate(source: Source, s: Statistic) -> dict[str, object]:
         "p_value": s.p_value,
         "scatter": s.scatter,
         "detectable_from": [_number(d) for d in s.detectable_from],
+        **_judgement(s.name, [one for one in others if one.term.interval is None]),
     }
 
 
-def _local_candidate(found: LocalFinding) -> dict[str, object]:
+def _local_candidate(found: LocalFinding, others: Sequence[Judged]) -> dict[str, object]:
     interval = found.term.interval
     return {
         "name": found.term.name,
@@ -140,6 +143,16 @@ def _local_candidate(found: LocalFinding) -> dict[str, object]:
         "p_value": float(np.exp(found.log_p)),
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
         "detectable_from": [],
+        **_judgement(found.term.name, [one for one in others if one.term.interval is not None]),
+    }
+
+
+def _judgement(name: str, others: Sequence[Judged]) -> dict[str, object]:
+    """How a candidate that was not found was judged in the end: null where it was found, or could not be seen."""
+    own = next((one for one in others if one.term.name == name), None)
+    return {
+        "judged_log10_p_value": None if own is None else own.log_p / float(np.log(10.0)),
+        "refused": "" if own is None else own.why,
     }
 
 

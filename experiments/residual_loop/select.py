@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from experiments.residual_loop.trials import (
     IMPOSSIBLE,
     SHORTLIST,
     SLOW_NOISE,
+    UNTRIED,
     Finding,
     best_of,
     best_pair,
@@ -62,6 +63,8 @@ class Selection:
     left : options that pass the test about the final model but were not accepted, strongest first
     steps : every effect that was added, with the model without it, in order; one may have been dropped since
     last_options : everything that was not in the model at the last step, about the model of that step
+    refused : of those that pass the test, by key, why they were not accepted
+    dropped : effects that were chosen and then did not stand, each with the reason
     """
 
     plain: Fit
@@ -73,6 +76,8 @@ class Selection:
     left: tuple[Option, ...]
     steps: tuple[Step, ...] = ()
     last_options: tuple[Option, ...] = ()
+    refused: Mapping[str, str] = field(default_factory=dict)
+    dropped: tuple[tuple[Finding, str], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -203,14 +208,18 @@ class _Path:
             left=self._left(),
             steps=tuple(self._steps),
             last_options=tuple(self._offered.options),
+            refused={option.term.key: self._refused.get(option.term.key, UNTRIED) for option in self._passing()},
         )
+
+    def _passing(self) -> list[Option]:
+        """Options that pass the test about the present fit."""
+        return [option for option in self._offered.options if option.log_p < self._threshold]
 
     def _left(self) -> tuple[Option, ...]:
         """What passes but was not accepted, strongest first: what lost its evidence in the refit is nothing; what could
         not be that effect still is something.
         """
-        passing = [option for option in self._offered.options if option.log_p < self._threshold]
-        still = [option for option in passing if self._refused.get(option.term.key, IMPOSSIBLE) == IMPOSSIBLE]
+        still = [option for option in self._passing() if self._refused.get(option.term.key, IMPOSSIBLE) == IMPOSSIBLE]
         return tuple(sorted(still, key=lambda option: option.log_p))
 
 

@@ -22,6 +22,8 @@ Part = Literal["all", "fitting"]
 
 #: Readings that a fit must leave beyond its parameters: one through every reading proves nothing.
 LEAST_SPARE = 3
+#: A field whose norm is as near to 1 as this is in units of itself: what the declared digits of its parts may make.
+UNIT_NORM = 0.01
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,11 @@ class Source(Protocol):
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""
+
+
+def field_unit(norm: float) -> str:
+    """Unit of a magnetometer's residuals: parts of the field where its norm is 1, else whatever it is declared in."""
+    return "1" if abs(norm - 1.0) < UNIT_NORM else "field"
 
 
 def log_p_needed(source: Source, alpha: float) -> float:

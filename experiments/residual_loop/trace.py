@@ -16,7 +16,7 @@ from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import CONFUSED, fit_without, refitted
+from experiments.residual_loop.trials import BESIDE_ERROR, CONFUSED, ROLLED_BACK, Finding, fit_without, refitted
 from sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
@@ -132,6 +132,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         findings=findings,
         plain_statistics=plain.statistics,
         plain_local=plain.local,
+        dropped=_dropped(selection, findings, BESIDE_ERROR),
     )
     return _with_final(beside, final), suspects
 
@@ -286,7 +287,14 @@ def verdict_of(selection: Selection, left: list[Remaining]) -> str:
 
 
 def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) -> Selection:
-    return _with_final(selection, fit_without(source, selection.final, *dropped))
+    left = _with_final(selection, fit_without(source, selection.final, *dropped))
+    return replace(left, dropped=_dropped(selection, left.findings, ROLLED_BACK))
+
+
+def _dropped(selection: Selection, kept: Sequence[Finding], why: str) -> tuple[tuple[Finding, str], ...]:
+    """What was dropped before, and the findings of a selection that are not kept now."""
+    terms = {finding.term for finding in kept}
+    return (*selection.dropped, *((finding, why) for finding in selection.findings if finding.term not in terms))
 
 
 def _separating_manoeuvre(selection: Selection) -> str:

@@ -39,8 +39,12 @@ CONFUSED = 10.0
 IMPLAUSIBLE = 10.0
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
-#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be.
-SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE = "slow noise", "no evidence", "impossible"
+#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be. It was not
+#: tried, behind a shortlist of which nothing stood.
+SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE, UNTRIED = "slow noise", "no evidence", "impossible", "untried"
+#: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
+#: held-out part does not bear it out.
+BESIDE_ERROR, ROLLED_BACK = "beside an error", "rolled back"
 
 
 @dataclass(frozen=True)

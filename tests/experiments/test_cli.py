@@ -157,6 +157,13 @@ def test_version() -> None:
     assert sinan("--version").stdout.startswith("sinan ")
 
 
+def test_results_are_called_as_the_recording(poses: Path, tmp_path: Path) -> None:
+    page = tmp_path / "a.html"
+    assert sinan("calibrate", "mag", str(poses), "--html", str(page)).returncode == 0
+    assert "<h1>run1: magnetometer calibrated</h1>" in page.read_text()
+    assert sinan("trace", ".", cwd=poses).stdout.startswith("run1: effects")
+
+
 def test_what_was_written_is_said(poses: Path, tmp_path: Path) -> None:
     files = ("--json", str(tmp_path / "a.json"), "--html", str(tmp_path / "a.html"))
     lines = sinan("calibrate", "mag", str(poses), *files).stdout.splitlines()

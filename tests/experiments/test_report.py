@@ -3,34 +3,63 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from experiments.calibrate import calibrate_triad
+from experiments.calibrate import as_json, calibrate_triad
+from experiments.calibrate import summary as calibration_summary
 from experiments.calibrate import warnings_of as calibration_warnings
 from experiments.demo import HIDDEN, hidden_and_found
+from experiments.estimate import BiasCourse
+from experiments.estimate_command import summary as estimate_summary
 from experiments.estimate_command import warnings_of as innovation_warnings
 from experiments.monte_carlo_command import remark
 from experiments.report.console import progress, working
+from experiments.report.estimate_page import innovations, verdict
+from experiments.report.figures import biases_over_time
+from experiments.report.page import Page
 from experiments.report.trace_page import evidence, trace_page
 from experiments.report.trace_words import (
+    REFUSED,
     effect_line,
     interval_words,
+    known_together,
     lead,
     remaining_sentence,
     title,
     trace_summary,
 )
-from experiments.report.words import change, per_unit, with_sigma
+from experiments.report.words import (
+    bias_rows,
+    change,
+    counted,
+    off_by,
+    p_value_words,
+    per_unit,
+    stream_unit,
+    with_sigma,
+)
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.report import report
 from experiments.residual_loop.source import Source
 from experiments.residual_loop.trace import Trace, trace
+from experiments.residual_loop.trials import (
+    BESIDE_ERROR,
+    IMPOSSIBLE,
+    NO_EVIDENCE,
+    ROLLED_BACK,
+    SLOW_NOISE,
+    UNTRIED,
+    Finding,
+)
 from experiments.scenarios import parse_effect
 from experiments.scenarios.loader import load_scenario
+from sensors.covariates import covariates_for
+from sensors.recording import MAG, Stream
 from sensors.simulate import simulate
 
 Traced = tuple[Source, Trace, dict[str, Any]]
@@ -122,6 +151,66 @@ def test_interval_of_a_log_without_time_stamps_is_in_readings() -> None:
     assert interval_words(effect) == "in readings 0 to 3"
 
 
+def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
+    """The same trace, had its strongest candidate passed with p = 10^-11 and then been dropped or refused."""
+    source, result, _ = traced_
+    selection = result.selection
+    option = min(selection.last_options, key=lambda o: o.log_p)
+    rest = tuple(o for o in selection.last_options if o is not option)
+    log_p = -11.0 * np.log(10.0)
+    if why in (BESIDE_ERROR, ROLLED_BACK):
+        dropped = Finding(option.term, option.beta, option.beta, log_p, log_p, 0.0, 0.0, 0.0, ())
+        selection = replace(selection, last_options=rest, dropped=((dropped, why),))
+    else:
+        passing = replace(option, log_p=log_p)
+        selection = replace(selection, last_options=(*rest, passing), refused={option.term.key: why})
+    changed = replace(result, selection=selection)
+    return source, changed, report(source, changed)
+
+
+@pytest.mark.parametrize("why", [SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK])
+def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Traced, tmp_path: Path, why: str) -> None:
+    source, result, document = chosen_and_dropped(nothing, why)
+    mark, reason = REFUSED[why]
+    name = min(document["candidates"], key=lambda c: c["judged_log10_p_value"] or 0.0)["name"]
+    assert f"{name}, has p = 10^-11, where p <" in lead(document)
+    assert f"but it was not accepted: {reason}" in lead(document)
+    assert next((bar.label, bar.kind) for bar in evidence(result)) == (f"{name} ({mark})", "left")
+    trace_page(tmp_path / "page.html", source, result, document)
+    page = (tmp_path / "page.html").read_text()
+    assert f"not accepted: {reason}" in page
+    assert "none reaches the dashed line" not in page
+
+
+def test_an_effect_that_does_not_stand_out_beside_an_error_without_a_name_is_said_to_be_there() -> None:
+    """Soft iron of 0.2 % beside a reading that goes with the square of the current: 2 % at one sigma of it."""
+    recording, _ = simulate(
+        load_scenario("mag_poses"), np.random.default_rng(1), [parse_effect("mag.cross_axis=0.002,0.001,0")]
+    )
+    stream = recording.streams["mag"]
+    current = covariates_for(recording, "mag", stream.t)["current"]
+    z = (current - current.mean()) / current.std()
+    columns = {name: np.asarray(stream[name]) for name in stream.columns}
+    columns["mag_x"] = columns["mag_x"] + 0.02 * z**2 + 0.004 * np.sin(3.0 * z)
+    source = pose_source(recording.replace(streams={**recording.streams, "mag": Stream(stream.t, columns)}), "mag")
+    result = trace(source)
+    document = report(source, result)
+    assert document["verdict"] == "unexplained"
+    assert [(f.term.name, why) for f, why in result.selection.dropped] == [("mag.cross_axis", BESIDE_ERROR)]
+    assert "it does not stand out beside the error" in lead(document)
+    assert "mag.cross_axis (other error)" in [bar.label for bar in evidence(result)]
+    assert "mag.cross_axis: from" not in trace_summary(document)
+
+
+def test_the_strongest_is_named_with_the_p_value_by_which_it_was_judged() -> None:
+    """Beside what no effect explains it has less evidence than about the plain model."""
+    one = {"name": "mag.current", "dof": 3, "p_value": 1e-11, "detectable_from": [], "refused": ""}
+    other = {**one, "name": "mag.scale", "p_value": 0.2}
+    candidates = [{**one, "judged_log10_p_value": -0.1}, {**other, "judged_log10_p_value": -0.7}]
+    document = a_document(effects=[], candidates=candidates, p_value_needed=3e-4, verdict="unexplained")
+    assert "The strongest of 2 candidates, mag.scale, has p = 0.2; p < 0.0003 would be needed" in lead(document)
+
+
 def test_page_of_nothing_shows_how_far_the_strongest_candidate_is_from_the_line(
     nothing: Traced, tmp_path: Path
 ) -> None:
@@ -178,6 +267,102 @@ def test_a_large_excess_is_said_as_a_factor() -> None:
     assert "is 9.3e5 times what was expected" in remaining_sentence({**item, "excess": 933562.47})
     assert "is 15 times what" in remaining_sentence({**item, "excess": 14.2})
     assert "60 % larger" in remaining_sentence({**item, "excess": 0.6})
+
+
+def an_estimate(**changes: Any) -> dict[str, Any]:
+    document = {
+        "duration": 83.0, "bias": {"gyro": [0.01, 0.02, 0.0], "baro": [0.5]},
+        "bias_std": {"gyro": [0.001, 0.001, 0.001], "baro": [0.1]},
+        "nis": {"mag": 1.8, "baro": 0.99, "laser": 1.10, "sonar": 0.8},
+        "nis_interval": {"mag": [0.97, 1.03], "baro": [0.9, 1.1], "laser": [0.91, 1.09], "sonar": [0.9, 1.1]},
+        "rejected": {}, "noise": [], "warnings": [],
+    }  # fmt: skip
+    return {**document, **changes}
+
+
+def test_the_lead_counts_innovations_as_the_table_marks_them() -> None:
+    document = an_estimate()
+    assert [innovations(document, s) for s in document["nis"]] == ["larger", "as expected", "larger", "smaller"]
+    said = "Of 4 sensors, the innovations are larger than it expects in 2 (magnetometer, laser) and "
+    assert verdict(document) == f"{said}smaller than it expects in 1 (sonar)."
+
+
+def test_nobody_is_warned_of_what_the_filter_assumes() -> None:
+    document = an_estimate(
+        nis={"level": 0.001, "mag": 1.0}, nis_interval={"level": [0.9, 1.1], "mag": [0.9, 1.1]}, assumed=["level"]
+    )
+    assert innovation_warnings(document) == []
+    assert innovations(document, "level") == "assumed, no sensor"
+    assert "nothing speaks against" in verdict(document)
+
+
+def test_biases_stand_beside_the_truth_where_there_is_one() -> None:
+    document = an_estimate(truth={"bias_error": {"gyro": [0.002, 0.0, -0.0005], "baro": [-0.1]}})
+    rows = bias_rows(document)
+    assert [row.truth for row in rows] == pytest.approx([0.012, 0.02, -0.0005, 0.4])
+    assert [off_by(row) for row in rows] == ["-2.0 sigma", "+0.0 sigma", "+0.5 sigma", "+1.0 sigma"]
+    lines = estimate_summary("flight", document).splitlines()
+    assert re.fullmatch(r" +gyro x +0\.0100 ± 0\.0010 +0\.0120 +-2\.0 sigma +rad/s", lines[2])
+    assert "truth" not in estimate_summary("flight", an_estimate())
+
+
+def test_figure_of_a_bias_holds_truth_and_band() -> None:
+    t = np.linspace(0.0, 60.0, 100)
+    course = BiasCourse("baro", t, np.full((100, 1), 0.5), np.full((100, 1), 0.01), np.full((100, 1), -0.4))
+    low, high = biases_over_time([course]).axes[0].get_ylim()
+    assert low < -0.4 - 0.02
+    assert high > 0.53 + 0.02
+
+
+def test_components_that_are_known_only_together_are_said_to_be() -> None:
+    effect = {"beta": [-0.35, -0.37, -0.0003], "std": [0.70, 0.17, 0.059]}
+    assert "p is that of all 3 at once" in known_together(effect)
+    assert known_together({**effect, "std": [0.70, 0.05, 0.059]}) == ""
+    assert known_together({"beta": [0.1], "std": [0.2]}) == ""
+
+
+def test_units_of_a_magnetometer() -> None:
+    assert stream_unit("mag", "1") == "of the field"
+    assert stream_unit("mag", "field") == "in the unit of the field"
+    assert stream_unit("baro", "m") == "m"
+    assert stream_unit("accel", "m/s^2") == "m/s²"
+
+
+@pytest.mark.parametrize(("field", "unit"), [((0.6, 0.0, 0.8), "1"), ((0.3, 0.0, 0.4), "field")])
+def test_readings_are_parts_of_the_field_only_where_its_norm_is_1(field: tuple[float, ...], unit: str) -> None:
+    recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(7))
+    declared = np.asarray(recording.environment.magnetic_field, dtype=np.float64)
+    scaled = recording.streams["mag"].array(MAG) * np.linalg.norm(field) / np.linalg.norm(declared)
+    stream = Stream(recording.streams["mag"].t, dict(zip(MAG, scaled.T, strict=True)))
+    environment = replace(recording.environment, magnetic_field=field)
+    readings = triad_readings(recording.replace(streams={"mag": stream}, environment=environment), "mag")
+    assert readings.unit == unit
+
+
+def test_calibration_has_the_unit_of_its_offset() -> None:
+    recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(7))
+    result = calibrate_triad(recording, triad_readings(recording, "mag"), "none")
+    lines = calibration_summary("mag", as_json("mag", result)).splitlines()
+    assert lines[5].startswith("  b ")
+    assert lines[5].endswith(" of the field")
+
+
+def test_numbers_and_nouns() -> None:
+    assert [counted(n, "reading") for n in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
+    assert [p_value_words(p) for p in (-0.7, -11.2, -200.0)] == ["p = 0.2", "p = 10^-11", "p < 10^-100"]
+
+
+def test_page_raises_exponents_and_sets_code(tmp_path: Path) -> None:
+    page = Page("A `title`", "p < 10^-100 & 5 m/s^2")
+    page.text("`sinan trace run1` says it")
+    page.table(["a"], [["one"], ["two"]], marked=[1])
+    page.write(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert "10<sup>−100</sup> &amp; 5 m/s<sup>2</sup>" in text
+    assert "<code>sinan trace run1</code>" in text
+    assert "<title>A title</title>" in text
+    assert '<tr class="marked"><td>two</td></tr>' in text
+    assert "`" not in text
 
 
 @pytest.mark.parametrize(
