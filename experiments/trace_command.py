@@ -37,9 +37,8 @@ def run(
     document["called"] = called(input, recording)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
-    document["warnings"] = (
-        list(refused(doubted_shares(source.gated())).values()) if isinstance(source, FlightSource) else []
-    )
+    warnings = list(refused(doubted_shares(source.gated())).values()) if isinstance(source, FlightSource) else []
+    document["warnings"] = warnings
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -47,8 +46,8 @@ def run(
 
         with working("drawing"):
             trace_page(html, source, result, document)
-    warnings = [f"warning: {warning}" for warning in document["warnings"]]
-    return "\n".join([*warnings, trace_summary(document), *(f"  note: {note}" for note in notes)])
+    said = [f"warning: {warning}" for warning in warnings]
+    return "\n".join([*said, trace_summary(document), *(f"  note: {note}" for note in notes)])
 
 
 def _what(recording: Recording) -> str:
