@@ -54,6 +54,7 @@ def prepared(recording: Recording) -> Prepared:
     InputError : what `flight_model` raises; readings that all lie outside the IMU's time
     """
     declared, notes = recording, list[str]()
+    compass: Compass | None = None
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
     if "mag" in recording.streams and recording.environment.magnetic_field is None:
@@ -61,15 +62,15 @@ def prepared(recording: Recording) -> Prepared:
         notes += outside_notes(declared, recording)
         compass = compass_of(recording)
         recording = corrected(recording, compass)
-        notes += [*recording.notes[len(declared.notes) :], field_note(compass, recording.origin is not None)]
+        notes += recording.notes[len(declared.notes) :]
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
-    notes += headed.notes[len(recording.notes) :]
+    heading = headed.notes[len(recording.notes) :]
     noise = fit_noise_levels(headed, turn_field=_is_field_open(declared))
     model = flight_model(headed, specs=noise.specs, magnetic_field=noise.m_n)
-    notes += noise.notes
-    if noise.m_n is not None:
-        notes.append(turned_note(noise.m_n))
+    if compass is not None:
+        notes.append(field_note(compass, recording.origin is not None, noise.m_n))
+    notes += [*heading, *noise.notes]
     if not notes:
         return Prepared(declared, noise, model)
     as_declared = headed.replace(environment=declared.environment, notes=(*declared.notes, *notes))
@@ -82,18 +83,23 @@ def _is_field_open(recording: Recording) -> bool:
     return not said and {"mag", "gps"} <= set(recording.streams)
 
 
-def turned_note(m_n: FloatArray) -> str:
-    """The direction of the field that makes the flight likeliest, in words."""
-    east, dip = np.arctan2(m_n[1], m_n[0]), np.arctan2(m_n[2], np.hypot(m_n[0], m_n[1]))
-    angles = f"declination {np.rad2deg(east):.1f}, dip {np.rad2deg(dip):.1f} deg"
-    return f"mag: that field turned to where GPS and gravity have it: {angles}"
+def field_note(compass: Compass, placed: bool, turned: FloatArray | None = None) -> str:
+    """The field that a log shows, in words.
 
-
-def field_note(compass: Compass, placed: bool) -> str:
-    """The field that a log shows, in words; `placed`: the direction is that of the Earth's field at its place."""
-    norm, dip, east = f"{compass.norm:.4g}", np.rad2deg(compass.dip), np.rad2deg(compass.declination)
+    Parameters
+    ----------
+    placed : its direction is that of the Earth's field at its place
+    turned : (3,) the field in NED where GPS and gravity have shown its direction
+    """
+    m_n = compass.m_n if turned is None else turned
+    norm, dip = f"{compass.norm:.4g}", np.rad2deg(np.arctan2(m_n[2], np.hypot(m_n[0], m_n[1])))
+    east = np.rad2deg(np.arctan2(m_n[1], m_n[0]))
     if placed:
         return f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
+    if turned is not None:
+        return (
+            f"mag: field of norm {norm}, dip {dip:.1f} and declination {east:.1f} deg found from the log, with its GPS"
+        )
     return f"mag: field of norm {norm} and dip {dip:.0f} deg found from the log; north is magnetic north"
 
 
