@@ -4,7 +4,9 @@ What it computes is what `estimator.strapdown`, `estimator.error_dynamics` and t
 hold it against them and against the filterpy engine. Arrays and floats only; it returns a status, `filter` raises.
 
 Layout: P is flat, 24 to a row (`CAPACITY`), so that offsets are constants and loops fill vector registers; states that
-do not exist keep P = 0. The sensitivities V come in tiles of 24 rows x 16 columns.
+do not exist keep P = 0. The sensitivities V come in tiles of 24 rows x 16 columns. Those of effects on accelerometer
+and gyroscope move at every step; between two readings the others obey V <- Phi V, so that the product of the Phi waits
+for the next reading that corrects, or for the end of the chunk.
 
 P stays symmetric to the last bit: the update subtracts sum_k u_k u_k' with u = L^-1 H P, S = L L', whose element (i, j)
 is the same sum as (j, i), and the prediction mirrors one triangle.
@@ -285,6 +287,70 @@ def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_first, g_tiles, u00, u01, u10
 
 
 @njit(**_INLINE)
+def _start_product(M):
+    """M <- the columns of the identity, attitude and biases: the biases' own rows are so already."""
+    for j in range(108):
+        M[0, j] = 0.0
+    M[0, 72], M[0, 85], M[0, 98] = 1.0, 1.0, 1.0
+
+
+def _combination(first):
+    """The compiled V <- V + M [t, b_a, b_g] for three rows from `first` on, position or velocity."""
+
+    @njit(**_INLINE)
+    def combine(V, tile, M):
+        n = 12 * first
+        a0, a1, a2, a3, a4, a5 = M[0, n], M[0, n + 1], M[0, n + 2], M[0, n + 3], M[0, n + 4], M[0, n + 5]
+        a6, a7, a8 = M[0, n + 6], M[0, n + 7], M[0, n + 8]
+        n = 12 * first + 12
+        b0, b1, b2, b3, b4, b5 = M[0, n], M[0, n + 1], M[0, n + 2], M[0, n + 3], M[0, n + 4], M[0, n + 5]
+        b6, b7, b8 = M[0, n + 6], M[0, n + 7], M[0, n + 8]
+        n = 12 * first + 24
+        c0, c1, c2, c3, c4, c5 = M[0, n], M[0, n + 1], M[0, n + 2], M[0, n + 3], M[0, n + 4], M[0, n + 5]
+        c6, c7, c8 = M[0, n + 6], M[0, n + 7], M[0, n + 8]
+        n = TILE * first
+        for j in range(TILE):
+            t0, t1, t2 = V[tile, 96 + j], V[tile, 112 + j], V[tile, 128 + j]
+            e0, e1, e2 = V[tile, 144 + j], V[tile, 160 + j], V[tile, 176 + j]
+            g0, g1, g2 = V[tile, 192 + j], V[tile, 208 + j], V[tile, 224 + j]
+            s0 = a0 * t0 + a1 * t1 + a2 * t2 + a3 * e0 + a4 * e1 + a5 * e2 + a6 * g0 + a7 * g1 + a8 * g2
+            s1 = b0 * t0 + b1 * t1 + b2 * t2 + b3 * e0 + b4 * e1 + b5 * e2 + b6 * g0 + b7 * g1 + b8 * g2
+            s2 = c0 * t0 + c1 * t1 + c2 * t2 + c3 * e0 + c4 * e1 + c5 * e2 + c6 * g0 + c7 * g1 + c8 * g2
+            V[tile, n + j] += s0
+            V[tile, n + 16 + j] += s1
+            V[tile, n + 32 + j] += s2
+
+    return combine
+
+
+_add_to_position, _add_to_velocity = _combination(0), _combination(3)
+
+
+@njit(**_INLINE)
+def _apply_product(V, first, tiles, M, T):
+    """V <- Phi_k ... Phi_1 V for the tiles from `first` on, whose effects add nothing between two readings.
+
+    M (15 rows of 12) is that product's columns of attitude and biases, T the time that it spans:
+
+        p' = p + T v + M_p [t, b_a, b_g],  v' = v + M_v [t, b_a, b_g],  t' = M_tt t + M_tg b_g
+    """
+    r0, r1, r2, j0, j1, j2 = M[0, 72], M[0, 73], M[0, 74], M[0, 78], M[0, 79], M[0, 80]
+    r3, r4, r5, j3, j4, j5 = M[0, 84], M[0, 85], M[0, 86], M[0, 90], M[0, 91], M[0, 92]
+    r6, r7, r8, j6, j7, j8 = M[0, 96], M[0, 97], M[0, 98], M[0, 102], M[0, 103], M[0, 104]
+    for tile in range(first, tiles):
+        for j in range(48):
+            V[tile, j] += T * V[tile, 48 + j]
+        _add_to_position(V, tile, M)
+        _add_to_velocity(V, tile, M)
+        for j in range(TILE):
+            t0, t1, t2 = V[tile, 96 + j], V[tile, 112 + j], V[tile, 128 + j]
+            g0, g1, g2 = V[tile, 192 + j], V[tile, 208 + j], V[tile, 224 + j]
+            V[tile, 96 + j] = r0 * t0 + r1 * t1 + r2 * t2 + j0 * g0 + j1 * g1 + j2 * g2
+            V[tile, 112 + j] = r3 * t0 + r4 * t1 + r5 * t2 + j3 * g0 + j4 * g1 + j5 * g2
+            V[tile, 128 + j] = r6 * t0 + r7 * t1 + r8 * t2 + j6 * g0 + j7 * g1 + j8 * g2
+
+
+@njit(**_INLINE)
 def _put(H_index, H_value, H_n, row, index, value):
     n = H_n[row]
     H_index[row, n] = index
@@ -547,67 +613,75 @@ def _sort_row(i, H_index, H_value, H_n, near, h, r):
 
 
 @njit(**_INLINE)
+def _put_HV(i, V, tile, near, h, r, W, row, at):
+    """W[row] <- H_i V[tile] in the tile's columns, those from `at` on; H_i as `_sort_row` leaves it."""
+    a, b, c, d = near[4 * i], near[4 * i + 1], near[4 * i + 2], near[4 * i + 3]
+    e, f, p, q = h[2 * i], h[2 * i + 1], r[2 * i], r[2 * i + 1]
+    for j in range(SIXTEEN):
+        s = a * V[tile, P_Z + j] + b * V[tile, T_X + j] + c * V[tile, T_Y + j] + d * V[tile, T_Z + j]
+        W[row, at + j] = s + e * V[tile, p + j] + f * V[tile, q + j]
+
+
+@njit(**_INLINE)
+def _add_others(i, V, tiles, H_index, H_value, H_n, W, row):
+    """The elements of H_i beyond the two that `_put_HV` takes: an effect along a known motion fills the row."""
+    others = 0
+    for q in range(H_n[i]):
+        c = H_index[i, q]
+        if c == 2 or 6 <= c <= 8:
+            continue
+        others += 1
+        if others > 2:
+            for tile in range(tiles):
+                for j in range(16):
+                    W[row, 16 * tile + j] += H_value[i, q] * V[tile, 16 * c + j]
+
+
+@njit(**_INLINE)
+def _whiten(m, L, W, row, columns):
+    """W <- L^-1 W for the m rows of W from `row` on; the rows before one come off three at a time."""
+    for i in range(m):
+        n, d = row + i, 1.0 / L[i, i]
+        for k in range(0, i - 2, 3):
+            a, b, c = L[i, k], L[i, k + 1], L[i, k + 2]
+            for j in range(columns):
+                W[n, j] -= a * W[row + k, j] + b * W[row + k + 1, j] + c * W[row + k + 2, j]
+        if i % 3 == 0:
+            for j in range(columns):
+                W[n, j] *= d
+        elif i % 3 == 1:
+            a = L[i, i - 1]
+            for j in range(columns):
+                W[n, j] = (W[n, j] - a * W[n - 1, j]) * d
+        else:
+            a, b = L[i, i - 2], L[i, i - 1]
+            for j in range(columns):
+                W[n, j] = (W[n, j] - a * W[n - 2, j] - b * W[n - 1, j]) * d
+
+
+@njit(**_INLINE)
 def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r):
     """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
 
-    Three components at a time: those before them have changed V already, which is what their part of L would do. The
+    All components of S_beta are taken before V changes: a reading with less weight has L scaled, but not its H V. The
     rows of V that most readings need have constant places, which lets the loops fill vector registers.
     """
-    crowded = False
     for i in range(m):
-        crowded |= _sort_row(i, H_index, H_value, H_n, near, h, r) > 2
+        others = _sort_row(i, H_index, H_value, H_n, near, h, r)
+        for tile in range(tiles):
+            _put_HV(i, V, tile, near, h, r, W, row + i, np.uint64(16 * tile))
+        if others > 2:
+            _add_others(i, V, tiles, H_index, H_value, H_n, W, row + i)
+        for j in range(count):
+            W[row + i, first + j] += G[g_at + i * count + j]
+    _whiten(m, L, W, row, 16 * tiles)
     for tile in range(tiles):
         at = np.uint64(16 * tile)
         for k in range(0, m, 3):
-            width = min(3, m - k)
-            for i in range(3):
-                for j in range(16):
-                    group[i, j] = 0.0
-            for i in range(width):
-                for j in range(max(first, 16 * tile), min(first + count, 16 * tile + 16)):
-                    group[i, j - 16 * tile] = G[g_at + (k + i) * count + j - first]
-                if crowded:
-                    others = 0
-                    for q in range(H_n[k + i]):
-                        c = H_index[k + i, q]
-                        others += 0 if c == 2 or 6 <= c <= 8 else 1
-                        if others > 2 and not (c == 2 or 6 <= c <= 8):
-                            for j in range(16):
-                                group[i, j] += H_value[k + i, q] * V[tile, 16 * c + j]
-            a0, a1, a2, a3, ha, hb = (
-                near[4 * k],
-                near[4 * k + 1],
-                near[4 * k + 2],
-                near[4 * k + 3],
-                h[2 * k],
-                h[2 * k + 1],
-            )
-            ra, rb, d0 = r[2 * k], r[2 * k + 1], 1.0 / L[k, k]
-            if width == 1:
+            for i in range(min(3, m - k)):
                 for j in range(SIXTEEN):
-                    s0 = a0 * V[tile, P_Z + j] + a1 * V[tile, T_X + j] + a2 * V[tile, T_Y + j] + a3 * V[tile, T_Z + j]
-                    group[0, j] = (group[0, j] + s0 + ha * V[tile, ra + j] + hb * V[tile, rb + j]) * d0
-            else:
-                n = 4 * k + 4
-                b0, b1, b2, b3, hc, hd = near[n], near[n + 1], near[n + 2], near[n + 3], h[2 * k + 2], h[2 * k + 3]
-                n += 4
-                c0, c1, c2, c3, he, hf = near[n], near[n + 1], near[n + 2], near[n + 3], h[2 * k + 4], h[2 * k + 5]
-                rc, rd, re, rf = r[2 * k + 2], r[2 * k + 3], r[2 * k + 4], r[2 * k + 5]
-                l10, d1, l20, l21, d2 = L[k + 1, k], 1.0 / L[k + 1, k + 1], 0.0, 0.0, 0.0
-                if width == 3:
-                    l20, l21, d2 = L[k + 2, k], L[k + 2, k + 1], 1.0 / L[k + 2, k + 2]
-                for j in range(SIXTEEN):
-                    z, x, y, w = V[tile, P_Z + j], V[tile, T_X + j], V[tile, T_Y + j], V[tile, T_Z + j]
-                    s0 = a0 * z + a1 * x + a2 * y + a3 * w + ha * V[tile, ra + j] + hb * V[tile, rb + j]
-                    s1 = b0 * z + b1 * x + b2 * y + b3 * w + hc * V[tile, rc + j] + hd * V[tile, rd + j]
-                    s2 = c0 * z + c1 * x + c2 * y + c3 * w + he * V[tile, re + j] + hf * V[tile, rf + j]
-                    w0 = (group[0, j] + s0) * d0
-                    w1 = (group[1, j] + s1 - l10 * w0) * d1
-                    group[0, j], group[1, j], group[2, j] = w0, w1, (group[2, j] + s2 - l20 * w0 - l21 * w1) * d2
-            for i in range(width):
-                for j in range(SIXTEEN):
-                    W[row + k + i, at + j] = group[i, j]
-            if width == 1:
+                    group[i, j] = W[row + k + i, at + j]
+            if k + 1 == m:
                 _subtract_one(V, tile, U, k, group)
             else:
                 _subtract_tile(V, tile, U, k, group, 0)
@@ -636,9 +710,15 @@ def run_chunk(
     u0, u1, work, dx, y, z_pred = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(24), np.zeros(m_max), np.zeros(m_max)
     H_index, H_value, H_n = np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64)
     U, S, L = np.zeros((m_max + 3, 24)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
-    P_rows = P.reshape((24, 24))
-    group, near = np.zeros((3, 16)), np.zeros(4 * m_max + 12)
-    h_other, r_other = np.zeros(2 * m_max + 6), np.zeros(2 * m_max + 6, np.uint64)
+    P_rows, group = P.reshape((24, 24)), np.zeros((3, 16))
+    driven = max(a_tiles, g_first + g_tiles)  # tiles that move at every step
+    if tiles - driven < 2:  # the product costs as much as a tile
+        driven = tiles
+    M, T = np.zeros((1, 180)), 0.0  # see `_apply_product`
+    _start_product(M)
+    for j in range(3, 9):
+        M[0, 13 * j + 72] = 1.0
+    near, h_other, r_other = np.zeros(4 * m_max), np.zeros(2 * m_max), np.zeros(2 * m_max, np.uint64)
     i, k, rows, n_steps = i0, k0, 0, 0
     while True:
         # --- the state moves to the next sample or the next event, whichever comes first
@@ -662,7 +742,10 @@ def run_chunk(
                 u1[j] = (1.0 - a1) * imu_u[i, j] + a1 * imu_u[i + 1, j]
             _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c)
             if tiles > 0:
-                _predict_V(V, c, tiles, Ga, Gg, i, a_tiles, g_first, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
+                _predict_V(V, c, driven, Ga, Gg, i, a_tiles, g_first, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
+                if driven < tiles:
+                    _propagate_top(M, 0, c)
+                    T += h
             _predict(P, c, top, h, q_accel[i] if translation else 0.0, q_gyro[i], walk2)
             if record:
                 for j in range(55):
@@ -732,27 +815,14 @@ def run_chunk(
                         _set_row(U, a, U, a, 1.0 / L[a, a])
                     _correct(m, U, y, x, P, J, dx)
                     if tiles > 0:
+                        if T > 0.0:
+                            _apply_product(V, driven, tiles, M, T)
+                            _start_product(M)
+                            T = 0.0
                         _correct_V(
-                            m,
-                            V,
-                            tiles,
-                            H_index,
-                            H_value,
-                            H_n,
-                            L,
-                            U,
-                            J,
-                            Gz,
-                            ev_G[k],
-                            col_first[s],
-                            col_count[s],
-                            W_out,
-                            rows,
-                            group,
-                            near,
-                            h_other,
-                            r_other,
-                        )
+                            m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s],
+                            W_out, rows, group, near, h_other, r_other,
+                        )  # fmt: skip
                     if len(W_white) > 1:  # asked for
                         for a in range(m):
                             W_white[rows] = y[a]
@@ -777,6 +847,8 @@ def run_chunk(
         for j in range(24):
             var_event[k, j] = P[0, 25 * j]
         k += 1
+    if T > 0.0:  # V is whole at the end of a chunk
+        _apply_product(V, driven, tiles, M, T)
     for j in range(25):
         if not np.isfinite(x[j]):
             return NOT_FINITE, k, rows

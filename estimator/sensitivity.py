@@ -157,12 +157,13 @@ def accumulate(
     spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in pairwise(edges)]
     longest = max((int(row[k1] - row[k0]) for k0, k1 in spans), default=0)
     W, white = np.zeros((longest + 1, columns.tiles * TILE)), np.zeros(longest + 1)
+    packed = int(order.max(initial=-1)) + 1
     event = np.zeros(longest + 1, dtype=np.int64)
     for block, (i0, i1) in enumerate(pairwise(edges)):
         count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
-        part = W[:count, :p]
+        part = W[:count, :packed]
         if blocks:
-            information[block] = (part.T @ part)[np.ix_(order, order)]
+            information[block] = (part.T @ part).take(order, axis=0).take(order, axis=1)
             score[block] = (white[:count] @ part)[order]
         if keep_rows:
             chosen = event[:count] % keep_rows == 0 if keep_rows > 1 else slice(None)
@@ -186,7 +187,8 @@ def pack(
 
     Returns
     -------
-    columns : accelerometer's effects first, then the gyroscope's, then sensor after sensor
+    columns : accelerometer's effects first, then the gyroscope's, then sensor after sensor; a gap before
+        the gyroscope's where they fill a tile less so
     order : (p,) packed column of every column of the candidates in their own order
     slices : columns of each candidate
     """
@@ -199,6 +201,7 @@ def pack(
     for stream in ("accel", "gyro"):
         mine = [i for i, entry in enumerate(effects) if entry.stream == stream]
         width = int(widths[mine].sum()) if mine else 0
+        place = _start(place, width)
         first_tile = place // TILE
         tiles[stream] = (first_tile, -(-(place + width) // TILE) - first_tile if width else 0)
         tables[stream] = np.zeros((1, 3 * TILE))
@@ -237,6 +240,12 @@ def pack(
         -(-place // TILE), tiles["accel"][1], *tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
     )
     return columns, order, slices
+
+
+def _start(place: int, width: int) -> int:
+    """The next tile's first column where `width` columns from there end in the same tile as from `place`."""
+    fresh = -(-place // TILE) * TILE
+    return fresh if width and -(-(fresh + width) // TILE) == -(-(place + width) // TILE) else place
 
 
 def _missing(recording: Recording, entry: Effect, motion: Motion) -> None:
