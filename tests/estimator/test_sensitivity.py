@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from estimator.effect_forms import Terms, reference_motion
 from estimator.engine_filterpy import ReadableFilter
 from estimator.error_dynamics import transition
-from estimator.filter import RunInputs, run_filter
-from estimator.flight_model import flight_model
-from estimator.sensitivity import _inverse, driver_regressors, sensitivity_pass, sensor_regressors
+from estimator.filter import ACCEPTED, RunInputs, prepare, run_filter
+from estimator.flight_model import FlightModel, flight_model
+from estimator.journal import Journal
+from estimator.sensitivity import (
+    _inverse,
+    candidate_streams,
+    driver_regressors,
+    sensitivity_pass,
+    sensor_regressors,
+)
 from estimator.strapdown import strapdown_step
 from estimator.wiener import without_vibration
 from sensors.arrays import FloatArray
-from sensors.effects import effect
+from sensors.effects import Effect, effect
+from sensors.effects.transient import for_stream
+from sensors.motion import Motion
+from sensors.recording import Recording
 from sensors.rotation import right_jacobian
 from tests.estimator.analytic_flight import fly
 
 ROUNDING = 1e-9  # relative
-ONE_PER_CENT = 0.01
 CANDIDATES = (
     "accel.scale", "accel.lever_arm", "accel.cross_axis", "gyro.scale", "gyro.g_sensitivity", "gyro.cross_axis",
     "mag.scale", "mag.declination", "baro.scale", "laser.boresight", "laser.scale", "gps.lever_arm", "gps.latency",
 )  # fmt: skip
+#: Sixteen times three columns: two tiles at least have neither accelerometer nor gyroscope in them.
+DISTURBANCES = tuple(for_stream("mag", 0.2 * k, 0.2 * k + 0.3) for k in range(16))
+FLIGHTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "all aiding": ({}, {"gate_level": None}),
+    "attitude only": ({"sensors": ("mag",)}, {"gate_level": None}),
+    "gated and weighed down": ({}, {"gate_level": 0.3, "robust_level": 0.5}),
+}
 
 
 class DenseSensitivity(ReadableFilter):
@@ -41,14 +59,15 @@ class DenseSensitivity(ReadableFilter):
         a0, a1 = ((s - t[i]) / (t[i + 1] - t[i]) for s in (self.t, t_next))
         ends = [(1 - a) * self.G_u[i] + a * self.G_u[i + 1] for a in (a0, a1)]
         u = [(1 - a) * self.inputs.imu.u[i] + a * self.inputs.imu.u[i + 1] for a in (a0, a1)]
-        _, step = strapdown_step(self.x, u[0], u[1], h, self.model.g_n, self.model.w_ie_n)
-        V = transition(step, len(self.V)) @ self.V
+        _, step = strapdown_step(self.x, u[0], u[1], h, self.model.g_n, self.model.w_ie_n, self.model.translation)
+        V = transition(step, len(self.V), self.model.translation) @ self.V
         turn = -h * right_jacobian(step.phi) @ (0.5 * (ends[0] + ends[1]))[3:]
         V[6:9] += turn
         skew = np.array([[0, -step.a1[2], step.a1[1]], [step.a1[2], 0, -step.a1[0]], [-step.a1[1], step.a1[0], 0]])
         push = -0.5 * h * (step.C0 @ ends[0][:3] + step.C1 @ ends[1][:3]) - 0.5 * h * skew @ step.C1 @ turn
-        V[3:6] += push
-        V[0:3] += 0.5 * h * push
+        if self.model.translation:
+            V[3:6] += push
+            V[0:3] += 0.5 * h * push
         self.V = V
         super().advance(i, t_next)
 
@@ -59,6 +78,9 @@ class DenseSensitivity(ReadableFilter):
         P, before = self.ekf.P.copy(), self.x.copy()
         S = H @ P @ H.T + self.model.sensors[name].R
         super().read(k)
+        if self.outputs.status[k] != ACCEPTED:
+            return
+        S = S / self.outputs.weight[k]
         S_beta = H @ self.V + self.G_z[name][events.index[k]]
         self.W.append(np.linalg.solve(np.linalg.cholesky(S), S_beta))
         self.V = self.V - P @ H.T @ np.linalg.solve(S, S_beta)
@@ -66,18 +88,24 @@ class DenseSensitivity(ReadableFilter):
         self.V[6:9] = right_jacobian(turned) @ self.V[6:9]
 
 
-@pytest.fixture(scope="module")
-def flown():
-    """A short flight, its model and its journal."""
-    recording, _ = fly(11, duration=4.0)
-    model = flight_model(recording, gate_level=None)
-    return recording, model, run_filter(recording, model, engine="numba")
+def flown(case: str) -> tuple[Recording, FlightModel, Journal, Motion]:
+    """A short flight, its model, its journal and the motion of that."""
+    how, judged = FLIGHTS[case]
+    recording, _ = fly(11, duration=4.0, **how)
+    model = flight_model(recording, **judged)
+    journal = run_filter(recording, model, engine="numba")
+    return recording, model, journal, reference_motion(recording, journal, Terms(), journal.run.imu)
 
 
-def test_fused_pass_is_the_dense_recursion(flown) -> None:
-    recording, model, journal = flown
-    effects = tuple(effect(name) for name in CANDIDATES)
-    motion = reference_motion(recording, journal, Terms(), journal.run.imu)
+def candidates(model: FlightModel) -> tuple[Effect, ...]:
+    chosen = (*(effect(name) for name in CANDIDATES), *DISTURBANCES)
+    return tuple(entry for entry in chosen if entry.stream in candidate_streams(model))
+
+
+@pytest.mark.parametrize("case", FLIGHTS)
+def test_fused_pass_is_the_dense_recursion(case: str) -> None:
+    recording, model, journal, motion = flown(case)
+    effects = candidates(model)
     _, found = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1)
     p, N = found.rows.shape[1], len(motion)
     G_u = np.zeros((N, 6, p))
@@ -90,11 +118,22 @@ def test_fused_pass_is_the_dense_recursion(flown) -> None:
             G_z[entry.stream][:, :, columns] = sensor_regressors(
                 recording, model, entry.stream, [entry], Terms(), without_vibration(motion)
             )
-    dense = DenseSensitivity(journal.run, G_u, G_z)
+    dense = DenseSensitivity(prepare(recording, model), G_u, G_z)
     for _ in dense.steps():
         pass
     W = np.concatenate(dense.W)
-    assert np.max(np.abs(W - found.rows) / np.linalg.norm(W, axis=0)) < ROUNDING
+    assert np.all(np.abs(W - found.rows) <= ROUNDING * np.linalg.norm(W, axis=0))
+    assert np.all(np.abs(dense.V - found.V) <= ROUNDING * np.linalg.norm(dense.V, axis=0))
+
+
+def test_a_chunk_that_ends_between_two_readings_hands_on_the_whole_V() -> None:
+    recording, model, journal, motion = flown("all aiding")
+    effects, inner = candidates(model), journal.run.events.t
+    _, one = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1, blocks=1)
+    _, many = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1, blocks=20)
+    assert not np.any(np.isin(many.edges[1:-1], inner))
+    for a, b in ((one.rows, many.rows), (one.V, many.V)):
+        assert np.all(np.abs(a - b) <= ROUNDING * np.linalg.norm(a, axis=0))
 
 
 def test_inverse_by_cofactors() -> None:
