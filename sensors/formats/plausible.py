@@ -30,6 +30,8 @@ _HIGHEST_MEDIAN_FORCE = 100.0
 _HIGHEST_RATE = np.radians(4000.0)
 #: Bias of the worst rate gyroscopes that are sold is 40 deg/s; a body at rest cannot turn faster than its gyro's bias.
 _HIGHEST_RATE_AT_REST = 1.0
+#: Fewer readings say nothing of their unit.
+_FEWEST = 10
 #: Share of the turn of a direction that the rates explain: below it the scale between the two says nothing.
 _EXPLAINED = 0.5
 _DEGREE = np.pi / 180.0
@@ -77,7 +79,7 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
 
 
 def _check_time(recording: Recording, imu: Stream) -> None:
-    if len(imu) < 10:
+    if len(imu) < _FEWEST:
         return
     step = float(np.median(np.diff(imu.t)))
     if step >= 1.0:
@@ -99,7 +101,7 @@ def check_field(recording: Recording) -> None:
     """
     for name in ("mag", "poses"):
         stream = recording.streams.get(name)
-        if stream is None or not stream.has(MAG):
+        if stream is None or not stream.has(MAG) or len(stream) < _FEWEST:
             continue
         reading = stream.array(MAG)
         spread = float(np.median(np.linalg.norm(reading - np.median(reading, axis=0), axis=1)))
