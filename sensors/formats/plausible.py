@@ -75,7 +75,8 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
     if poses and not 1.0 / _OTHER_UNIT < times < _OTHER_UNIT:
         ratio = f"{times:.0f} times gravity" if times > 1.0 else f"gravity / {1.0 / max(times, 1e-9):.0f}"
         found += f", {ratio}: looks like another unit"
-        raise InputError(recording.where, found, f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest", f"stream {name}")
+        expected = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest; a map converts units and raw counts"
+        raise InputError(recording.where, found, expected, f"stream {name}")
 
 
 def _check_time(recording: Recording, imu: Stream) -> None:
