@@ -223,7 +223,8 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
             "nothing that passes is left."
         )
     else:
-        caption = "Every candidate against the plain model: none reaches the dashed line."
+        beside = " beside the error that none of them explains" if document["verdict"] == "unexplained" else ""
+        caption = f"Every candidate{beside}: none reaches the dashed line."
     if any(bar.kind == "left" for bar in others):
         caption = caption.split(": nothing")[0].split(": none")[0].rstrip(".") + (
             ". Orange: passes the line, but was not accepted, for the reason in brackets: "
