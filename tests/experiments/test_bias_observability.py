@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from experiments.bias_observability import segments
 from experiments.bias_observability.case import case_of_recording, case_of_scenario
 from experiments.bias_observability.command import case_of, run
 from experiments.bias_observability.directions import simple_structure
-from experiments.bias_observability.document import advice, document
+from experiments.bias_observability.document import advice, document, summary
 from experiments.bias_observability.study import Study, smallest, study
 from experiments.one_flight import cramer_rao, fly
 from experiments.scenarios import load_scenario
@@ -98,7 +99,14 @@ def test_the_base_receiver_brings_the_gps_bias_down() -> None:
 def test_a_hover_is_told_to_fly() -> None:
     lines = advice(studied("hover"))
     assert any(line.startswith("accel x bias against pitch: fly ") for line in lines)
+    assert any("fly as in the scenario `" in line for line in lines)
     assert any(line.startswith("GPS north bias against north position: needs base receiver") for line in lines)
+
+
+def test_summary_names_the_unit_of_the_field_and_what_a_hold_is() -> None:
+    text = summary(studied("hover"))
+    assert re.search(r"mag x bias +0\.05 → \S+ field,", text)
+    assert "flown: 1 hold (the number is the manoeuvre's place in the flight; a hold stands still in the air)" in text
 
 
 def test_every_flight_of_the_catalogue_shows_more_than_a_hover() -> None:

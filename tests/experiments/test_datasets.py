@@ -12,13 +12,23 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from experiments.datasets import DataFile, Dataset, convert, dataset_names, load_dataset, reference_of, resolve
+from experiments.datasets import (
+    DataFile,
+    Dataset,
+    called,
+    convert,
+    dataset_names,
+    field_unit_of,
+    load_dataset,
+    reference_of,
+    resolve,
+)
 from experiments.datasets import fetch as fetch_module
 from experiments.datasets.fetch import fetch
 from sensors.errors import InputError
 from sensors.formats import open_log
 from sensors.formats.map_file import read_map
-from sensors.recording import ACCEL, GYRO, MAG, Recording
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sensors.rotation import quaternion_interpolate, rotate
 
 SINGLE_PRECISION = 1e-6
@@ -65,6 +75,27 @@ def test_url_names_commit_and_file() -> None:
 def test_unknown_data_set() -> None:
     with pytest.raises(InputError, match="one of arducopter_sonar_baro"):
         load_dataset("absent")
+
+
+@pytest.mark.parametrize(("unit", "said"), [('unit = "uT"', "gauss"), ("", "")])
+def test_unit_of_a_field_is_known_where_the_map_names_the_unit_of_the_log(tmp_path: Path, unit: str, said: str) -> None:
+    entries = ", ".join(part for part in ("columns = [1, 2, 3]", unit) if part)
+    map_file = tmp_path / "map.toml"
+    map_file.write_text(f'kind = "poses"\n[streams.poses]\nmag = {{ {entries} }}\n')
+    assert field_unit_of(str(tmp_path / "log.csv"), map_file) == said
+
+
+def test_unit_of_a_field_of_a_plain_recording_is_not_known(tmp_path: Path) -> None:
+    assert field_unit_of(str(tmp_path)) == ""
+
+
+@pytest.mark.parametrize("text", ["run1", "run1/", "run1/recording.toml"])
+def test_a_folder_is_called_by_its_name_and_a_log_by_its_own(tmp_path: Path, text: str) -> None:
+    stream = Stream(np.arange(2.0), dict.fromkeys(MAG, np.ones(2)))
+    recording = Recording(name="mag_poses", kind="poses", streams={"mag": stream})
+    (tmp_path / "run1").mkdir()
+    assert called(str(tmp_path / text), recording) == "run1"
+    assert called(str(tmp_path / "run1" / "log.ulg"), recording) == "mag_poses"
 
 
 # --- fetching --------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from experiments.demo import HIDDEN, hidden_and_found
 from experiments.estimate import BiasCourse
 from experiments.estimate_command import summary as estimate_summary
 from experiments.estimate_command import warnings_of as innovation_warnings
+from experiments.labs.magnetometer import sign_errors
 from experiments.monte_carlo_command import remark
 from experiments.report.console import progress, working
 from experiments.report.estimate_page import innovations, verdict
@@ -345,6 +346,11 @@ def test_calibration_has_the_unit_of_its_offset() -> None:
     lines = calibration_summary("mag", as_json("mag", result)).splitlines()
     assert lines[5].startswith("  b ")
     assert lines[5].endswith(" of the field")
+
+
+def test_printed_value_with_another_sign_is_a_sign_error() -> None:
+    assert sign_errors([-0.14481, -0.03341, 0.08983], [-0.1448, -0.0334, -0.0898]) == [2]
+    assert sign_errors([0.1, -0.2], [-0.3, -0.2]) == []
 
 
 def test_numbers_and_nouns() -> None:
