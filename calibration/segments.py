@@ -154,9 +154,8 @@ def find_poses(
         kept.append((start, stop))
         directions.append(direction)
     if len(kept) < at_least:
-        raise InputError(
-            where, f"{len(kept)} static poses", f"at least {at_least}, each {SHORTEST + 2 * MARGIN:.1f} s or longer"
-        )
+        found = f"{len(kept)} static pose{'' if len(kept) == 1 else 's'}"
+        raise InputError(where, found, f"at least {at_least}, each {SHORTEST + 2 * MARGIN:.1f} s or longer")
     return Poses(
         t=np.array([0.5 * (t[a] + t[b - 1]) for a, b in kept]),
         start=np.array([a for a, _ in kept], dtype=np.int64),
