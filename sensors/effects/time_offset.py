@@ -31,12 +31,14 @@ def rate_of_height(motion: Motion) -> FloatArray:
 
 
 def rate_of_range(motion: Motion) -> FloatArray:
-    """(n, beams) H_position v_n + H_attitude w_ib_b."""
+    """(n, beams) H_position v_n + H_attitude w_ib_b; none where the beam does not point below the horizon."""
     rates = []
     for beam in beams_b(motion):
         H = slant_range_jacobian(motion, beam)
-        along = np.sum(H["position"][:, 0] * motion.v_n, axis=1)
-        rates.append(along + np.sum(H["attitude"][:, 0] * motion.w_ib_b, axis=1))
+        with np.errstate(invalid="ignore"):
+            along = np.sum(H["position"][:, 0] * motion.v_n, axis=1)
+            rate = along + np.sum(H["attitude"][:, 0] * motion.w_ib_b, axis=1)
+        rates.append(np.where(np.isfinite(rate), rate, 0.0))
     return np.stack(rates, axis=1)
 
 

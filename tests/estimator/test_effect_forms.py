@@ -119,3 +119,14 @@ def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None
 def test_the_jacobian_of_a_beam_above_the_horizon_makes_no_warning() -> None:
     over = Motion(t=np.zeros(2), p_n=np.zeros((2, 3)), q_nb=np.array([[0.0, 1.0, 0.0, 0.0], [0.5, 0.5, 0.5, 0.5]]))
     assert set(slant_range_jacobian(over)) == {"position", "attitude"}
+
+
+@pytest.mark.parametrize("stream", ["sonar", "laser"])
+def test_a_late_beam_above_the_horizon_changes_nothing(stream: str) -> None:
+    """Its rate is infinity less infinity: taken as a regressor, it would make the next estimate no number."""
+    over = Motion(
+        t=np.zeros(2), p_n=np.tile((0.0, 0.0, -3.0), (2, 1)), v_n=np.ones((2, 3)),
+        q_nb=np.array([[0.1, 0.98, 0.1, -0.1], [0.5, 0.8, -0.2, 0.3]]),
+        w_ib_b=np.array([[1.0, 2.0, 0.5], [-1.0, 0.3, 2.0]]),
+    )  # fmt: skip
+    np.testing.assert_array_equal(effect(f"{stream}.time_offset").regressor(over), 0.0)
