@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.compass import compass_of
+from calibration.compass import LEAST_READINGS, compass_of
 from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter, within_imu
 from estimator.events import collect
 from estimator.filter import prepare, run
@@ -227,7 +227,8 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
 def _hard_iron(recording: Recording) -> float:
     """1-sigma of a magnetometer's bias: that of a mounted, calibrated compass, or what the log shows beyond doubt."""
     mounted = MAG_BIAS_STD * float(np.median(np.linalg.norm(recording.streams["mag"].array(MAG), axis=1)))
-    if recording.spec("mag").bias_std is not None:
+    few = len(recording.streams["mag"]) < LEAST_READINGS
+    if recording.spec("mag").bias_std is not None or few:
         return mounted
     compass = compass_of(within_imu(recording))
     return max(mounted, *np.abs(compass.offset[np.abs(compass.offset) > BEYOND_DOUBT * compass.std]), 0.0)
@@ -343,6 +344,8 @@ class _Problem:
         """Quasi-Newton from the first guess; slopes by forward differences, since a pass is cheap."""
         from scipy.optimize import minimize
 
+        if not len(theta):
+            return theta
         step = 0.02
 
         def slope(x: FloatArray) -> tuple[float, FloatArray]:
@@ -380,7 +383,7 @@ class _Problem:
             for i, (name, key) in enumerate(self.keys):
                 if name in journal.sensors and key in _PART:
                     step[i] = self._excess(journal, name, key)
-            if np.max(np.abs(step)) < POLISHED:
+            if np.max(np.abs(step), initial=0.0) < POLISHED:
                 break
             speed = np.where(step * before < 0.0, 0.5 * speed, np.minimum(1.2 * speed, 2.0))  # they pull at each other
             theta, before = np.clip(theta + 0.5 * speed * step, *self.bounds.T), step

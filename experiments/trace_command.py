@@ -13,6 +13,7 @@ from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
+from sensors.errors import InputError
 from sensors.recording import Recording
 
 
@@ -37,7 +38,7 @@ def run(
     document["called"] = called(input, recording)
     notes = taken_from_the_log(recording, source)
     document["notes"] = notes
-    warnings = list(refused(doubted_shares(source.gated())).values()) if isinstance(source, FlightSource) else []
+    warnings = _not_believed(source)
     document["warnings"] = warnings
     if json is not None:
         write_json(json, document)
@@ -48,6 +49,16 @@ def run(
             trace_page(html, source, result, document)
     said = [f"warning: {warning}" for warning in warnings]
     return "\n".join([*said, trace_summary(document), *(f"  note: {note}" for note in notes)])
+
+
+def _not_believed(source: Source) -> list[str]:
+    """A sentence for each stream that the gated filter refuses; none of poses, or where that filter has no answer."""
+    if not isinstance(source, FlightSource):
+        return []
+    try:
+        return list(refused(doubted_shares(source.gated())).values())
+    except InputError:
+        return []
 
 
 def _what(recording: Recording) -> str:

@@ -48,13 +48,14 @@ def field_unit_of(text: str, map_file: Path | None = None) -> str:
     empty: nobody says what it is.
     """
     from sensors.formats.toml_table import load_toml
+    from sensors.formats.units import UNITS
 
     kept = map_file if Path(text).exists() or map_file is not None else locate(text)[1]
     if kept is None:
         return ""
     streams = load_toml(kept).table("streams")
-    named = [streams.table(name).table("mag").text("unit") for name in ("mag", "poses") if name in streams]
-    return "gauss" if any(named) else ""
+    named = [streams.table(name).get("mag") for name in ("mag", "poses") if name in streams]
+    return "gauss" if any(isinstance(one, dict) and one.get("unit") in UNITS["field"] for one in named) else ""
 
 
 def reference_of(text: str, map_file: Path | None = None) -> Stream | None:

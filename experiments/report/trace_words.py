@@ -47,7 +47,10 @@ REFUSED = {
     SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
-    UNTRIED: ("not tried", "stronger ones that look like it did not stand, and it was not tried"),
+    UNTRIED: (
+        "not tried",
+        "it was not tried: stronger ones came first, or enough effects were found",
+    ),
     BESIDE_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
     ROLLED_BACK: ("held out", "the held-out part of the data does not bear it out"),
 }

@@ -263,7 +263,7 @@ class FlightSource:
         """
         slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
         found = dict.fromkeys(terms, -np.inf)
-        for stream in sorted({*slow, _DRIFTING} & set(self.recording.streams)):
+        for stream in sorted({*slow, _DRIFTING} & set(self._local_streams)):
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)

@@ -143,7 +143,7 @@ def _local_candidate(found: LocalFinding, others: Sequence[Judged]) -> dict[str,
         "p_value": float(np.exp(found.log_p)),
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
         "detectable_from": [],
-        **_judgement(found.term.name, [one for one in others if one.term.interval is not None]),
+        **_judgement(found.term.name, [one for one in others if (one.term.interval is None) == (interval is None)]),
     }
 
 

@@ -66,6 +66,17 @@ def test_nis_is_one(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
     assert all(abs(value - 1.0) < NIS for value in journal.nis_per_dof().values())
 
 
+def test_a_field_alone_is_sought(flight: tuple[Recording, Stream]) -> None:
+    """Every noise is declared: either the field gains, and its direction is said, or nothing is left to seek."""
+    assert fit_noise_levels(flight[0], turn_field=True).m_n is None
+    north, _, down = flight[0].environment.magnetic_field  # type: ignore[misc]
+    elsewhere = replace(flight[0].environment, magnetic_field=(north, 0.3 * north, down))
+    found = fit_noise_levels(flight[0].replace(environment=elsewhere), turn_field=True).m_n
+    assert found is not None
+    true = np.asarray(flight[0].environment.magnetic_field)
+    assert abs(np.arctan2(found[1], found[0]) - np.arctan2(true[1], true[0])) < np.deg2rad(2.0)
+
+
 def test_what_is_declared_stays(flight: tuple[Recording, Stream]) -> None:
     recording = flight[0]
     assert dict(noise_levels(recording)) == {name: recording.spec(name) for name in noise_levels(recording)}

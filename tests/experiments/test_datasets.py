@@ -77,6 +77,13 @@ def test_unknown_data_set() -> None:
         load_dataset("absent")
 
 
+@pytest.mark.parametrize("entry", ["[1, 2, 3]", '{ columns = [1, 2, 3], unit = "count", counts = { per_unit = 2 } }'])
+def test_unit_of_a_field_that_no_map_names(tmp_path: Path, entry: str) -> None:
+    map_file = tmp_path / "map.toml"
+    map_file.write_text(f'kind = "poses"\n[streams.poses]\nmag = {entry}\n')
+    assert field_unit_of(str(tmp_path / "log.csv"), map_file) == ""
+
+
 @pytest.mark.parametrize(("unit", "said"), [('unit = "uT"', "gauss"), ("", "")])
 def test_unit_of_a_field_is_known_where_the_map_names_the_unit_of_the_log(tmp_path: Path, unit: str, said: str) -> None:
     entries = ", ".join(part for part in ("columns = [1, 2, 3]", unit) if part)
