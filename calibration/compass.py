@@ -12,7 +12,7 @@ import numpy as np
 
 from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
-from sensors.geomagnetism import declination, earth_field
+from sensors.geomagnetism import declination, earth_field, field_along, inclination
 from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: A recording has no date: dip and declination of most places move by 0.1 deg a year.
@@ -59,14 +59,13 @@ class Compass:
     @property
     def m_n(self) -> FloatArray:
         """(3,) field in NED."""
-        ahead = np.array([np.cos(self.declination), np.sin(self.declination), 0.0])
-        return self.norm * (np.cos(self.dip) * ahead + np.array([0.0, 0.0, np.sin(self.dip)]))
+        return field_along(self.norm, self.dip, self.declination)
 
 
 def direction_at(origin: tuple[float, float, float]) -> tuple[float, float]:
     """Dip and declination of the Earth's field at a place [rad]; latitude and longitude in deg, height in m."""
     field_n = earth_field(*origin, EPOCH)
-    return float(np.arctan2(field_n[2], np.hypot(field_n[0], field_n[1]))), declination(field_n)
+    return inclination(field_n), declination(field_n)
 
 
 def compass_of(recording: Recording) -> Compass:

@@ -19,6 +19,7 @@ from estimator.flight_model import GATE_LEVEL, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.geomagnetism import declination, field_along, inclination
 from sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
 
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
@@ -295,10 +296,8 @@ class _Problem:
         if not self.turn_field:
             return self.model.m_n
         east, down = FIELD_UNIT * theta[len(self.keys) :]
-        north, dip = np.hypot(*self.model.m_n[:2]), np.arctan2(self.model.m_n[2], np.hypot(*self.model.m_n[:2]))
-        heading, norm = np.arctan2(self.model.m_n[1], self.model.m_n[0]), np.hypot(north, self.model.m_n[2])
-        level = norm * np.cos(dip + down)
-        return np.array([level * np.cos(heading + east), level * np.sin(heading + east), norm * np.sin(dip + down)])
+        m_n = self.model.m_n
+        return field_along(float(np.linalg.norm(m_n)), inclination(m_n) + down, declination(m_n) + east)
 
     def field_gains(self, theta: FloatArray) -> bool:
         """Whether the data call for another field than the first."""

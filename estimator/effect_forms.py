@@ -22,7 +22,7 @@ from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.smoother import estimated_motion, smooth
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, zero_unless_finite
 from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
@@ -246,12 +246,9 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
             for k, step in enumerate(STEPS):
                 if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
                     D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
-    return StreamForm(finite(offset), finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1))
-
-
-def finite(values: FloatArray) -> FloatArray:
-    """The values, zero where they are not finite: a beam above the horizon has no prediction."""
-    return np.where(np.isfinite(values), values, 0.0)
+    return StreamForm(
+        zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
+    )
 
 
 def linear_form(

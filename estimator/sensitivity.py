@@ -31,7 +31,6 @@ from estimator.compiled import TILE, Columns, CompiledRun
 from estimator.effect_forms import (
     Terms,
     declared_terms,
-    finite,
     inputs_with,
     is_lateness,
     moved,
@@ -48,7 +47,7 @@ from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
 from estimator.wiener import signal_part, without_vibration
-from sensors.arrays import FloatArray, IntArray
+from sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
 from sensors.motion import Motion
@@ -326,7 +325,7 @@ def sensor_regressors(
             parts.append(_slope_over_time(recording, name, entry, beta, at, motion, sensor))
         else:
             parts.append(entry.slope(plain, beta, at, sensor))
-    return finite(np.concatenate(parts, axis=2))
+    return zero_unless_finite(np.concatenate(parts, axis=2))
 
 
 def _slope_over_time(

@@ -24,7 +24,7 @@ from experiments.residual_loop.open_source import (
 )
 from experiments.residual_loop.poses import motion_seen
 from experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, finite_or_none
 from sensors.covariates import covariates_for
 from sensors.errors import InputError
 from sensors.motion import Motion
@@ -202,7 +202,7 @@ def _plain(values: FloatArray) -> object:
     """Nested lists with null for what is not finite."""
     if values.ndim > 0:
         return [_plain(row) for row in values]
-    return float(values) if np.isfinite(values) else None
+    return finite_or_none(float(values))
 
 
 def _squared(sensor: str) -> str:

@@ -15,7 +15,7 @@ from estimator.filter import Engine, choose_engine, prepare, run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
 from experiments.refused import doubted_shares
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, finite_or_none
 from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_interpolate
 from sensors.simulate import BIAS_COLUMNS
@@ -122,8 +122,8 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "duration": journal.t_end - journal.t_start,
         "bias": {sensor: end[layout.nominal(block)].tolist() for sensor, block in biases.items()},
         "bias_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},
-        "nis": {name: _number(value.mean) for name, value in consistency.items()},
-        "nis_interval": {name: [_number(v) for v in value.interval] for name, value in consistency.items()},
+        "nis": {name: finite_or_none(value.mean) for name, value in consistency.items()},
+        "nis_interval": {name: [finite_or_none(v) for v in value.interval] for name, value in consistency.items()},
         "rejected": dict(journal.rejected()),
         "doubted": doubted_shares(journal),
         "readings": {name: dict(row) for name, row in journal.counts().items()},
@@ -208,7 +208,3 @@ def _at(t: FloatArray, stream: Stream, columns: tuple[str, ...]) -> FloatArray:
 
 def _rms(error: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

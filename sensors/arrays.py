@@ -35,3 +35,13 @@ def as_floats(name: str, value: object, shape: Sequence[int | None], hint: str =
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"`{name}` is not finite at index {index}; expected numbers{advice}")
     return array
+
+
+def zero_unless_finite(values: FloatArray) -> FloatArray:
+    """The values, zero where they are not finite: a beam above the horizon has no prediction, nor does it change."""
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def finite_or_none(value: float) -> float | None:
+    """The number, None where it is not finite: JSON has no such number."""
+    return float(value) if np.isfinite(value) else None

@@ -63,6 +63,17 @@ def declination(field_n: FloatArray) -> float:
     return float(np.arctan2(field_n[1], field_n[0]))
 
 
+def inclination(field_n: FloatArray) -> float:
+    """Angle of the field below the horizontal, the dip [rad]."""
+    return float(np.arctan2(field_n[2], np.hypot(field_n[0], field_n[1])))
+
+
+def field_along(norm: float, dip: float, east: float) -> FloatArray:
+    """(3,) field in NED of a norm, inclination `dip` and declination `east` [rad]."""
+    level = norm * np.cos(dip)
+    return np.array([level * np.cos(east), level * np.sin(east), norm * np.sin(dip)])
+
+
 def _world_magnetic_model(
     latitude_deg: float, longitude_deg: float, height: float, year: float, file: str
 ) -> FloatArray:

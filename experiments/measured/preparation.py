@@ -14,6 +14,7 @@ from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
+from sensors.geomagnetism import declination, inclination
 from sensors.recording import Recording
 
 
@@ -92,8 +93,8 @@ def field_note(compass: Compass, placed: bool, turned: FloatArray | None = None)
     turned : (3,) the field in NED where GPS and gravity have shown its direction
     """
     m_n = compass.m_n if turned is None else turned
-    norm, dip = f"{compass.norm:.4g}", np.rad2deg(np.arctan2(m_n[2], np.hypot(m_n[0], m_n[1])))
-    east = np.rad2deg(np.arctan2(m_n[1], m_n[0]))
+    norm, dip = f"{compass.norm:.4g}", np.rad2deg(inclination(m_n))
+    east = np.rad2deg(declination(m_n))
     if placed:
         return f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
     if turned is not None:

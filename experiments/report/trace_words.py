@@ -25,6 +25,7 @@ from experiments.residual_loop.trials import (
     IMPOSSIBLE,
     NO_EVIDENCE,
     ROLLED_BACK,
+    SCATTERED,
     SLOW_NOISE,
     UNTRIED,
 )
@@ -45,6 +46,7 @@ _ALONE = 3.0
 #: Why an effect that passes its test was not accepted: in a word or two beside its name, and in a sentence.
 REFUSED = {
     SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
+    SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
     UNTRIED: (

@@ -15,6 +15,7 @@ from experiments.residual_loop.source import LocalFinding, Source
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import Trace
 from experiments.residual_loop.trials import Finding
+from sensors.arrays import finite_or_none
 
 
 def report(source: Source, result: Trace) -> dict[str, object]:
@@ -55,7 +56,7 @@ def report(source: Source, result: Trace) -> dict[str, object]:
             {
                 "stream": r.stream,
                 "kind": r.kind,
-                "excess": _number(r.excess),
+                "excess": finite_or_none(r.excess),
                 "follows": r.follows,
                 "p_value": r.p_value,
                 "what": r.what,
@@ -96,7 +97,7 @@ def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object
     return {
         "name": finding.term.name,
         "beta": [float(b) for b in finding.beta],
-        "std": [_number(s) for s in finding.std],
+        "std": [finite_or_none(s) for s in finding.std],
         "unit": list(entry.units),
         "parameters": [p.name for p in entry.parameters],
         "p_value": float(np.exp(finding.log_p)),
@@ -129,7 +130,7 @@ def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[s
         "dof": s.dof,
         "p_value": s.p_value,
         "scatter": s.scatter,
-        "detectable_from": [_number(d) for d in s.detectable_from],
+        "detectable_from": [finite_or_none(d) for d in s.detectable_from],
         **_judgement(s.name, [one for one in others if one.term.interval is None]),
     }
 
@@ -154,7 +155,3 @@ def _judgement(name: str, others: Sequence[Judged]) -> dict[str, object]:
         "judged_log10_p_value": None if own is None else own.log_p / float(np.log(10.0)),
         "refused": "" if own is None else own.why,
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

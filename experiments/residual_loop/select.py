@@ -13,8 +13,8 @@ from experiments.residual_loop.source import Fit, LocalFinding, Part, Source, lo
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import (
     IMPOSSIBLE,
+    OF_THE_MODEL,
     SHORTLIST,
-    SLOW_NOISE,
     UNTRIED,
     Finding,
     best_of,
@@ -163,7 +163,7 @@ class _Path:
         self._steps.append(Step(self._fit, finding.term))
         self._fit = fit
         self.findings.append(finding)
-        self._refused = {key: why for key, why in self._refused.items() if why != SLOW_NOISE}  # of that model
+        self._refused = {key: why for key, why in self._refused.items() if why not in OF_THE_MODEL}
         if unchanged:  # readings that were set aside beforehand now have a name
             self._offered.drop(finding.term)
             return

@@ -39,9 +39,12 @@ CONFUSED = 10.0
 IMPLAUSIBLE = 10.0
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
-#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; it cannot be. It was not
-#: tried, behind a shortlist of which nothing stood.
-SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE, UNTRIED = "slow noise", "no evidence", "impossible", "untried"
+#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
+#: blocks had scattered too much before; it cannot be. It was not tried, behind a shortlist of which nothing stood.
+SLOW_NOISE, NO_EVIDENCE, SCATTERED = "slow noise", "no evidence", "scattered"
+IMPOSSIBLE, UNTRIED = "impossible", "untried"
+#: Those that may not hold any more once another effect is in the model.
+OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 #: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
 #: held-out part does not bear it out.
 BESIDE_ERROR, ROLLED_BACK = "beside an error", "rolled back"
@@ -100,21 +103,25 @@ def best_of(
         return None
     passing.sort(key=lambda o: o.log_p_raw)
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
+    ahead: list[Option] = []
     if passing:
-        ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
-        shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
+        rivals = [
+            o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw
+        ]
+        ahead = sorted(rivals, key=lambda o: o.log_p_raw)[:_AHEAD]
+    shortlist += ahead
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
     trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
         for option in shortlist:
-            key = option.term.key
-            refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else NO_EVIDENCE
+            key, none_left = option.term.key, SCATTERED if option in ahead else NO_EVIDENCE
+            refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else none_left
         return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda trial: -trial[1].log_odds)
     chosen, finding = trials[0]
-    rivals = tuple(
+    confused_with = tuple(
         other.term.name
         for _, other in trials[1:]
         if finding.term.in_mean
@@ -122,7 +129,7 @@ def best_of(
         and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
         and other.term.name != finding.term.name
     )
-    return chosen, replace(finding, confused_with=rivals)
+    return chosen, replace(finding, confused_with=confused_with)
 
 
 def best_pair(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.scenarios.loader import load_scenario, scenario_names
+from sensors.arrays import finite_or_none
 from sensors.effects import CATALOGUE, Effect, effect
 from sensors.errors import InputError
 from sensors.simulate import Present, simulate
@@ -173,14 +174,10 @@ def simulate_to_folder(
             "name": entry.effect.name,
             "beta": entry.beta.tolist(),
             "unit": list(entry.effect.units),
-            "interval": [_or_none(entry.t0), _or_none(entry.t1)],
+            "interval": [finite_or_none(entry.t0), finite_or_none(entry.t1)],
         }
         for entry in present
     ]
     content = {"format": 1, "scenario": str(scenario), "seed": seed, "declared": declare, "effects": entries}
     answer.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return answer
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, zero_unless_finite
 from sensors.model import SensorModel
 from sensors.motion import Motion
 
@@ -145,7 +145,7 @@ class Effect:
             behind[k] -= step
             with np.errstate(invalid="ignore"):  # a beam above the horizon: no reading, which nothing changes
                 change = self.apply(plain, ahead, motion, model) - self.apply(plain, behind, motion, model)
-            columns.append(np.where(np.isfinite(change), change, 0.0) / (2.0 * step))
+            columns.append(zero_unless_finite(change) / (2.0 * step))
         return np.stack(columns, axis=-1)
 
     def apply(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, zero_unless_finite
 from sensors.effects.algebra import field_b
 from sensors.effects.beams import beams_b
 from sensors.effects.declaration import Effect, Parameter
@@ -38,7 +38,7 @@ def rate_of_range(motion: Motion) -> FloatArray:
         with np.errstate(invalid="ignore"):
             along = np.sum(H["position"][:, 0] * motion.v_n, axis=1)
             rate = along + np.sum(H["attitude"][:, 0] * motion.w_ib_b, axis=1)
-        rates.append(np.where(np.isfinite(rate), rate, 0.0))
+        rates.append(zero_unless_finite(rate))
     return np.stack(rates, axis=1)
 
 

@@ -53,6 +53,7 @@ from experiments.residual_loop.trials import (
     IMPOSSIBLE,
     NO_EVIDENCE,
     ROLLED_BACK,
+    SCATTERED,
     SLOW_NOISE,
     UNTRIED,
     Finding,
@@ -169,7 +170,7 @@ def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
     return source, changed, report(source, changed)
 
 
-@pytest.mark.parametrize("why", [SLOW_NOISE, NO_EVIDENCE, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK])
+@pytest.mark.parametrize("why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK])
 def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Traced, tmp_path: Path, why: str) -> None:
     source, result, document = chosen_and_dropped(nothing, why)
     mark, reason = REFUSED[why]
