@@ -106,6 +106,9 @@ class Statistic:
         return float(np.exp(self.log_p_corrected))
 
 
+#: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
+#: Bayes factor above 10 is "very strong" evidence).
+CONFUSED = 10.0
 #: lambda = beta' Lambda beta above which an effect is found almost always (96 % of simulated cases at 30 to 45).
 DETECTABLE_LAMBDA = 30.0
 

@@ -31,6 +31,9 @@ _BLOCKS = 20
 _ROWS_A_BLOCK = 8
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
+#: A median deviation knows sigma as well as the mean square of this share of the readings does. Source: P. J. Huber,
+#: E. M. Ronchetti, "Robust Statistics" (2nd ed. 2009), chapter 1.
+_MEDIAN_EFFICIENCY = 0.37
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
 _ENDS_WITHIN = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
@@ -246,7 +249,9 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(self, rows: Rows, threshold: float = OUTLIER) -> BoolArray:
+    def _wrong_rows(self, rows: Rows, threshold: float | None = None) -> BoolArray:
+        """Readings that leave their neighbours by `threshold` sigma; default: by what is as rare as `OUTLIER`."""
+        threshold = self._rare if threshold is None else threshold
         wrong = np.zeros(len(rows.residual), dtype=bool)
         if not self._problem.rows_are_readings:  # a mean or a turn that is off is no wrong reading
             return wrong
@@ -254,6 +259,12 @@ class LeastSquaresSource:
         index = index[np.argsort(self._problem.t[index], kind="stable")]
         wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None, threshold)
         return wrong
+
+    @property
+    def _rare(self) -> float:
+        """As many sigma as are as rare as `OUTLIER`: where sigma is a median's, of some readings, it is itself off."""
+        freedom = max(_MEDIAN_EFFICIENCY * self._n, 1.0)
+        return OUTLIER if self._problem.noise_known else float(stats.t.isf(stats.norm.sf(OUTLIER), freedom))
 
     def _fitted(self, rows: Rows, terms: Mapping[Term, FloatArray]) -> FloatArray:
         return np.hstack([rows.nuisance, *[rows.effects[term.key] for term in terms if term.in_mean]])

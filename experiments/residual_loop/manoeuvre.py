@@ -16,7 +16,7 @@ from sensors.effects import effect
 
 TABLE = Path(__file__).with_name("separation.json")
 #: r^2 above which two effects are one class. The right name leads the wrong one by lambda (1 - r^2) in 2 log L, and
-#: models within 10 count as confused (`select.CONFUSED`): at 0.8 that lead is reached at lambda = 50, an effect 1.3
+#: models within 10 count as confused (`score.CONFUSED`): at 0.8 that lead is reached at lambda = 50, an effect 1.3
 #: times as large as one that is just detectable (lambda = 30); above 0.8 also effects that are plainly there stay
 #: confused, at 0.98 up to lambda = 500.
 CLASS_BOUND = 0.8

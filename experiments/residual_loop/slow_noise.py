@@ -32,7 +32,8 @@ class SlowNoise:
     and once without, s is what the best with it leaves, at least 1; the difference of 2 log likelihood is what the
     effect explains beside the noise. It is judged by F, since the law of the noise is known from a number of cells
     alone. Where the data do not call for such noise once the effect is in the mean, neither with the declared white
-    noise nor with that which is left, there is none.
+    noise nor with that which is left, there is none; but for an offset of a stream that drifts by nature, unless the
+    offset alone is much likelier than the noise alone.
 
     Neglects what the noise changes within a cell.
 
@@ -62,16 +63,23 @@ class SlowNoise:
     def _score(self) -> FloatArray:
         return np.asarray(self._V.T @ self.white)
 
-    def log_p_beside(self, column: FloatArray, dof: int) -> float:
-        """Logarithm of the p-value of an offset with sensitivities `column` (r, size), `dof` directions of it seen."""
-        gain, cells = self.gain_beside(column)
+    def log_p_beside(self, column: FloatArray, dof: int, lead: float = -np.inf) -> float:
+        """Logarithm of the p-value of an offset with sensitivities `column` (r, size), `dof` directions of it seen;
+        for `lead` see `gain_beside`.
+        """
+        gain, cells = self.gain_beside(column, lead)
         if dof == 0 or cells == 0:
             return log_p_value(gain, dof)
         return float(stats.f.logsf(gain / dof, dof, cells))
 
-    def gain_beside(self, column: FloatArray) -> tuple[float, int]:
+    def gain_beside(self, column: FloatArray, lead: float = -np.inf) -> tuple[float, int]:
         """What the offset explains of -2 log L beside the noise, and from how many offsets the law of that is known:
         0 where the data do not call for it.
+
+        Parameters
+        ----------
+        column : (r, size) sensitivities to the offset
+        lead : of -2 log L, by which the offset alone has to be ahead of the noise alone, or the noise is there
         """
         V = self._V
         b, x = self._score, V.T @ column
@@ -97,6 +105,7 @@ class SlowNoise:
                     beside, offset = float(both[best]), estimate[best]
                     at_best = one.most_likely(best, offset)
             needed |= beside - alone > _NEEDED  # with the offset in the model
+            needed |= alone - without < lead
             gain = beside - without if needed else alone
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))

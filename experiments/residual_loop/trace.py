@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, Statistic, statistic_of
+from estimator.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.prove import Proof, prove, rolled_back
@@ -16,7 +16,7 @@ from experiments.residual_loop.remaining import Remaining, remaining, stands_out
 from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import BESIDE_ERROR, CONFUSED, ROLLED_BACK, Finding, fit_without, refitted
+from experiments.residual_loop.trials import BESIDE_ERROR, ROLLED_BACK, Finding, fit_without, refitted
 from sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.

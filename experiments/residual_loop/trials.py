@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from estimator.score import (
+    CONFUSED,
     Evidence,
     gain_of_ratio,
     log_bayes_factor,
@@ -31,9 +32,6 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: Two models whose odds differ by a factor of less than exp(5) are not told apart (Kass and Raftery 1995: 2 log of the
-#: Bayes factor above 10 is "very strong" evidence).
-CONFUSED = 10.0
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
 #: sold, and ten of them is another instrument.
 IMPLAUSIBLE = 10.0
