@@ -173,7 +173,8 @@ def size_words(effect: Mapping[str, Any]) -> str:
     k = int(np.argmax(np.abs(effect["beta"])))
     several = len(effect["beta"]) > 1 and len(set(effect["unit"])) == 1
     value = abs(effect["beta"][k]) if several else effect["beta"][k]
-    return ("up to " if several else "") + per_unit(value, effect["unit"][k], effect["name"])
+    bound = "up to " if several else "at least " if effect["std"] == [None] else ""
+    return bound + per_unit(value, effect["unit"][k], effect["name"])
 
 
 def interval_words(effect: Mapping[str, Any]) -> str:
@@ -189,12 +190,16 @@ def interval_words(effect: Mapping[str, Any]) -> str:
 def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Name, value with its sigma, and unit of every parameter of an effect, as `simulate --effect` takes them."""
     columns = zip(effect["parameters"], effect["beta"], effect["std"], effect["unit"], strict=True)
-    return [(_parameter(effect, name), _value(b, s), _unit(effect, unit)) for name, b, s, unit in columns]
+    only = len(effect["beta"]) == 1
+    return [(_parameter(effect, name), _value(b, s, only), _unit(effect, unit)) for name, b, s, unit in columns]
 
 
-def _value(b: float, s: float | None) -> str:
+def _value(b: float, s: float | None, only: bool) -> str:
+    """An estimate with its sigma. One that is not seen is one of many that do as well: an effect's only one, which was
+    accepted all the same, the smallest of them.
+    """
     if s is None:
-        return f"{number(b)}, not determined"
+        return f"at least {number(b)}" if only else f"{number(b)}, not determined"
     return "not seen" if b == s == 0.0 else with_sigma(b, s)
 
 

@@ -32,6 +32,9 @@ _SETTLED = 0.05
 #: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
 #: than this was foretold of it.
 _SETTLED_DEVIANCE = 1.0
+#: Two deviances that differ by less are those of one and the same likelihood; how often an interval is halved to find
+#: where they cease to be alike: to 2 per cent.
+_ALIKE, _BISECTIONS = 1e-3, 6
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
@@ -165,9 +168,30 @@ class FlightPasses:
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
         assert best is not None
         deviance, beta, journal, motion, sensitivity, information = best
+        unseen = [not np.any(block) for block in _diagonal(information, effects)]
+        if any(unseen):
+            beta = self._least(effects, beta, unseen, deviance, motion, part)
+            journal, sensitivity = self.run(effects, effects, beta, motion)
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
+
+    def _least(
+        self, effects: Sequence[Effect], beta: Sequence[FloatArray], unseen: Sequence[bool], deviance: float,
+        motion: Motion, part: Part,
+    ) -> list[FloatArray]:  # fmt: skip
+        """Beta with those that are not seen at their size as small as the data are alike: what they say is a bound."""
+        found = list(beta)
+        for k in np.flatnonzero(unseen):
+            low, high = 0.0, 1.0  # shares of the estimate
+            for _ in range(_BISECTIONS):
+                share = 0.5 * (low + high)
+                tried = [share * b if i == k else b for i, b in enumerate(found)]
+                journal, _ = self.run([], effects, tried, motion)
+                alike = self.deviance(journal, part) < deviance + _ALIKE
+                low, high = (low, share) if alike else (share, high)
+            found[k] = high * found[k]
+        return found
 
     def _require_numbers(self, *values: float | FloatArray) -> None:
         """Raise where a pass has led to what is no number: nothing can be said of such a model."""
@@ -236,6 +260,11 @@ class FlightPasses:
             return recording
         start = replace(recording.initial, quaternion=motion.q_nb[0], attitude_std=self._start_std)
         return recording.replace(initial=start)
+
+
+def _diagonal(information: FloatArray, effects: Sequence[Effect]) -> list[FloatArray]:
+    """The part of the information's diagonal that is each effect's."""
+    return _split(np.diag(information), [np.zeros(entry.size) for entry in effects])
 
 
 def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:

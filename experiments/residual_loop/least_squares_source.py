@@ -22,7 +22,7 @@ from experiments.residual_loop.onsets import Step, declared_step, refined
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
-from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
+from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers, rare_size
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 from sensors.errors import InputError
@@ -250,8 +250,9 @@ class LeastSquaresSource:
         return [*findings, *([outliers] if outliers else [])]
 
     def _wrong_rows(self, rows: Rows, threshold: float | None = None) -> BoolArray:
-        """Readings that leave their neighbours by `threshold` sigma; default: by what is as rare as `OUTLIER`."""
-        threshold = self._rare if threshold is None else threshold
+        """Readings that leave their neighbours by `threshold` sigma; default: by as many as are rare."""
+        if threshold is None:
+            threshold = rare_size(np.inf if self._problem.noise_known else _MEDIAN_EFFICIENCY * self._n)
         wrong = np.zeros(len(rows.residual), dtype=bool)
         if not self._problem.rows_are_readings:  # a mean or a turn that is off is no wrong reading
             return wrong
@@ -259,12 +260,6 @@ class LeastSquaresSource:
         index = index[np.argsort(self._problem.t[index], kind="stable")]
         wrong[index] = isolated_outliers(rows.residual[index], 1.0 if self._problem.noise_known else None, threshold)
         return wrong
-
-    @property
-    def _rare(self) -> float:
-        """As many sigma as are as rare as `OUTLIER`: where sigma is a median's, of some readings, it is itself off."""
-        freedom = max(_MEDIAN_EFFICIENCY * self._n, 1.0)
-        return OUTLIER if self._problem.noise_known else float(stats.t.isf(stats.norm.sf(OUTLIER), freedom))
 
     def _fitted(self, rows: Rows, terms: Mapping[Term, FloatArray]) -> FloatArray:
         return np.hstack([rows.nuisance, *[rows.effects[term.key] for term in terms if term.in_mean]])

@@ -213,6 +213,8 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         log_p = max(log_p, plain + option.search)
     log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
+    if is_local and log_odds < 0.0:  # rarer than chance has it, but as an offset of some size at some time rarer still
+        log_p = 0.0
     information = predicted_lambda(evidence, term.key, beta, others)
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
 

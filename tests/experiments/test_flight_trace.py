@@ -14,6 +14,7 @@ from estimator.flight_model import flight_model
 from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
 from experiments.refused import doubted_shares, refused
+from experiments.report.trace_words import effect_line
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.flight_passes import FlightPasses
 from experiments.residual_loop.open_flight import flight_source
@@ -26,6 +27,7 @@ from experiments.scenarios import load_scenario, parse_effect
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.recording import Initial, Recording, SensorSpec, Stream
+from sensors.rotation import cos_tilt
 from sensors.simulate import simulate
 
 #: Of an accelerometer, 3 sigma [m/s^2].
@@ -68,7 +70,7 @@ def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
     assert not select(FlightSource(recording, flight_model(recording))).findings
 
 
-@pytest.mark.parametrize(("seed", "index"), [(5001, 124), (5001, 145), (9001, 461), (9001, 989)])
+@pytest.mark.parametrize(("seed", "index"), [(5001, 124), (5001, 145), (9001, 461), (9001, 989), (10001, 209)])
 def test_coloured_positions_pass_for_no_effect(seed: int, index: int, tmp_path: Path) -> None:
     """Rough flights, the GPS position a first-order Markov process of 5 to 15 s: every stream is judged against it.
 
@@ -174,6 +176,20 @@ def test_a_slope_under_a_path_that_nothing_measures() -> None:
     assert selection.names == ("laser.terrain_slope",)
     finding = selection.findings[0]
     assert np.all(np.abs(finding.beta - [0.02, 0.07]) < 4.0 * finding.std)
+
+
+def test_a_cone_wider_than_any_tilt_is_a_bound() -> None:
+    """Every reading is then the height: no derivative sees the angle, the whole gain does."""
+    recording, _ = flown("low_pass", 21, "sonar.beam_cone=0.7")
+    source = FlightSource(recording, flight_model(recording))
+    found = trace(source)
+    (finding,) = found.selection.findings
+    t, x = source.states(found.selection.final)
+    tilt = np.arccos(cos_tilt(x[:, 6:10]))[np.isin(t, recording.streams["sonar"].t)]
+    assert finding.term.name == "sonar.beam_cone"
+    assert finding.beta[0] == pytest.approx(float(np.max(tilt)), rel=0.05)
+    assert np.isinf(finding.std[0])
+    assert "at least 0.6" in effect_line(report(source, found)["effects"][0])  # type: ignore[index]
 
 
 def test_no_effect_is_a_statement() -> None:

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from estimator.score import CONFUSED
 from experiments.residual_loop.slow_noise import _TIME_CONSTANTS, _VARIANCES, SlowNoise
 from experiments.residual_loop.sudden import jumps
 from sensors.arrays import FloatArray
@@ -27,7 +28,7 @@ def markov(rng: np.random.Generator, tau: float, sigma: float) -> FloatArray:
     return x
 
 
-def best_gains(z: FloatArray) -> tuple[float, float]:
+def best_gains(z: FloatArray, lead: float = -np.inf) -> tuple[float, float]:
     """Gain of the best interval of the grid, plain and beside slow noise; a constant offset is free."""
     steps = (T[:, None] >= GRID).astype(float)
     steps -= steps.mean(axis=0)
@@ -38,7 +39,7 @@ def best_gains(z: FloatArray) -> tuple[float, float]:
     k = int(np.argmax(gain))
     V = steps - np.pad(steps[:, 1:], ((0, 0), (0, 1)))
     noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool))
-    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1])[0]
+    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1], lead)[0]
 
 
 def test_slow_noise_is_not_taken_for_an_offset() -> None:
@@ -54,6 +55,20 @@ def test_an_offset_among_white_noise_keeps_its_gain() -> None:
     offset = 0.8 * ((GRID[8] <= T) & (GRID[15] > T))
     plain, beside = best_gains(rng.standard_normal(READINGS) + offset)
     assert beside > 0.9 * plain > PASSES
+
+
+def test_an_offset_of_a_stream_that_drifts_is_ahead_of_the_drift() -> None:
+    """Noise so weak that nothing calls for it beside the best interval; an offset stays as far ahead of it as it is."""
+    rng = np.random.default_rng(7)
+    weak = [rng.standard_normal(READINGS) + markov(rng, 60.0, 0.45) for _ in range(40)]
+    lead = CONFUSED + 2.0 * float(np.log(CELLS**2 / 2))
+    alone = np.array([best_gains(z)[1] for z in weak])
+    drifting = np.array([best_gains(z, lead)[1] for z in weak])
+    assert np.sum(alone > PASSES) >= 3
+    assert np.sum(drifting > PASSES) <= np.sum(alone > PASSES) / 3
+    offset = 1.5 * ((GRID[8] <= T) & (GRID[15] > T))
+    z = rng.standard_normal(READINGS) + offset
+    assert best_gains(z, lead)[1] == best_gains(z)[1] > PASSES
 
 
 def test_a_large_offset_among_slow_noise_is_still_seen() -> None:
