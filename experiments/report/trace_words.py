@@ -27,6 +27,7 @@ from experiments.residual_loop.trials import (
     ROLLED_BACK,
     SCATTERED,
     SLOW_NOISE,
+    UNLIKELY,
     UNTRIED,
 )
 from sensors.effects import CATALOGUE
@@ -47,6 +48,7 @@ _ALONE = 3.0
 REFUSED = {
     SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
     SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
+    UNLIKELY: ("odds", "of some size, at some time, it is less likely than none, rare as chance would have it be"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
     UNTRIED: (
@@ -173,7 +175,8 @@ def size_words(effect: Mapping[str, Any]) -> str:
     k = int(np.argmax(np.abs(effect["beta"])))
     several = len(effect["beta"]) > 1 and len(set(effect["unit"])) == 1
     value = abs(effect["beta"][k]) if several else effect["beta"][k]
-    bound = "up to " if several else "at least " if effect["std"] == [None] else ""
+    value = abs(value) if effect.get("at_least") else value
+    bound = "at least " if effect.get("at_least") else "up to " if several else ""
     return bound + per_unit(value, effect["unit"][k], effect["name"])
 
 
@@ -190,16 +193,13 @@ def interval_words(effect: Mapping[str, Any]) -> str:
 def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Name, value with its sigma, and unit of every parameter of an effect, as `simulate --effect` takes them."""
     columns = zip(effect["parameters"], effect["beta"], effect["std"], effect["unit"], strict=True)
-    only = len(effect["beta"]) == 1
-    return [(_parameter(effect, name), _value(b, s, only), _unit(effect, unit)) for name, b, s, unit in columns]
+    least = bool(effect.get("at_least"))
+    return [(_parameter(effect, name), _value(b, s, least), _unit(effect, unit)) for name, b, s, unit in columns]
 
 
-def _value(b: float, s: float | None, only: bool) -> str:
-    """An estimate with its sigma. One that is not seen is one of many that do as well: an effect's only one, which was
-    accepted all the same, the smallest of them.
-    """
+def _value(b: float, s: float | None, least: bool) -> str:
     if s is None:
-        return f"at least {number(b)}" if only else f"{number(b)}, not determined"
+        return f"{number(b)} or more" if least and b > 0.0 else f"{number(b)}, not determined"
     return "not seen" if b == s == 0.0 else with_sigma(b, s)
 
 

@@ -23,6 +23,7 @@ from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
+    DRIFTING,
     Rows,
     Step,
     best_onsets,
@@ -54,8 +55,6 @@ _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
-#: The stream whose error drifts though nobody declares it.
-_DRIFTING = "gps"
 
 
 class FlightSource:
@@ -258,12 +257,13 @@ class FlightSource:
         the fit as it is, of another to first order.
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
-        effects of other streams even where its own residual is white: it drifts by nature (atmosphere, orbits,
-        reflections), and a filter that believes it follows it.
+        effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
+        it follows it.
         """
         slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
         found = dict.fromkeys(terms, -np.inf)
-        for stream in sorted({*slow, _DRIFTING} & set(self._local_streams)):
+        drifting = [stream for stream in DRIFTING if stream in self._local_streams][:1]  # with those that share it
+        for stream in sorted({*slow, *drifting}):
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)

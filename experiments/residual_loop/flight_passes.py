@@ -15,6 +15,7 @@ from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
+from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
 from experiments.residual_loop.source import Part
@@ -32,9 +33,9 @@ _SETTLED = 0.05
 #: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
 #: than this was foretold of it.
 _SETTLED_DEVIANCE = 1.0
-#: Two deviances that differ by less are those of one and the same likelihood; how often an interval is halved to find
-#: where they cease to be alike: to 2 per cent.
-_ALIKE, _BISECTIONS = 1e-3, 6
+#: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
+#: this share.
+_ALIKE, _BOUND_KNOWN = 0.1, 0.02
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
@@ -168,29 +169,49 @@ class FlightPasses:
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
         assert best is not None
         deviance, beta, journal, motion, sensitivity, information = best
-        unseen = [not np.any(block) for block in _diagonal(information, effects)]
-        if any(unseen):
-            beta = self._least(effects, beta, unseen, deviance, motion, part)
-            journal, sensitivity = self.run(effects, effects, beta, motion)
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
-        return Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
+        found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
+        for k in self._unseen(effects, beta, information):
+            least = self._least(found, k, part)
+            if least is not None and least.deviance < found.deviance - _SETTLED_DEVIANCE:
+                return self.fitted(effects, least.beta, part)  # a nearer minimum, which the steps have leapt over
+            found = least or found
+        return found
 
-    def _least(
-        self, effects: Sequence[Effect], beta: Sequence[FloatArray], unseen: Sequence[bool], deviance: float,
-        motion: Motion, part: Part,
-    ) -> list[FloatArray]:  # fmt: skip
-        """Beta with those that are not seen at their size as small as the data are alike: what they say is a bound."""
-        found = list(beta)
-        for k in np.flatnonzero(unseen):
-            low, high = 0.0, 1.0  # shares of the estimate
-            for _ in range(_BISECTIONS):
-                share = 0.5 * (low + high)
-                tried = [share * b if i == k else b for i, b in enumerate(found)]
-                journal, _ = self.run([], effects, tried, motion)
-                alike = self.deviance(journal, part) < deviance + _ALIKE
-                low, high = (low, share) if alike else (share, high)
-            found[k] = high * found[k]
+    def _unseen(self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray) -> list[int]:
+        """Places of the effects that are in the model at a size at which no derivative sees them."""
+        blocks = _split(np.diag(information), beta)
+        return [
+            k
+            for k, (entry, b, seen) in enumerate(zip(effects, beta, blocks, strict=True))
+            if np.any(b) and np.all(seen * entry.plausible_in(self.plain_motion) ** 2 < WIDEST_DIRECTION**-2)
+        ]
+
+    def _least(self, fit: Fitted, k: int, part: Part) -> Fitted | None:
+        """The fit with effect k as small as the data are alike, which is a bound; one that fits better, where there is
+        one on the way; None where the data say nothing of the effect at all.
+        """
+        std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
+
+        def at(share: float) -> Fitted:
+            beta = tuple(share * b if i == k else b for i, b in enumerate(fit.beta))
+            journal, sensitivity = self.run(fit.effects, fit.effects, beta, fit.motion)
+            deviance = self.deviance(journal, part)
+            return replace(fit, beta=beta, std=std, deviance=deviance, journal=journal, sensitivity=sensitivity)
+
+        if at(0.0).deviance < fit.deviance + _ALIKE:
+            return None
+        low, high, found = 0.0, 1.0, replace(fit, std=std)
+        while high - low > _BOUND_KNOWN * high:
+            share = 0.5 * (low + high)
+            tried = at(share)
+            if tried.deviance < fit.deviance - _SETTLED_DEVIANCE:
+                return tried
+            if tried.deviance < fit.deviance + _ALIKE:
+                high, found = share, tried
+            else:
+                low = share
         return found
 
     def _require_numbers(self, *values: float | FloatArray) -> None:
@@ -260,11 +281,6 @@ class FlightPasses:
             return recording
         start = replace(recording.initial, quaternion=motion.q_nb[0], attitude_std=self._start_std)
         return recording.replace(initial=start)
-
-
-def _diagonal(information: FloatArray, effects: Sequence[Effect]) -> list[FloatArray]:
-    """The part of the information's diagonal that is each effect's."""
-    return _split(np.diag(information), [np.zeros(entry.size) for entry in effects])
 
 
 def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:

@@ -22,7 +22,7 @@ from experiments.residual_loop.onsets import Step, declared_step, refined
 from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
-from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers, rare_size
+from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
 from sensors.errors import InputError
@@ -31,9 +31,6 @@ _BLOCKS = 20
 _ROWS_A_BLOCK = 8
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
-#: A median deviation knows sigma as well as the mean square of this share of the readings does. Source: P. J. Huber,
-#: E. M. Ronchetti, "Robust Statistics" (2nd ed. 2009), chapter 1.
-_MEDIAN_EFFICIENCY = 0.37
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
 _ENDS_WITHIN = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
@@ -249,10 +246,7 @@ class LeastSquaresSource:
         outliers = self._outlier_finding(fit, rows)
         return [*findings, *([outliers] if outliers else [])]
 
-    def _wrong_rows(self, rows: Rows, threshold: float | None = None) -> BoolArray:
-        """Readings that leave their neighbours by `threshold` sigma; default: by as many as are rare."""
-        if threshold is None:
-            threshold = rare_size(np.inf if self._problem.noise_known else _MEDIAN_EFFICIENCY * self._n)
+    def _wrong_rows(self, rows: Rows, threshold: float = OUTLIER) -> BoolArray:
         wrong = np.zeros(len(rows.residual), dtype=bool)
         if not self._problem.rows_are_readings:  # a mean or a turn that is off is no wrong reading
             return wrong

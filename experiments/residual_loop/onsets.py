@@ -28,8 +28,9 @@ REFINED = _FINER**2
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
 _WORTH_REFINING = 0.05
-#: Receivers whose errors are one and the same but for what each has alone; they drift by nature (atmosphere, orbits,
-#: reflections) though nobody declares it.
+#: Streams whose error drifts by nature (atmosphere, orbits, reflections), though nobody declares it; it is one and the
+#: same but for what each receiver has alone.
+DRIFTING = ("gps", "base")
 _SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
 #: An offset direction is seen where its information exceeds this share of that of the best seen one.
 _FLOOR = 1e-3
@@ -95,7 +96,7 @@ def best_onsets(
             best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
         if worth:
-            lead = CONFUSED + 2.0 * searched if stream in _SHARED_ERROR else -np.inf
+            lead = CONFUSED if stream in DRIFTING else -np.inf
             log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof, lead))
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
@@ -189,13 +190,7 @@ def slow_noise_of(rows: Rows, steps: Mapping[str, FloatArray], stream: str, span
 
 
 def log_p_beside(noise: SlowNoise, rows: Rows) -> float:
-    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, beside slow noise.
-
-    Minus infinity where the innovations do not see it where it is, as a beam's cone wider than any tilt: only its whole
-    gain says something of it.
-    """
-    if not np.any(rows.wanted):
-        return -np.inf
+    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, beside slow noise."""
     alone = _Joint(rows, rows.wanted.shape[1], np.zeros(1))
     dof = int(alone.gain(np.array([[0, -1]]))[1][0])
     return noise.log_p_beside(alone.W, dof)

@@ -104,6 +104,7 @@ def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object
         "log10_p_value": finding.log_p / float(np.log(10.0)),
         "lambda": max(finding.information, 0.0),
         "confused_with": list(finding.confused_with),
+        "at_least": finding.at_least,
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
         "interval_unit": "reading" if counted else "s",
         "satellite": finding.term.satellite,

@@ -95,9 +95,9 @@ def select(
     2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
        each other's scatter, those that pass without it are tried, and have to pass with it after the refit. What slow
        noise of a stream explains is not tried.
-    3. The shortlist, and what the score does not see, is refitted in exact form; the strongest plausible one is
-       accepted, and readings that it had hidden and that are wrong are set aside. So are the readings of an interval
-       too short for a disturbance, which is not accepted.
+    3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
+       accepted, an interval only where it is likelier than none, and readings that it had hidden and that are wrong are
+       set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
     4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
@@ -252,4 +252,6 @@ def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
         s = statistic_of(evidence, term.key, others)
         spread = float(np.sqrt(max(s.scatter, 1.0)))
         std = np.where(np.isfinite(s.std), std, np.inf)
-    return replace(finding, beta=beta, std=spread * std, information=information, spread=spread)
+    bound = term.in_mean and bool(np.all(np.isinf(fit.std[term])))
+    std = np.full(len(beta), np.inf) if bound else spread * std
+    return replace(finding, beta=beta, std=std, information=information, spread=spread, at_least=bound)

@@ -35,11 +35,15 @@ SHORTLISTS = 2
 #: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
 #: sold, and ten of them is another instrument.
 IMPLAUSIBLE = 10.0
+#: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
+#: tilt has its gain and no derivative.
+_LINEAR = 0.1
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
-#: blocks had scattered too much before; it cannot be. It was not tried, behind a shortlist of which nothing stood.
-SLOW_NOISE, NO_EVIDENCE, SCATTERED = "slow noise", "no evidence", "scattered"
+#: blocks had scattered too much before; chance would not do it, but an offset in an interval is less likely still; it
+#: cannot be. It was not tried, behind a shortlist of which nothing stood.
+SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Those that may not hold any more once another effect is in the model.
 OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
@@ -55,13 +59,15 @@ class Finding:
     Attributes
     ----------
     term, beta, std : the effect and its estimate in the final model
-    log_p : logarithm of the p-value of the exact refit, corrected for scatter and search
+    log_p : logarithm of the p-value of the exact refit, corrected for scatter and search; 0 of an interval that is less
+        likely than none
     log_p_raw : the same without the scatter
     log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
     confused_with : names of effects that are as likely
     spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
+    at_least : whether `beta` is the least of all that do as well: larger, it changes no reading
     """
 
     term: Term
@@ -74,6 +80,7 @@ class Finding:
     information: float
     confused_with: tuple[str, ...]
     spread: float = 1.0
+    at_least: bool = False
 
 
 def best_of(
@@ -101,21 +108,17 @@ def best_of(
         return None
     passing.sort(key=lambda o: o.log_p_raw)
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
-    ahead: list[Option] = []
     if passing:
-        rivals = [
-            o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw
-        ]
-        ahead = sorted(rivals, key=lambda o: o.log_p_raw)[:_AHEAD]
-    shortlist += ahead
+        ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
+        shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
     trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
         for option in shortlist:
-            key, none_left = option.term.key, SCATTERED if option in ahead else NO_EVIDENCE
-            refused[key] = SLOW_NOISE if key not in tried else IMPOSSIBLE if tried[key] is None else none_left
+            key = option.term.key
+            refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
         return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda trial: -trial[1].log_odds)
     chosen, finding = trials[0]
@@ -128,6 +131,15 @@ def best_of(
         and other.term.name != finding.term.name
     )
     return chosen, replace(finding, confused_with=confused_with)
+
+
+def _why(option: Option, trial: tuple[Fit, Finding] | None, threshold: float) -> str:
+    """Why an option that was tried did not stand."""
+    if trial is None:
+        return IMPOSSIBLE
+    if trial[1].term.interval is not None and trial[1].log_odds < 0.0:
+        return UNLIKELY
+    return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
 
 
 def best_pair(
@@ -203,7 +215,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     others = refit.keys_beside(term)
     is_local = term.interval is not None
-    scatter = 1.0 if is_local else statistic_of(evidence, term.key, others).scatter
+    information = predicted_lambda(evidence, term.key, beta, others)
+    linear = information > _LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
+    scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)
@@ -211,11 +225,11 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     log_p = min(log_p_of_deviance(evidence, gain, option.dof, scatter) + option.search_raw, 0.0)
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
-    log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
+    if linear:
+        log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
-    if is_local and log_odds < 0.0:  # rarer than chance has it, but as an offset of some size at some time rarer still
+    if is_local and log_odds < 0.0:
         log_p = 0.0
-    information = predicted_lambda(evidence, term.key, beta, others)
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
 
 

@@ -14,9 +14,11 @@ import numpy as np
 from scipy import special, stats
 
 from estimator.score import log_p_value
-from experiments.residual_loop.wrong_readings import rare_size
 from sensors.arrays import BoolArray, FloatArray
 
+#: A reading is wrong when it is off by this many sigma of what the others leave: one in 5e8 Gaussian readings is; where
+#: the sigma is estimated, by the size of the t variable that is as rare.
+WRONG = 6.0
 #: At most so many of the readings are wrong singly; every pair is tried where there are no more readings than this.
 _MOST_SHARE, _ALL_PAIRS = 0.1, 200
 #: Readings that the rest must have beyond its parameters.
@@ -146,7 +148,8 @@ def _judged(fit: _LeftOut, measured: BoolArray, out: list[int], n: int, known: b
     sigma = max(sigma, float(np.quantile(usual, 0.9)) / float(stats.norm.isf(0.05)))
     sigma = max(sigma, 1.0) if known else max(sigma, np.finfo(float).tiny)
     size = np.abs(left[out]) / np.sqrt(np.maximum(variance[out], 1.0)) / sigma
-    if np.any(size < rare_size(np.inf if known else freedom)):
+    rare = WRONG if known else float(stats.t.isf(stats.norm.sf(WRONG), freedom))
+    if np.any(size < rare):
         return None
     gain, k = fit.gain(out) / sigma**2, len(out)
     sets = float(special.gammaln(n + 1) - special.gammaln(k + 1) - special.gammaln(n - k + 1))

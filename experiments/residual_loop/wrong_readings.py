@@ -20,14 +20,6 @@ OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
 SHORTEST = 3
 
 
-def rare_size(freedom: float) -> float:
-    """How many sigma of a normal reading are as rare as `OUTLIER`, where sigma is known from `freedom` others alone.
-
-    Infinite freedom: sigma is declared. Source: Student, Biometrika 6 (1908) 1.
-    """
-    return OUTLIER if np.isinf(freedom) else float(stats.t.isf(stats.norm.sf(OUTLIER), max(freedom, 1.0)))
-
-
 def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: float = OUTLIER) -> BoolArray:
     """(n,) whether a residual leaves the median of its neighbours by more than `threshold` sigma, alone.
 

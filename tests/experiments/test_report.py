@@ -55,6 +55,7 @@ from experiments.residual_loop.trials import (
     ROLLED_BACK,
     SCATTERED,
     SLOW_NOISE,
+    UNLIKELY,
     UNTRIED,
     Finding,
 )
@@ -170,7 +171,9 @@ def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
     return source, changed, report(source, changed)
 
 
-@pytest.mark.parametrize("why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK])
+@pytest.mark.parametrize(
+    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK]
+)
 def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Traced, tmp_path: Path, why: str) -> None:
     source, result, document = chosen_and_dropped(nothing, why)
     mark, reason = REFUSED[why]

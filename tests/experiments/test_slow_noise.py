@@ -58,17 +58,19 @@ def test_an_offset_among_white_noise_keeps_its_gain() -> None:
 
 
 def test_an_offset_of_a_stream_that_drifts_is_ahead_of_the_drift() -> None:
-    """Noise so weak that nothing calls for it beside the best interval; an offset stays as far ahead of it as it is."""
+    """Noise so weak that nothing calls for it beside the best interval; an offset among white noise stays as far ahead
+    of it as it is.
+    """
     rng = np.random.default_rng(7)
-    weak = [rng.standard_normal(READINGS) + markov(rng, 60.0, 0.45) for _ in range(40)]
-    lead = CONFUSED + 2.0 * float(np.log(CELLS**2 / 2))
+    weak = [rng.standard_normal(READINGS) + markov(rng, 60.0, 0.45) for _ in range(60)]
     alone = np.array([best_gains(z)[1] for z in weak])
-    drifting = np.array([best_gains(z, lead)[1] for z in weak])
-    assert np.sum(alone > PASSES) >= 3
-    assert np.sum(drifting > PASSES) <= np.sum(alone > PASSES) / 3
-    offset = 1.5 * ((GRID[8] <= T) & (GRID[15] > T))
-    z = rng.standard_normal(READINGS) + offset
-    assert best_gains(z, lead)[1] == best_gains(z)[1] > PASSES
+    drifting = np.array([best_gains(z, CONFUSED)[1] for z in weak])
+    named = alone > PASSES
+    assert np.sum(named) >= 5
+    assert np.sum(drifting > PASSES) < np.sum(named)
+    offset = 1.0 * ((GRID[8] <= T) & (GRID[15] > T))
+    white = [rng.standard_normal(READINGS) + offset for _ in range(20)]
+    assert np.mean([best_gains(z, CONFUSED)[1] > PASSES for z in white]) > 0.9
 
 
 def test_a_large_offset_among_slow_noise_is_still_seen() -> None:
