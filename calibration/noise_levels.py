@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
 import numpy as np
 
 from calibration.compass import LEAST_READINGS, compass_of
 from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter, within_imu
-from estimator.events import collect
-from estimator.filter import prepare, run
-from estimator.flight_model import GATE_LEVEL, flight_model
+from estimator.effect_forms import declared_terms, run_with_effects
+from estimator.events import Events, collect
+from estimator.filter import RunInputs, prepare, run
+from estimator.flight_model import GATE_LEVEL, FlightModel, flight_model
+from estimator.imu import ImuTable
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -166,7 +169,8 @@ def fit_noise_levels(recording: Recording, turn_field: bool = False) -> NoiseFit
     sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
     ruled = tuple(key for key in missing if key not in sought)
     if not sought and not turn_field:
-        journal = run(prepare(recording, flight_model(recording, specs=specs)), "numba", stride=0)
+        model = flight_model(recording, specs=specs)
+        journal = run(prepare(recording, model, **_declared_taken_off(recording, model)), "numba", stride=0)
         return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1, ruled)
     problem = _Problem(recording, specs, sought, turn_field)
     theta = problem.maximise(problem.first)
@@ -267,6 +271,25 @@ def _with(spec: SensorSpec, key: str, value: float) -> SensorSpec:
     return replace(spec, **{key: value})  # type: ignore[arg-type]
 
 
+class _Inputs(TypedDict, total=False):
+    imu: ImuTable
+    events: Events
+    first: tuple[FloatArray, FloatArray]
+
+
+def _declared_taken_off(recording: Recording, model: FlightModel) -> _Inputs:
+    """What the filter runs on, as far as it is the same for all levels: effects that are declared are no noise.
+
+    They are evaluated along the motion that the filter finds with the first guess of the levels.
+    """
+    terms = declared_terms(recording)
+    if not terms:
+        return {"events": collect(recording, model)}
+    inputs = run_with_effects(recording, model, terms, engine="numba", stride=0).run
+    assert isinstance(inputs, RunInputs)
+    return {"imu": inputs.imu, "events": inputs.events, "first": (inputs.x, inputs.P)}
+
+
 @dataclass
 class _Problem:
     """Log-likelihood over theta: the logarithms of the levels over their first guess and, where the field is sought
@@ -281,7 +304,7 @@ class _Problem:
 
     def __post_init__(self) -> None:
         self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
-        self.events = collect(self.recording, self.model)
+        self._taken_off = _declared_taken_off(self.recording, self.model)
         levels = np.log(np.array([self._range(*key) for key in self.keys]).reshape(-1, 2))
         angles = np.array([(-most / FIELD_UNIT, most / FIELD_UNIT) for most in FIELD_RANGE if self.turn_field])
         self.bounds = np.concatenate([levels, angles.reshape(-1, 2)])
@@ -328,7 +351,7 @@ class _Problem:
         self.runs += 1
         model = flight_model(self.recording, specs=self.specs_of(theta), gate_level=gate_level,
                              robust_level=robust_level, magnetic_field=self.field_of(theta))  # fmt: skip
-        return run(prepare(self.recording, model, events=self.events), "numba", stride=0)
+        return run(prepare(self.recording, model, **self._taken_off), "numba", stride=0)
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Of the innovations; an outlier counts with the logarithm of its NIS (the tail that its weight belongs to)."""

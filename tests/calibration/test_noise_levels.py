@@ -13,7 +13,7 @@ from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels, no
 from calibration.noise_start import reading_noise, resolution
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
-from experiments.scenarios import load_scenario
+from experiments.scenarios import load_scenario, parse_effect
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
@@ -94,6 +94,20 @@ def test_declared_key_stays_and_the_rest_is_found(flight: tuple[Recording, Strea
     specs, missing, _ = first_guess(half)
     assert specs["mag"].noise_std == 0.007
     assert ("mag", "bias_walk") in missing
+
+
+def test_an_effect_that_is_declared_is_no_noise() -> None:
+    recording, _ = simulate(
+        load_scenario("figure_eight"),
+        np.random.default_rng(5),
+        [parse_effect("mag.current=0.01,0,0.005")],
+        declare=True,
+    )
+    truth = recording.spec("mag").noise_std
+    asked = recording.replace(sensors={**recording.sensors, "mag": SensorSpec()})
+    as_declared, as_nothing = (fit_noise_levels(one).specs["mag"] for one in (asked, asked.replace(effects={})))
+    assert as_declared.noise_std == pytest.approx(truth, rel=READING - 1.0)
+    assert as_nothing.bias_walk > 3.0 * as_declared.bias_walk  # type: ignore[operator]
 
 
 def test_third_differences_see_noise_not_motion() -> None:
