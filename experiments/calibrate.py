@@ -13,13 +13,14 @@ from estimator.whiteness import whiteness
 from experiments.datasets import called, field_unit_of, resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
-from experiments.report.words import counted, stream_unit
+from experiments.report.words import counted, stream_unit, trace_call
 from experiments.residual_loop.open_source import (
     TriadReadings,
     choose_sensor,
     declared_for,
     gravity_of,
     require_kind,
+    sensors_in_poses,
     triad_readings,
 )
 from experiments.residual_loop.poses import motion_seen
@@ -62,7 +63,10 @@ def run(
         document["unit"] = readings.unit
         document["read_in"] = field_unit_of(input, map_file) if sensor == "mag" else readings.unit
     document["declared_effects"] = list(declared_for(recording, sensor))
-    document["warnings"] = warnings_of(result, readings, input)
+    several = len(sensors_in_poses(recording)) > 1
+    call = trace_call(input, map_file, sensor if several else None)
+    document["warnings"] = warnings_of(result, readings, call)
+    document["notes"] = [] if readings is None else residual_notes(result, readings, call)
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -146,16 +150,16 @@ def _too_large(recording: Recording, declared: Model) -> InputError:
 
 
 def warnings_of(
-    result: Calibration | GyroCalibration, readings: TriadReadings | None, input: str = "INPUT"
+    result: Calibration | GyroCalibration, readings: TriadReadings | None, call: str = "sinan trace INPUT"
 ) -> list[str]:
     """What speaks against the model, a sentence each: a residual above its noise, or one that is no noise.
 
     Parameters
     ----------
     readings : of an accelerometer or magnetometer; None: a gyroscope, whose turns are weighted by their scatter
-    input : how the user calls the log
+    call : the command that looks for what is missing
     """
-    what_next = f"the model lacks something, or the noise is not as declared: `sinan trace {input}` looks for it"
+    what_next = f"the model lacks something, or the noise is not as declared: `{call}` looks for it"
     if isinstance(result, GyroCalibration) or readings is None:
         ratio = float(np.max(result.weights)) if isinstance(result, GyroCalibration) else 1.0
         return [f"the residual is {ratio:.1f} times its noise: {what_next}"] if ratio > _TOO_LARGE else []
@@ -171,6 +175,20 @@ def warnings_of(
     if not found and colour is not None and colour[1] < _NO_NOISE:
         found.append(f"neighbouring residuals are correlated ({colour[0]:.2g}), as noise never is: {what_next}")
     return found
+
+
+def residual_notes(result: Calibration | GyroCalibration, readings: TriadReadings, call: str) -> list[str]:
+    """How large the residual is where nothing says how large it should be.
+
+    Parameters
+    ----------
+    call : the command that tests the residual
+    """
+    if readings.sigma is not None:
+        return []
+    rms = float(np.sqrt(np.mean(np.square(result.fit.residual))))
+    size = f"{rms:.3g} {stream_unit(readings.sensor, readings.unit)}".strip()
+    return [f"residual {size} RMS; no noise is declared to judge it by: `{call}` tests it"]
 
 
 def as_json(sensor: str, result: Calibration | GyroCalibration) -> dict[str, object]:
@@ -229,5 +247,6 @@ def summary(sensor: str, document: dict[str, object]) -> str:
         norm = f"{document['normalised_by']:.6g} {document.get('read_in') or '(in the unit of the log)'}"
         lines.append(f"  readings divided by their mean norm {norm}")
     lines += [f"  {sentence}" for sentence in document["undetermined"]]  # type: ignore[attr-defined]
+    lines += [f"  note: {sentence}" for sentence in document.get("notes", [])]  # type: ignore[attr-defined]
     lines += [f"  warning: {sentence}" for sentence in document.get("warnings", [])]  # type: ignore[attr-defined]
     return "\n".join(lines)

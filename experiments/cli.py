@@ -55,7 +55,7 @@ class World(StrEnum):
 
 Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
 Map = Annotated[
-    Path | None, typer.Option("--map", help="TOML file that says how to read the log (README)", metavar="FILE")
+    Path | None, typer.Option("--map", help="TOML file that says how to read the log (docs/formats.md)", metavar="FILE")
 ]
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[

@@ -14,6 +14,7 @@ from experiments.report.files import write_bytes, write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
 from experiments.report.trace_words import parameter_rows, trace_summary
+from experiments.report.words import trace_call
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.report import report
 from experiments.residual_loop.trace import trace
@@ -59,7 +60,7 @@ def demonstrate(
     say("\nThe textbook's model, a scale and an offset on each axis:")
     calibration = calibrate_triad(recording, readings, "none")
     log = MEASURED if hidden is None else str(out / "recording")
-    said = {"warnings": warnings_of(calibration, readings, log), "read_in": field_unit_of(log)}
+    said = {"warnings": warnings_of(calibration, readings, trace_call(log)), "read_in": field_unit_of(log)}
     say(summary("mag", {**as_json("mag", calibration), **said}))
     source = pose_source(recording, "mag")
     result = trace(source)

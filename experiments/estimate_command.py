@@ -25,6 +25,7 @@ from experiments.report.words import (
     off_by,
     reference_name,
     reference_value,
+    trace_call,
     with_sigma,
 )
 from experiments.residual_loop.open_source import require_kind
@@ -63,7 +64,8 @@ def run(
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
-    document["warnings"] = warnings_of(document, input)
+    document["estimated"] = sorted({sensor for sensor, _ in ready.noise.estimated})
+    document["warnings"] = warnings_of(document, trace_call(input, map_file))
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -73,13 +75,13 @@ def run(
     return summary(document["called"], document)
 
 
-def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
+def warnings_of(document: Mapping[str, Any], call: str = "sinan trace INPUT") -> list[str]:
     """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected;
-    not for what no sensor reads, such as the level: its sigma is the filter's own assumption, which nobody declared.
+    not for what nobody declared: levels from the log, of which its notes speak, and the level's sigma, an assumption.
 
     Parameters
     ----------
-    input : how the user calls the log
+    call : the command that looks for what is missing
     """
     not_used = refused(document.get("doubted", {}))
     found = list(not_used.values())
@@ -87,7 +89,7 @@ def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
         if sensor in not_used:
             continue
         low, high = document["nis_interval"][sensor]
-        if sensor in document.get("assumed", ()):
+        if sensor in document.get("assumed", ()) or sensor in document.get("estimated", ()):
             continue
         if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
             continue
@@ -96,7 +98,7 @@ def warnings_of(document: Mapping[str, Any], input: str = "INPUT") -> list[str]:
             if nis > 1.0
             else ("smaller", "expects too much noise: it is smaller")
         )
-        next_step = f": `sinan trace {input}` looks for it" if nis > 1.0 else ""
+        next_step = f": `{call}` looks for it" if nis > 1.0 else ""
         found.append(
             f"the {SENSORS.get(sensor, sensor)} innovations are {relation} than the filter expects (NIS {number(nis)}, "
             f"not 1): its model {why} than declared{next_step}"
@@ -111,7 +113,10 @@ def coarse_note(journal: Journal) -> list[str]:
     worst = coarsest_attitude(journal)
     if journal.model.relinearise or worst < COARSE_ATTITUDE:
         return []
-    return [f"attitude at its worst known to {np.rad2deg(worst):.0f} deg: --relinearise gives sigmas that hold then"]
+    return [
+        f"the attitude was at one time known to {np.rad2deg(worst):.0f} deg only, where the filter's linear sigmas may "
+        "be too small: compare --relinearise"
+    ]
 
 
 def summary(name: str, document: Mapping[str, Any]) -> str:
@@ -139,7 +144,9 @@ def _biases(document: Mapping[str, Any]) -> list[str]:
         lines = ["  biases at the end ± 1 sigma"]
         for sensor in document["bias"]:
             text = ", ".join(with_sigma(row.value, row.sigma) for row in rows if row.sensor == sensor)
-            lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}")
+            known = all(row.sigma == 0.0 for row in rows if row.sensor == sensor)
+            why = " (held: without GPS it cannot be told from the tilt)" if sensor == "accel" and known else ""
+            lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}{why}")
         return lines
     cells = [("biases at the end", "± 1 sigma", "truth", "off by", "")]
     for row in rows:

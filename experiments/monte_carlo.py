@@ -257,7 +257,7 @@ def _on_cluster(plan: Plan, missing: list[int], address: str) -> Iterator[list[F
     try:
         from distributed import Client, as_completed
     except ImportError:
-        raise InputError("--dask", "distributed is not installed", "pip install sinan-nav[dask]") from None
+        raise InputError("--dask", "distributed is not installed", "pip install '.[dask]' in the clone") from None
     try:
         client = Client(address, timeout="5s", set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

@@ -2,7 +2,7 @@
 
 Every estimator has one setting for all logs, its authors'. All get the same readings; in the second table all get them
 with the hard iron taken off and the disturbed stretches left out that this project finds in the log itself.
-Needs `vqf` and `ahrs`: pip install "sinan-nav[benchmark]".
+Needs `vqf` and `ahrs`: pip install '.[benchmark]' in the clone.
 """
 
 from __future__ import annotations

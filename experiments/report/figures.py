@@ -77,7 +77,8 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             shown = [value[settled] - 1.6 * band[settled], value[settled] + 1.6 * band[settled]]
             shown += [course.truth[:, k]] if course.truth.size else []
             low, high = min(map(np.min, shown)), max(map(np.max, shown))
-            one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
+            if high > low:  # a bias that is taken as known has no band
+                one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
             axis = component_name(course.name, k, course.value.shape[1])
             one.set_title(f"{course.name} {axis} / {BIAS_UNITS.get(course.name, 'm')}", loc="left", fontsize=9)
             one.tick_params(labelsize=7)

@@ -266,8 +266,9 @@ def remaining_sentence(item: Mapping[str, Any]) -> str:
         return f"neighbouring {sensor} residuals are correlated ({number(size)}; 0 would be white noise)"
     if item["follows"] != "time":
         follows = item["follows"].replace("_", " ").removeprefix("the ")
+        whose = follows if follows.startswith("its ") else f"the {follows}"
         return (
-            f"the {sensor} residual follows the {follows} in a way that no effect of the catalogue does "
+            f"the {sensor} residual follows {whose} in a way that no effect of the catalogue does "
             f"({number(size)} sigma in all)"
         )
     return f"an offset of {number(size)} sigma in a stretch of the {sensor} residual"

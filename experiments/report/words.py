@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, log10
+from pathlib import Path
 from typing import Any
 
 from sensors.effects import CATALOGUE
@@ -60,6 +62,20 @@ def quantity(value: float | None, unit: str) -> str:
 def length(metres: float) -> str:
     """A distance in metres or kilometres."""
     return f"{number(metres / 1000.0)} km" if metres >= 1000.0 else f"{number(metres)} m"
+
+
+def trace_call(input: str, map_file: Path | None = None, sensor: str | None = None) -> str:
+    """The command that looks for what a model lacks, as it is typed.
+
+    Parameters
+    ----------
+    input : how the user calls the log
+    sensor : of several that could be meant
+    """
+    words = ["sinan", "trace", input]
+    words += [] if map_file is None else ["--map", str(map_file)]
+    words += [] if sensor is None else ["--sensor", sensor]
+    return shlex.join(words)
 
 
 def with_sigma(value: float, sigma: float | None) -> str:

@@ -1,4 +1,4 @@
-"""PX4's ULog, which describes itself: read through pyulog (`pip install "sinan-nav[ulog]"`)."""
+"""PX4's ULog, which describes itself: read through pyulog (`pip install '.[ulog]'` in the clone)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def read_topics(path: Path) -> dict[str, FloatArray]:
     try:
         from pyulog import ULog
     except ImportError:
-        raise InputError(path, "a ULog", 'pyulog to read it with: pip install "sinan-nav[ulog]"') from None
+        raise InputError(path, "a ULog", "pyulog to read it with: pip install '.[ulog]' in the clone") from None
     try:
         with redirect_stdout(io.StringIO()):  # it prints what it finds wrong; `file_corruption` says so too
             log = ULog(str(path), disable_str_exceptions=True)

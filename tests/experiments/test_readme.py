@@ -14,10 +14,15 @@ from experiments.datasets import resolve
 from experiments.residual_loop.open_source import triad_readings
 from experiments.scenarios.loader import load_scenario, scenario_names
 from sensors.effects import CATALOGUE
+from sensors.formats.plain import write_recording
 from sensors.recording import ACCEL, GYRO, MAG
 from sensors.simulate import simulate
 
 README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+FORMATS, SCENARIOS = (
+    (Path(__file__).resolve().parents[2] / "docs" / name).read_text(encoding="utf-8")
+    for name in ("formats.md", "scenarios.md")
+)
 COMMANDS = [line.split("#")[0].split() for line in re.findall(r"^sinan .+$", README, re.MULTILINE)]
 
 
@@ -45,6 +50,27 @@ def test_the_map_reads_the_log_that_it_describes(own_log: Path) -> None:
     readings = triad_readings(recording, "accel")
     assert np.median(np.linalg.norm(readings.reading, axis=1)) == pytest.approx(9.8, abs=0.3)
     np.testing.assert_allclose(recording.streams["mag"].array(MAG)[0], [0.5, 0.1, 0.8], rtol=1e-6)
+
+
+def test_the_plain_format_is_as_it_is_described(tmp_path: Path) -> None:
+    text = re.findall(r"## The plain format.+?```toml\n(.+?)```", FORMATS, re.DOTALL)[0]
+    flight, _ = simulate(load_scenario("square"), np.random.default_rng(2))
+    write_recording(flight, tmp_path / "run")
+    (tmp_path / "run" / "recording.toml").write_text(text)
+    recording = resolve(str(tmp_path / "run"), None)
+    assert recording.name == "hover-01"
+    assert recording.spec("gyro").noise_density is None
+    assert recording.effects == {"mag.current": (0.001, 0.0, 0.0)}
+    for name, stream in flight.streams.items():
+        line = next(line for line in FORMATS.splitlines() if line.startswith("|") and f"`{name}.csv`" in line)
+        assert all(re.sub(r"\d+$", "1", column) in line for column in stream.columns)
+
+
+def test_the_scenario_of_ones_own_flies(tmp_path: Path) -> None:
+    text = re.findall(r"```toml\n(like.+?)```", SCENARIOS, re.DOTALL)[0]
+    (tmp_path / "my.toml").write_text(text)
+    recording, _ = simulate(load_scenario(str(tmp_path / "my.toml")), np.random.default_rng(1))
+    assert recording.streams["imu"].t[-1] == pytest.approx(13.0, abs=0.1)
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)

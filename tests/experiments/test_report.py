@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.calibrate import as_json, calibrate_triad
+from experiments.calibrate import run as calibrate
 from experiments.calibrate import summary as calibration_summary
 from experiments.calibrate import warnings_of as calibration_warnings
 from experiments.demo import HIDDEN, hidden_and_found
@@ -42,6 +43,7 @@ from experiments.report.words import (
     p_value_words,
     per_unit,
     stream_unit,
+    trace_call,
     with_sigma,
 )
 from experiments.residual_loop.open_source import pose_source, triad_readings
@@ -62,6 +64,7 @@ from experiments.residual_loop.trials import (
 from experiments.scenarios import parse_effect
 from experiments.scenarios.loader import load_scenario
 from sensors.covariates import covariates_for
+from sensors.formats.plain import write_recording
 from sensors.recording import MAG, Stream
 from sensors.simulate import simulate
 
@@ -245,14 +248,26 @@ def test_calibration_remarks_upon_a_residual_above_the_declared_noise() -> None:
             load_scenario("mag_poses"), np.random.default_rng(7), [parse_effect(e) for e in effects]
         )
         readings = triad_readings(recording, "mag")
-        warnings = calibration_warnings(calibrate_triad(recording, readings, "none"), readings, "run1")
+        warnings = calibration_warnings(calibrate_triad(recording, readings, "none"), readings, "sinan trace run1")
         assert len(warnings) == remarks
         assert all("`sinan trace run1`" in warning for warning in warnings)
 
 
+def test_calibration_says_how_large_a_residual_is_that_nothing_judges(tmp_path: Path) -> None:
+    recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(7))
+    write_recording(recording.replace(sensors={}), tmp_path / "my run")
+    text = calibrate("mag", str(tmp_path / "my run"), None, None, None, None, None)
+    assert "no noise is declared to judge it by: `sinan trace '" in text
+    assert "my run'` tests it" in text
+
+
+def test_a_command_is_shown_as_it_is_typed() -> None:
+    assert trace_call("my log.csv", Path("log.toml"), "mag") == "sinan trace 'my log.csv' --map log.toml --sensor mag"
+
+
 @pytest.mark.parametrize(("nis", "remarks"), [(1.8, 1), (1.1, 0), (0.5, 1), (None, 0)])
 def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, remarks: int) -> None:
-    warnings = innovation_warnings({"nis": {"mag": nis}, "nis_interval": {"mag": [0.97, 1.03]}}, "run1")
+    warnings = innovation_warnings({"nis": {"mag": nis}, "nis_interval": {"mag": [0.97, 1.03]}}, "sinan trace run1")
     assert len(warnings) == remarks
     if nis is not None and nis > 1.5:
         assert "`sinan trace run1`" in warnings[0]
@@ -261,7 +276,7 @@ def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, re
 def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
     shares = {"baro": 0.99, "gps": 0.1, "level": 1.0}
     document = {"nis": {"gps": 3.0, "baro": 1e10}, "nis_interval": {"gps": [0.9, 1.1], "baro": [0.9, 1.1]}}
-    warnings = innovation_warnings({**document, "doubted": shares}, "run1")
+    warnings = innovation_warnings({**document, "doubted": shares}, "sinan trace run1")
     assert warnings[0].startswith("the filter believes 1 % of the barometer readings: their unit, axis or frame")
     assert len(warnings) == 2
     assert "GPS" in warnings[1]
