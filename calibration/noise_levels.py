@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypedDict
 
 import numpy as np
 
 from calibration.compass import LEAST_READINGS, compass_of
 from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter, within_imu
-from estimator.effect_forms import declared_terms, run_with_effects
+from estimator.alignment import first_state
+from estimator.effect_forms import declared_terms, inputs_with, reference_motion, run_with_effects, taken_off
 from estimator.events import Events, collect
-from estimator.filter import RunInputs, prepare, run
+from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, FlightModel, flight_model
-from estimator.imu import ImuTable
+from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -170,7 +170,7 @@ def fit_noise_levels(recording: Recording, turn_field: bool = False) -> NoiseFit
     ruled = tuple(key for key in missing if key not in sought)
     if not sought and not turn_field:
         model = flight_model(recording, specs=specs)
-        journal = run(prepare(recording, model, **_declared_taken_off(recording, model)), "numba", stride=0)
+        journal = _Ready.of(recording, model).run(model)
         return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1, ruled)
     problem = _Problem(recording, specs, sought, turn_field)
     theta = problem.maximise(problem.first)
@@ -271,23 +271,37 @@ def _with(spec: SensorSpec, key: str, value: float) -> SensorSpec:
     return replace(spec, **{key: value})  # type: ignore[arg-type]
 
 
-class _Inputs(TypedDict, total=False):
-    imu: ImuTable
-    events: Events
-    first: tuple[FloatArray, FloatArray]
-
-
-def _declared_taken_off(recording: Recording, model: FlightModel) -> _Inputs:
-    """What the filter runs on, as far as it is the same for all levels: effects that are declared are no noise.
+@dataclass(frozen=True)
+class _Ready:
+    """What the filter runs on at any levels: effects that the recording declares are taken off, they are no noise.
 
     They are evaluated along the motion that the filter finds with the first guess of the levels.
+
+    Attributes
+    ----------
+    recording : without the effects in what the first attitude is found from
+    imu, events : without them; the events still have the model's own form of each reading
     """
-    terms = declared_terms(recording)
-    if not terms:
-        return {"events": collect(recording, model)}
-    inputs = run_with_effects(recording, model, terms, engine="numba", stride=0).run
-    assert isinstance(inputs, RunInputs)
-    return {"imu": inputs.imu, "events": inputs.events, "first": (inputs.x, inputs.P)}
+
+    recording: Recording
+    imu: ImuTable
+    events: Events
+
+    @classmethod
+    def of(cls, recording: Recording, model: FlightModel) -> _Ready:
+        """Of a recording, along the motion found with these levels."""
+        terms, table = declared_terms(recording), imu_table(recording, model)
+        if not terms:
+            return cls(recording, table, collect(recording, model))
+        journal = run_with_effects(recording, model, terms, engine="numba", stride=0)
+        motion = reference_motion(recording, journal, terms, table)
+        inputs = inputs_with(recording, model, terms, motion, table)
+        return cls(taken_off(recording, model, terms, motion, table), inputs.imu, inputs.events)
+
+    def run(self, model: FlightModel) -> Journal:
+        """One pass with other levels, or another field."""
+        first = first_state(self.recording, model)
+        return run(prepare(self.recording, model, imu=self.imu, events=self.events, first=first), "numba", stride=0)
 
 
 @dataclass
@@ -304,7 +318,7 @@ class _Problem:
 
     def __post_init__(self) -> None:
         self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
-        self._taken_off = _declared_taken_off(self.recording, self.model)
+        self._ready = _Ready.of(self.recording, self.model)
         levels = np.log(np.array([self._range(*key) for key in self.keys]).reshape(-1, 2))
         angles = np.array([(-most / FIELD_UNIT, most / FIELD_UNIT) for most in FIELD_RANGE if self.turn_field])
         self.bounds = np.concatenate([levels, angles.reshape(-1, 2)])
@@ -351,7 +365,7 @@ class _Problem:
         self.runs += 1
         model = flight_model(self.recording, specs=self.specs_of(theta), gate_level=gate_level,
                              robust_level=robust_level, magnetic_field=self.field_of(theta))  # fmt: skip
-        return run(prepare(self.recording, model, **self._taken_off), "numba", stride=0)
+        return self._ready.run(model)
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Of the innovations; an outlier counts with the logarithm of its NIS (the tail that its weight belongs to)."""

@@ -203,6 +203,15 @@ def inputs_with(
     return prepare(recording, model, imu=corrected, events=collect(recording, model, forms, shifts), first=first)
 
 
+def taken_off(
+    recording: Recording, model: FlightModel, terms: Terms, motion: Motion, table: ImuTable
+) -> Recording:  # fmt: skip
+    """The recording without the effects, evaluated along the motion, in what the first attitude is found from."""
+    added = {n: stream_form(recording, model, n, terms, motion) for n in model.sensors if terms.of_stream(n)}
+    corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
+    return _without_effects(recording, corrected, added)
+
+
 def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, StreamForm]) -> Recording:
     """What the first attitude is found from, force and field, with the effects taken off."""
     streams = dict(recording.streams)

@@ -159,7 +159,9 @@ def warnings_of(
     readings : of an accelerometer or magnetometer; None: a gyroscope, whose turns are weighted by their scatter
     call : the command that looks for what is missing
     """
-    what_next = f"the model lacks something, or the noise is not as declared: `{call}` looks for it"
+    declared = readings is None or readings.sigma is not None
+    doubt = ", or the noise is not as declared" if declared else ""
+    what_next = f"the model lacks something{doubt}: `{call}` looks for it"
     if isinstance(result, GyroCalibration) or readings is None:
         ratio = float(np.max(result.weights)) if isinstance(result, GyroCalibration) else 1.0
         return [f"the residual is {ratio:.1f} times its noise: {what_next}"] if ratio > _TOO_LARGE else []

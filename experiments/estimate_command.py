@@ -64,7 +64,7 @@ def run(
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
-    document["estimated"] = sorted({sensor for sensor, _ in ready.noise.estimated})
+    document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
     document["warnings"] = warnings_of(document, trace_call(input, map_file))
     if json is not None:
         write_json(json, document)
@@ -145,7 +145,8 @@ def _biases(document: Mapping[str, Any]) -> list[str]:
         for sensor in document["bias"]:
             text = ", ".join(with_sigma(row.value, row.sigma) for row in rows if row.sensor == sensor)
             known = all(row.sigma == 0.0 for row in rows if row.sensor == sensor)
-            why = " (held: without GPS it cannot be told from the tilt)" if sensor == "accel" and known else ""
+            held = sensor == "accel" and known and "gps" not in document["nis"]
+            why = " (held: without GPS it cannot be told from the tilt)" if held else ""
             lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}{why}")
         return lines
     cells = [("biases at the end", "± 1 sigma", "truth", "off by", "")]

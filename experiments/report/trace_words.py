@@ -48,7 +48,7 @@ _ALONE = 3.0
 REFUSED = {
     SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
     SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
-    UNLIKELY: ("odds", "of some size, at some time, it is less likely than none, rare as chance would have it be"),
+    UNLIKELY: ("odds", "chance would hardly make it, yet no offset at all is likelier"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
     UNTRIED: (
@@ -175,7 +175,6 @@ def size_words(effect: Mapping[str, Any]) -> str:
     k = int(np.argmax(np.abs(effect["beta"])))
     several = len(effect["beta"]) > 1 and len(set(effect["unit"])) == 1
     value = abs(effect["beta"][k]) if several else effect["beta"][k]
-    value = abs(value) if effect.get("at_least") else value
     bound = "at least " if effect.get("at_least") else "up to " if several else ""
     return bound + per_unit(value, effect["unit"][k], effect["name"])
 
@@ -199,7 +198,7 @@ def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def _value(b: float, s: float | None, least: bool) -> str:
     if s is None:
-        return f"{number(b)} or more" if least and b > 0.0 else f"{number(b)}, not determined"
+        return f"{number(b)} or {'more' if b > 0.0 else 'less'}" if least else f"{number(b)}, not determined"
     return "not seen" if b == s == 0.0 else with_sigma(b, s)
 
 

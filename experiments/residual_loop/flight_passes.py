@@ -126,8 +126,12 @@ class FlightPasses:
         terms = Terms(tuple(zip(effects, beta, strict=True))).joined(declared_terms(self.recording))
         return reference_motion(self.recording, journal, terms, self.table)
 
-    def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part) -> Fitted:
+    def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part, again: bool = True) -> Fitted:
         """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
+
+        Parameters
+        ----------
+        again : begin once more at a likelier size that lies on the way back from one that no derivative sees
 
         Raises
         ------
@@ -174,9 +178,10 @@ class FlightPasses:
         found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
         for k in self._unseen(effects, beta, information):
             least = self._least(found, k, part)
-            if least is not None and least.deviance < found.deviance - _SETTLED_DEVIANCE:
-                return self.fitted(effects, least.beta, part)  # a nearer minimum, which the steps have leapt over
-            found = least or found
+            if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
+                nearer = self.fitted(effects, least.beta, part, again=False)
+                return nearer if nearer.deviance < found.deviance else least
+            found = least
         return found
 
     def _unseen(self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray) -> list[int]:
@@ -188,21 +193,24 @@ class FlightPasses:
             if np.any(b) and np.all(seen * entry.plausible_in(self.plain_motion) ** 2 < WIDEST_DIRECTION**-2)
         ]
 
-    def _least(self, fit: Fitted, k: int, part: Part) -> Fitted | None:
+    def _least(self, fit: Fitted, k: int, part: Part) -> Fitted:
         """The fit with effect k as small as the data are alike, which is a bound; one that fits better, where there is
-        one on the way; None where the data say nothing of the effect at all.
+        one on the way; itself where the data say nothing of the effect. No sigma is known of any.
         """
         std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
 
         def at(share: float) -> Fitted:
             beta = tuple(share * b if i == k else b for i, b in enumerate(fit.beta))
-            journal, sensitivity = self.run(fit.effects, fit.effects, beta, fit.motion)
+            try:
+                journal, sensitivity = self.run(fit.effects, fit.effects, beta, fit.motion)
+            except InputError:  # no state or covariance follows
+                return replace(fit, std=std, deviance=np.inf)
             deviance = self.deviance(journal, part)
             return replace(fit, beta=beta, std=std, deviance=deviance, journal=journal, sensitivity=sensitivity)
 
-        if at(0.0).deviance < fit.deviance + _ALIKE:
-            return None
-        low, high, found = 0.0, 1.0, replace(fit, std=std)
+        none, low, high, found = at(0.0), 0.0, 1.0, replace(fit, std=std)
+        if none.deviance < fit.deviance + _ALIKE:
+            return none if none.deviance < fit.deviance - _SETTLED_DEVIANCE else found
         while high - low > _BOUND_KNOWN * high:
             share = 0.5 * (low + high)
             tried = at(share)

@@ -1,4 +1,4 @@
-"""Evidence, refit and residuals of any least-squares problem, for the loop: poses, turns, pseudoranges.
+"""Evidence, refit and residuals of any least-squares problem, for the loop: poses and turns.
 
 The problem gives whitened residuals and their derivatives; this module fits the nuisance parameters, projects them out
 of the information and the score, and searches the intervals of localised effects.

@@ -1,7 +1,7 @@
 """What the loop asks of a source of information and score, and the records that cross that border.
 
-A source is a recording with a plain model: poses and a norm, turns and a gyroscope, a flight and a filter, pseudoranges
-and a receiver. The loop knows none of them; it sees fits, evidence and residuals.
+A source is a recording with a plain model: poses and a norm, turns and a gyroscope, a flight and a filter. The loop
+knows none of them; it sees fits, evidence and residuals.
 """
 
 from __future__ import annotations

@@ -174,12 +174,14 @@ def _of_what_is_left(source: Source, selection: Selection) -> Selection:
 
 def _with_final(selection: Selection, final: Fit) -> Selection:
     """The selection with the estimates of another fit of those of its effects that are in it."""
-    findings = tuple(
-        replace(f, beta=final.beta[f.term], std=np.where(np.isfinite(f.std), f.spread * final.std[f.term], np.inf))
-        for f in selection.findings
-        if f.term in final.beta
-    )
-    return replace(selection, final=final, findings=findings)
+    findings = []
+    for f in selection.findings:
+        if f.term in final.beta:
+            std = f.spread * final.std[f.term]
+            unseen = ~np.isfinite(f.std) & (not f.at_least)
+            bound = f.term.in_mean and bool(np.all(np.isinf(std)))
+            findings.append(replace(f, beta=final.beta[f.term], std=np.where(unseen, np.inf, std), at_least=bound))
+    return replace(selection, final=final, findings=tuple(findings))
 
 
 def _better(beside: Selection, found: Selection) -> Selection:

@@ -137,7 +137,7 @@ def _why(option: Option, trial: tuple[Fit, Finding] | None, threshold: float) ->
     """Why an option that was tried did not stand."""
     if trial is None:
         return IMPOSSIBLE
-    if trial[1].term.interval is not None and trial[1].log_odds < 0.0:
+    if trial[1].term.interval is not None and trial[1].log_odds < 0.0 and trial[1].log_p_raw < threshold:
         return UNLIKELY
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
 

@@ -193,7 +193,7 @@ def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
     assert " or more rad" in effect_line(report(source, found)["effects"][0])  # type: ignore[index]
 
 
-@pytest.mark.parametrize(("cone", "start"), [(0.3, 0.9), (0.45, 0.9)])
+@pytest.mark.parametrize(("cone", "start"), [(0.1, 0.9), (0.3, 0.9), (0.45, 0.9)])
 def test_a_step_that_leaps_over_the_minimum_comes_back(cone: float, start: float) -> None:
     recording, _ = flown("low_pass", 21, f"sonar.beam_cone={cone}")
     source, term = FlightSource(recording, flight_model(recording)), Term("sonar.beam_cone")
