@@ -325,7 +325,7 @@ def test_map_that_is_not_there(tmp_path: Path) -> None:
 def test_the_manuals_first_map(tmp_path: Path) -> None:
     """The map in ten lines of docs/formats.md reads the log that it is written for: level, and rest is (0, 0, -g)."""
     manual = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
-    rules = manual.split("```toml\n")[1].split("```")[0]
+    rules = manual.split("## A map in ten lines")[1].split("```toml\n")[1].split("```")[0]
     text = "time_ms, ax, ay, az, gx, gy, gz\n" + "".join(f"{10 * k}, 0.0, 0.0, 1.0, 1, 2, 3\n" for k in range(5))
     imu = read(tmp_path, rules, text).streams["imu"]
     np.testing.assert_allclose(imu.array(ACCEL)[0], [0.0, 0.0, -9.80665], atol=1e-12)
