@@ -18,8 +18,10 @@ from estimator.flight_model import FlightModel
 from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
+from estimator.whiteness import whiteness
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from experiments.residual_loop.gps_drift import GpsDrift, error_at_nodes, gps_drift, nodes_for, rows_of
 from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
@@ -53,6 +55,8 @@ from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
+#: Level of the test of whiteness from which on a slow error of the GPS is looked for.
+_COLOURED = 0.01
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 
@@ -76,6 +80,21 @@ class FlightSource:
         self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
+        self._passes.drift = self._drift()
+
+    def _drift(self) -> GpsDrift | None:
+        """The slow error of the GPS that the plain model leaves, where it does."""
+        if "gps" not in self.model.sensors:
+            return None
+        journal, _ = self._passes.run([], [], [], self._passes.plain_motion)
+        one = journal.stream("gps")
+        colour = whiteness(one.white[one.accepted]) if np.any(one.accepted) else None
+        nodes = nodes_for(self._passes.start, self._passes.end, int(np.sum(rows_of(journal))))
+        if colour is None or colour[1] > _COLOURED or not len(nodes):
+            return None
+        run = partial(self._passes.run, effects=[], beta=[], motion=self._passes.plain_motion)
+        journal, at_nodes = run([error_at_nodes(nodes)])
+        return gps_drift(nodes, journal, at_nodes, run(self._candidates)[1].rows)
 
     @property
     def recording(self) -> Recording:

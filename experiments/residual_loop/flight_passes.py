@@ -18,6 +18,7 @@ from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
+from experiments.residual_loop.gps_drift import GpsDrift
 from experiments.residual_loop.source import Part
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
@@ -81,6 +82,7 @@ class FlightPasses:
 
     def __init__(self, recording: Recording, model: FlightModel) -> None:
         self.recording, self.model = recording, model
+        self.drift: GpsDrift | None = None
         self.table = imu_table(recording, model)
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
@@ -109,7 +111,7 @@ class FlightPasses:
         recording : another with the same IMU; default: that without wrong readings
         """
         pairs: Any = list(zip(effects, beta, strict=True))
-        return sensitivity_pass(
+        found = sensitivity_pass(
             self._started(recording or self.recording, motion),
             self.model,
             wanted,
@@ -120,6 +122,7 @@ class FlightPasses:
             stride=0,
             table=self.table,
         )
+        return self.drift.taken_off(*found) if self.drift else found
 
     def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""
