@@ -25,6 +25,7 @@ from sensors.effects import Effect
 from sensors.errors import InputError
 from sensors.motion import Motion
 from sensors.recording import Recording
+from sensors.rotation import quaternion_conjugate, quaternion_multiply
 
 #: The last third of the time is held out.
 _FITTING_SHARE = 2.0 / 3.0
@@ -274,12 +275,15 @@ class FlightPasses:
         order and passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where
         all readings together know the first attitude so much better than that sigma that it adds nothing to them.
         Beside an effect that turns the heading they know it less well: the first step towards such an effect is shorter
-        for that, and each pass starts from where the one before has ended.
+        for that, and each pass starts from where the one before has ended. A declared sigma stays: the readings do not
+        know what it says of the heading.
         """
         declared = self.recording.initial.attitude_std
         if declared is not None and declared <= _SECOND_ORDER:
             return None
         assert isinstance(journal.run, RunInputs)
+        if declared is not None and declared < _WIDE_START:
+            return declared
         first = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
         wide = max(first, COARSE_ATTITUDE) if declared is None else declared
         known = float(np.max(smooth(journal, sigmas=True).sigma[0, 6:9]))
@@ -287,11 +291,18 @@ class FlightPasses:
         return narrow if narrow < _WIDE_START or declared is not None else None
 
     def _started(self, recording: Recording, motion: Motion) -> Recording:
-        """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong."""
+        """The recording with the first attitude of the reference motion, and a sigma that lets it be wrong.
+
+        A declared attitude keeps its heading, which turns no force up or down: the tilt alone is that of the motion.
+        """
         if self._start_std is None:
             return recording
-        start = replace(recording.initial, quaternion=motion.q_nb[0], attitude_std=self._start_std)
-        return recording.replace(initial=start)
+        q_nb, declared = motion.q_nb[0], recording.initial
+        if declared.quaternion is not None and self._start_std == declared.attitude_std:
+            turn = quaternion_multiply(declared.quaternion, quaternion_conjugate(q_nb))
+            about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)
+            q_nb = quaternion_multiply(about_down, q_nb)
+        return recording.replace(initial=replace(declared, quaternion=q_nb, attitude_std=self._start_std))
 
 
 def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:
