@@ -173,7 +173,7 @@ class _Truth:
         recording = resolve(str(folder), None)
         flight = recording.kind == "flight"
         self.sums = answer["kind"] == "gyro_turns"
-        self.source: Source = flight_source(recording) if flight else pose_source(recording, answer["sensor"])
+        self.source: Source = flight_source(recording, slow_error=False) if flight else pose_source(recording, answer["sensor"])
         self.terms = {_term(e["name"], e["interval"]): np.array(e["beta"], dtype=float) for e in answer["effects"]}
         self.wrong = {_term(e["name"], e["interval"]): np.array(e["wrong"], dtype=float) for e in answer["effects"]}
         if answer["sensor"] == "mag" and not flight:

@@ -21,7 +21,7 @@ from estimator.sensitivity import candidate_streams
 from estimator.whiteness import whiteness
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from experiments.residual_loop.gps_drift import GpsDrift, error_at_nodes, gps_drift, nodes_for, rows_of
+from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
@@ -69,9 +69,10 @@ class FlightSource:
     recording : a flight
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
+    slow_error : whether a slow error of the GPS is part of the noise, where the log has one
     """
 
-    def __init__(self, recording: Recording, model: FlightModel) -> None:
+    def __init__(self, recording: Recording, model: FlightModel, slow_error: bool = True) -> None:
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
@@ -80,21 +81,31 @@ class FlightSource:
         self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
-        self._passes.drift = self._drift()
+        self._passes.slow_error = self._find_slow_error() if slow_error else None
+        if self.slow_error is not None:
+            told = f"gps: errs slowly besides its noise, by {self.slow_error.sigma:.2g} m"
+            for_how_long = f"for {self.slow_error.tau:.2g} s: counted as noise, as the log has it"
+            notes = (*self.recording.notes, f"{told} {for_how_long}")
+            self._passes.recording = self.recording.replace(notes=notes)
 
-    def _drift(self) -> GpsDrift | None:
+    @property
+    def slow_error(self) -> Law | None:
+        """That of the GPS which is part of the noise; None: its noise is white as far as the log tells."""
+        return self._passes.slow_error
+
+    def _find_slow_error(self) -> Law | None:
         """The slow error of the GPS that the plain model leaves, where it does."""
         if "gps" not in self.model.sensors:
             return None
-        journal, _ = self._passes.run([], [], [], self._passes.plain_motion)
+        run = partial(self._passes.run, effects=[], beta=[], motion=self._passes.plain_motion)
+        journal, _ = run([])
         one = journal.stream("gps")
         colour = whiteness(one.white[one.accepted]) if np.any(one.accepted) else None
         nodes = nodes_for(self._passes.start, self._passes.end, int(np.sum(rows_of(journal))))
         if colour is None or colour[1] > _COLOURED or not len(nodes):
             return None
-        run = partial(self._passes.run, effects=[], beta=[], motion=self._passes.plain_motion)
         journal, at_nodes = run([error_at_nodes(nodes)])
-        return gps_drift(nodes, journal, at_nodes, run(self._candidates)[1].rows)
+        return law_of(nodes, journal, at_nodes, run(self._candidates)[1].rows)
 
     @property
     def recording(self) -> Recording:

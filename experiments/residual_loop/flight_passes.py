@@ -18,7 +18,7 @@ from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
-from experiments.residual_loop.gps_drift import GpsDrift
+from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
 from experiments.residual_loop.source import Part
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
@@ -40,10 +40,15 @@ _SETTLED_DEVIANCE = 1.0
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
+#: Sets of readings whose slow error is kept.
+_MOST_DRIFTS = 3
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
 _TIMES_KNOWN = 5.0
 #: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
 _WIDE_START = 0.2
+#: Declared 1-sigma of the first attitude up to which its heading is kept: forces along the ground turn with it, to 1 %
+#: of second order at that sigma [rad].
+_LINEAR_HEADING = 0.1
 #: Declared 1-sigma of the first attitude from which on its square matters: two sigma are 2 mm/s^2 [rad].
 _SECOND_ORDER = 0.01
 
@@ -83,7 +88,8 @@ class FlightPasses:
 
     def __init__(self, recording: Recording, model: FlightModel) -> None:
         self.recording, self.model = recording, model
-        self.drift: GpsDrift | None = None
+        self.slow_error: Law | None = None
+        self._drifts: list[tuple[Recording, GpsDrift]] = []
         self.table = imu_table(recording, model)
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
@@ -91,6 +97,12 @@ class FlightPasses:
         journal = run_filter(recording, model, {}, engine="numba", stride=0)
         self.notes = journal.notes
         plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
+        declared = recording.initial
+        self._keeps_heading = (
+            declared.quaternion is not None
+            and declared.attitude_std is not None
+            and _SECOND_ORDER < declared.attitude_std <= _LINEAR_HEADING
+        )
         self._start_std = self._attitude_std_at_start(journal)
         if self._start_std is not None and self._start_std >= COARSE_ATTITUDE:
             self.model = model.replace(relinearise=True)
@@ -111,9 +123,22 @@ class FlightPasses:
         motion : along which all effects are evaluated
         recording : another with the same IMU; default: that without wrong readings
         """
+        recording = self.recording if recording is None else recording
+        found = self._run(wanted, effects, beta, motion, recording)
+        return found if self.slow_error is None else self._drift(self.slow_error, recording).taken_off(*found)
+
+    def _run(
+        self,
+        wanted: Sequence[Effect],
+        effects: Sequence[Effect],
+        beta: Sequence[FloatArray],
+        motion: Motion,
+        recording: Recording,
+    ) -> tuple[Journal, Sensitivity]:
+        """One pass of the filter as it is."""
         pairs: Any = list(zip(effects, beta, strict=True))
-        found = sensitivity_pass(
-            self._started(recording or self.recording, motion),
+        return sensitivity_pass(
+            self._started(recording, motion),
             self.model,
             wanted,
             pairs,
@@ -123,7 +148,15 @@ class FlightPasses:
             stride=0,
             table=self.table,
         )
-        return self.drift.taken_off(*found) if self.drift else found
+
+    def _drift(self, law: Law, recording: Recording) -> GpsDrift:
+        """The slow error of the GPS in the passes over a recording, about the plain model."""
+        for known, drift in self._drifts:
+            if known is recording:
+                return drift
+        found = self._run([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
+        self._drifts = [(recording, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
+        return self._drifts[0][1]
 
     def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""
@@ -275,14 +308,14 @@ class FlightPasses:
         order and passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where
         all readings together know the first attitude so much better than that sigma that it adds nothing to them.
         Beside an effect that turns the heading they know it less well: the first step towards such an effect is shorter
-        for that, and each pass starts from where the one before has ended. A declared sigma stays: the readings do not
-        know what it says of the heading.
+        for that, and each pass starts from where the one before has ended. A declared sigma stays where the heading is kept
+        that it is of.
         """
         declared = self.recording.initial.attitude_std
         if declared is not None and declared <= _SECOND_ORDER:
             return None
         assert isinstance(journal.run, RunInputs)
-        if declared is not None and declared < _WIDE_START:
+        if self._keeps_heading:
             return declared
         first = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
         wide = max(first, COARSE_ATTITUDE) if declared is None else declared
@@ -298,7 +331,7 @@ class FlightPasses:
         if self._start_std is None:
             return recording
         q_nb, declared = motion.q_nb[0], recording.initial
-        if declared.quaternion is not None and self._start_std == declared.attitude_std:
+        if self._keeps_heading and declared.quaternion is not None:
             turn = quaternion_multiply(declared.quaternion, quaternion_conjugate(q_nb))
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)
             q_nb = quaternion_multiply(about_down, q_nb)

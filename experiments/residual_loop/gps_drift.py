@@ -8,12 +8,14 @@ sensitivities go the same way. It is what Friedland's two filters do for a const
 
 K_ij = v exp(-|t_i - t_j| / tau), each axis alike; v and tau have the largest likelihood in what no lasting candidate
 explains, so that an effect is not taken for noise.
+
+Neglects what the error does between two nodes, a hundredth of a log at best, what fits other than the plain one change
+of V, and that a base receiver may share it. The law is found about the plain model, once.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -39,6 +41,8 @@ _VARIANCES = np.logspace(-1.0, 6.0, 29)
 #: The error is there where it gains this of 2 log L, and the last of these in two thirds of the log at least: a step
 #: or a disturbance shows in one.
 _NEEDED, _PARTS, _NEEDED_IN_PART = 12.0, 3, 4.0
+#: Rows that are made white at a time; rounds in which law and white noise are found.
+_ROWS, _ROUNDS = 128, 2
 
 
 def nodes_for(start: float, end: float, rows: int) -> FloatArray:
@@ -58,26 +62,49 @@ def error_at_nodes(nodes: FloatArray) -> Effect:
 
 
 @dataclass(frozen=True)
-class GpsDrift:
-    """The noise of a slow error of the GPS.
+class Law:
+    """Of the slow error: a stationary first-order Markov process on each axis.
 
     Attributes
     ----------
-    nodes : (m,) s
-    covariance : (3 m, 3 m) K of its values at the nodes [m^2]
-    V : (r, 3 m) sensitivities of the whitened innovations to them
-    component : (r,) which component each row is of, in rising order; see `components_of`
-    tau, sigma : time constant [s] and size [m], for the report
+    nodes : (m,) s, at which it has values, and is linear between them
+    tau, sigma : time constant [s] and standard deviation [m]
+    noise : variance of the white innovations of the GPS beside it, at least 1; `covariance` is in units of that
     """
 
     nodes: FloatArray
-    covariance: FloatArray
-    V: FloatArray
-    component: IntArray
     tau: float
     sigma: float
+    noise: float = 1.0
 
+    @property
+    def covariance(self) -> FloatArray:
+        """(3 m, 3 m) of its values at the nodes [m^2]."""
+        return np.asarray(np.kron(self.sigma**2 / self.noise * _correlation(self.nodes, self.tau), np.eye(_AXES)))
+
+
+@dataclass(frozen=True)
+class GpsDrift:
+    """The slow error as noise of the passes over one set of readings.
+
+    Attributes
+    ----------
+    law : of the error
+    V : (r, 3 m) sensitivities of the whitened innovations to its values at the nodes
+    component : (r,) which component each row is of, in rising order; see `components_of`
+    """
+
+    law: Law
+    V: FloatArray
+    component: IntArray
     _known: dict[bytes, Whitening] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, law: Law, journal: Journal, at_nodes: Sensitivity) -> GpsDrift:
+        """From a pass with the sensitivities to the error's values at the nodes."""
+        component = components_of(journal)[rows_of(journal)]
+        order = np.argsort(component)
+        return cls(law, at_nodes.rows[order], component[order])
 
     def taken_off(self, journal: Journal, sensitivity: Sensitivity) -> tuple[Journal, Sensitivity]:
         """The pass that a filter with the error in its state would have made: whitened innovations, their likelihood
@@ -86,52 +113,54 @@ class GpsDrift:
         The innovations in metres stay those of the filter as it is.
         """
         rows = rows_of(journal)
-        whitening = self._of(components_of(journal)[rows], np.repeat(journal.t, journal.dof)[rows])
-        found = whitening.of(np.column_stack([journal.white[rows], sensitivity.rows]))
+        whitening = self._of(components_of(journal)[rows])
+        found = whitening.of(np.column_stack([sensitivity.white, sensitivity.rows]))
         white = journal.white.copy()
         white[rows] = found[:, 0]
         event = np.repeat(np.arange(len(journal)), journal.dof)[rows]
-        more = 0.5 * (journal.white[rows] ** 2 - found[:, 0] ** 2) - whitening.log_root
+        more = 0.5 * (sensitivity.white**2 - found[:, 0] ** 2) - whitening.log_root
         loglik = journal.loglik + np.bincount(event, more, len(journal))
         return (
             replace(journal, white=white, loglik=loglik),
             replace(sensitivity, rows=found[:, 1:], white=found[:, 0]),
         )
 
-    def _of(self, component: IntArray, t: FloatArray) -> Whitening:
-        """Of these components in this order; a reading that was not there has no sensitivity."""
+    def _of(self, component: IntArray) -> Whitening:
+        """Of these components in this order, which an effect on the stamps changes."""
         key = component.tobytes()
-        if key not in self._known:
-            place = np.minimum(np.searchsorted(self.component, component), len(self.component) - 1)
-            V = np.where((self.component[place] == component)[:, None], self.V[place], 0.0)
-            if len(self._known) == _MOST_KNOWN:
-                del self._known[next(iter(self._known))]
-            self._known[key] = Whitening(V, self.covariance, np.searchsorted(self.nodes, t))
+        if key in self._known:
+            self._known[key] = self._known.pop(key)  # the one that was asked last goes last
+            return self._known[key]
+        place = np.minimum(np.searchsorted(self.component, component), len(self.component) - 1)
+        V = np.where((self.component[place] == component)[:, None], self.V[place], 0.0)
+        if len(self._known) == _MOST_KNOWN:
+            del self._known[next(iter(self._known))]
+        self._known[key] = Whitening(V, self.law.covariance)
         return self._known[key]
 
 
 class Whitening:
-    """L^-1 with L L' = I + V K V', found chunk by chunk.
+    """L^-1 with L L' = I + V K V', found a few rows at a time: V K V' itself would have a row for every reading.
 
     Parameters
     ----------
-    V : (r, k); K : (k, k)
-    chunk : (r,) rising number of the chunk that a row is in
+    V : (r, k) rows in the order of time, those of the first without what comes later; K : (k, k)
     """
 
-    def __init__(self, V: FloatArray, K: FloatArray, chunk: IntArray) -> None:
+    def __init__(self, V: FloatArray, K: FloatArray) -> None:
         self.log_root, self._parts = np.zeros(len(V)), list[tuple[slice, slice, FloatArray, FloatArray, FloatArray]]()
         P = K.copy()
-        for part in np.split(np.arange(len(V)), np.flatnonzero(np.diff(chunk)) + 1) if len(V) else []:
-            here = slice(int(part[0]), int(part[-1]) + 1)
+        for first in range(0, len(V), _ROWS):
+            here = slice(first, min(first + _ROWS, len(V)))
             reached = np.flatnonzero(np.any(V[here] != 0.0, axis=0))
             if not len(reached):
                 continue
             some = slice(0, int(reached[-1]) + 1)
             seen = V[here, some]
             gain = P[:, some] @ seen.T
-            root = cholesky(np.eye(len(part)) + seen @ gain[some], lower=True, check_finite=False)
-            inverse = solve_triangular(root, np.eye(len(part)), lower=True, check_finite=False)
+            one = np.eye(len(seen))
+            root = cholesky(one + seen @ gain[some], lower=True, check_finite=False)
+            inverse = solve_triangular(root, one, lower=True, check_finite=False)
             gain = gain @ inverse.T
             P -= gain @ gain.T
             self.log_root[here] = np.log(np.diag(root))
@@ -161,9 +190,7 @@ def components_of(journal: Journal) -> IntArray:
     return np.asarray(np.repeat(reading, dof) * int(dof.max(initial=1)) + within)
 
 
-def gps_drift(
-    nodes: FloatArray, journal: Journal, at_nodes: Sensitivity, candidates: FloatArray
-) -> GpsDrift | None:
+def law_of(nodes: FloatArray, journal: Journal, at_nodes: Sensitivity, candidates: FloatArray) -> Law | None:
     """The slow error that the innovations of the plain model call for; None where they do not.
 
     Parameters
@@ -172,71 +199,61 @@ def gps_drift(
     journal, at_nodes : a pass with the sensitivities to the error's values at them
     candidates : (r, p) sensitivities to all lasting candidates
     """
-    rows = rows_of(journal)
-    t = np.repeat(journal.t, journal.dof)[rows]
-    sensor = np.repeat(journal.sensor, journal.dof)[rows]
-    mine = sensor == journal.sensors.index("gps")
-    rest = _Rest(at_nodes.rows, at_nodes.white, candidates)
-    spacing = float(nodes[1] - nodes[0])
-    best: tuple[float, FloatArray, float, float] | None = None
-    for tau in _TIME_CONSTANTS:
-        R = _correlation(nodes, tau * spacing)
-        gain, v = rest.likeliest(np.kron(np.linalg.cholesky(R), np.eye(_AXES)), mine)
-        if best is None or gain > best[0]:
-            best = gain, v * np.kron(R, np.eye(_AXES)), tau * spacing, float(np.sqrt(v))
-    assert best is not None
-    gain, covariance, tau, sigma = best
+    used = rows_of(journal)
+    t, sensor = np.repeat(journal.t, journal.dof)[used], np.repeat(journal.sensor, journal.dof)[used]
+    rest = _Rest(at_nodes.rows, at_nodes.white, candidates, sensor == journal.sensors.index("gps"))
+    gain, law = rest.likeliest(nodes)
     if gain < _NEEDED:
         return None
-    whitening = Whitening(rest.V, covariance, np.searchsorted(nodes, t))
-    gains = rest.z**2 - whitening.of(rest.z[:, None])[:, 0] ** 2 - 2.0 * whitening.log_root
-    third = np.minimum((_PARTS * (t - nodes[0]) / (nodes[-1] - nodes[0])).astype(int), _PARTS - 1)
-    if np.sort(np.bincount(third, gains, _PARTS))[1] < _NEEDED_IN_PART:
+    whitening = Whitening(rest.V, law.covariance)
+    gains = (rest.z**2 - whitening.of(rest.z[:, None])[:, 0] ** 2) / law.noise - 2.0 * whitening.log_root
+    part = np.minimum((_PARTS * (t - nodes[0]) / (nodes[-1] - nodes[0])).astype(int), _PARTS - 1)
+    if np.sort(np.bincount(part, gains, _PARTS))[1] < _NEEDED_IN_PART:
         return None
-    component = components_of(journal)[rows]
-    order = np.argsort(component)
-    every = max(int(tau / (_SPACINGS * spacing)), 1)
-    coarse = nodes[0] + np.arange(0.0, nodes[-1] - nodes[0] + (every - 1e-9) * spacing, every * spacing)
-    hats = np.maximum(1.0 - np.abs(nodes[:, None] - coarse) / (every * spacing), 0.0)
-    V = at_nodes.rows[order] @ np.kron(hats, np.eye(_AXES))
-    return GpsDrift(coarse, sigma**2 * np.kron(_correlation(coarse, tau), np.eye(_AXES)), V, component[order], tau, sigma)
+    spacing = max(float(nodes[1] - nodes[0]), law.tau / _SPACINGS)
+    count = int(np.ceil((nodes[-1] - nodes[0]) / spacing)) + 1
+    return replace(law, nodes=np.linspace(nodes[0], nodes[-1], count))
 
 
 def _correlation(t: FloatArray, tau: float) -> FloatArray:
-    return np.exp(-np.abs(np.subtract.outer(t, t)) / tau)
+    return np.asarray(np.exp(-np.abs(np.subtract.outer(t, t)) / tau))
 
 
 class _Rest:
-    """What no candidate explains: innovations and sensitivities with the candidates projected out."""
+    """What no candidate explains: innovations and sensitivities with the candidates projected out.
 
-    def __init__(self, V: FloatArray, z: FloatArray, candidates: FloatArray) -> None:
+    Parameters
+    ----------
+    mine : (r,) rows of the GPS, whose mean square is the white noise
+    """
+
+    def __init__(self, V: FloatArray, z: FloatArray, candidates: FloatArray, mine: BoolArray) -> None:
         unit = candidates / np.maximum(np.linalg.norm(candidates, axis=0), 1e-300)
         values, vectors = np.linalg.eigh(unit.T @ unit)
         seen = values > 1e-10 * max(float(values.max(initial=0.0)), 1e-300)
         Q = unit @ (vectors[:, seen] / np.sqrt(values[seen]))
-        self.V, self.z = V - Q @ (Q.T @ V), z - Q @ (Q.T @ z)
+        self.V, self.z, self._mine = V - Q @ (Q.T @ V), z - Q @ (Q.T @ z), mine
+        self._information, self._score = self.V.T @ self.V, self.V.T @ self.z
 
-    @cached_property
-    def _information(self) -> FloatArray:
-        return np.asarray(self.V.T @ self.V)
-
-    @cached_property
-    def _score(self) -> FloatArray:
-        return np.asarray(self.V.T @ self.z)
-
-    def likeliest(self, root: FloatArray, mine: BoolArray) -> tuple[float, float]:
-        """Gain of 2 log L and variance of the likeliest law v root root', beside the white noise that it leaves the GPS
-        where that is larger than declared.
-        """
-        information, directions = np.linalg.eigh(root.T @ self._information @ root)
-        information = np.maximum(information, 0.0)
-        y = directions.T @ (root.T @ self._score)
-        v = _VARIANCES[:, None] / max(float(information[-1]), 1e-300)
-        s2 = 1.0
-        for _ in range(2):
-            shrunk = v / (1.0 + v * information / s2)
-            gain = shrunk @ y**2 / s2**2 - np.sum(np.log(1.0 + v * information / s2), axis=1)
-            k = int(np.argmax(gain))
-            left = self.z - self.V @ (root @ (directions @ (shrunk[k] * y / s2)))
-            s2 = max(1.0, float(np.mean(left[mine] ** 2)))
-        return float(gain[k]), float(v[k, 0])
+    def likeliest(self, nodes: FloatArray) -> tuple[float, Law]:
+        """Gain of 2 log L over white noise as large, and the law."""
+        spacing = float(nodes[1] - nodes[0])
+        roots = {}
+        for tau in _TIME_CONSTANTS:
+            root = np.kron(np.linalg.cholesky(_correlation(nodes, tau * spacing)), np.eye(_AXES))
+            information, directions = np.linalg.eigh(root.T @ self._information @ root)
+            roots[tau] = np.maximum(information, 0.0), root @ directions
+        noise, found = 1.0, (-np.inf, Law(nodes, spacing, 0.0))
+        for _ in range(_ROUNDS):
+            found, left = (-np.inf, found[1]), self.z
+            for tau, (information, root) in roots.items():
+                y = root.T @ self._score
+                v = _VARIANCES[:, None] / max(float(information[-1]), 1e-300)  # over the noise
+                shrunk = v / (1.0 + v * information)
+                gain = shrunk @ y**2 / noise - np.sum(np.log(1.0 + v * information), axis=1)
+                k = int(np.argmax(gain))
+                if gain[k] > found[0]:
+                    law = Law(nodes, tau * spacing, float(np.sqrt(v[k, 0] * noise)), noise)
+                    found, left = (float(gain[k]), law), self.z - self.V @ (root @ (shrunk[k] * y))
+            noise = max(1.0, float(np.mean(left[self._mine] ** 2)))
+        return found

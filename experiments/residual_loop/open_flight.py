@@ -6,16 +6,20 @@ from experiments.residual_loop.flight import FlightSource
 from sensors.recording import Recording
 
 
-def flight_source(recording: Recording) -> FlightSource:
+def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource:
     """The source of a flight; what the recording does not declare of noise, field and heading is taken from the log.
 
     The preparation is that of `sinan estimate`; what it took is in the notes of the source's recording. From a coarse
     first attitude readings are linear about the smoothed motion: a filter that linearises at its own estimates would
     blame `mag.declination` (docs/notes/filter_consistency.md).
+
+    Parameters
+    ----------
+    slow_error : see `FlightSource`
     """
     from estimator.relinearise import is_coarse
     from experiments.measured.preparation import prepared
 
     ready = prepared(recording)
     coarse = is_coarse(ready.recording, ready.model)
-    return FlightSource(ready.recording, ready.model.replace(relinearise=coarse))
+    return FlightSource(ready.recording, ready.model.replace(relinearise=coarse), slow_error)

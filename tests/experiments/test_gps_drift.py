@@ -1,0 +1,125 @@
+"""A slow error of the GPS that nobody declared: found, its noise taken off, and effects seen beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.flight_model import flight_model
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.flight_passes import FlightPasses
+from experiments.residual_loop.gps_drift import (
+    GpsDrift,
+    Law,
+    Whitening,
+    error_at_nodes,
+    nodes_for,
+    rows_of,
+)
+from experiments.residual_loop.select import select
+from experiments.scenarios import load_scenario, parse_effect
+from sensors.arrays import FloatArray
+from sensors.recording import POSITION, Recording
+from sensors.simulate import simulate
+
+TAU, SHARE = 4.0, 0.8
+
+
+def flown(scenario: str, seed: int, *effects: str) -> Recording:
+    return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])[0]
+
+
+def drifting(recording: Recording, seed: int, tau: float = TAU, share: float = SHARE) -> Recording:
+    """With a first-order Markov process on each coordinate of the GPS, in shares of its declared noise."""
+    rng, gps = np.random.default_rng(seed), recording.streams["gps"]
+    error = np.empty((len(gps.t), 3))
+    error[0] = rng.standard_normal(3)
+    for k, decay in enumerate(np.exp(-np.diff(gps.t) / tau), start=1):
+        error[k] = decay * error[k - 1] + np.sqrt(1.0 - decay**2) * rng.standard_normal(3)
+    error *= share * recording.spec("gps").noise_std
+    columns = {**gps.columns, **{c: gps.columns[c] + error[:, i] for i, c in enumerate(POSITION)}}
+    return recording.replace(streams={**recording.streams, "gps": replace(gps, columns=columns)})
+
+
+def source(recording: Recording) -> FlightSource:
+    return FlightSource(recording, flight_model(recording))
+
+
+@pytest.fixture(scope="module")
+def plain() -> Recording:
+    return flown("figure_eight", 31)
+
+
+def test_the_whitening_is_a_root_of_the_covariance() -> None:
+    rng = np.random.default_rng(1)
+    V, A = rng.standard_normal((400, 6)), rng.standard_normal((6, 6))
+    V[:200, 3:] = 0.0  # which is later
+    K = A @ A.T
+    dense = np.eye(400) + V @ K @ V.T
+    whitening = Whitening(V, K)
+    L = np.linalg.cholesky(dense)
+    y = rng.standard_normal((400, 3))
+    np.testing.assert_allclose(whitening.of(y), np.linalg.solve(L, y), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(whitening.log_root, np.log(np.diag(L)), rtol=1e-9)
+
+
+def test_a_constant_error_is_a_bias_of_the_filter(plain: Recording) -> None:
+    """A drift that lasts for ever is a constant: the innovations are those of a filter with a wider bias."""
+    model = flight_model(plain)
+    gps, more = model.sensors["gps"], 2.0
+    wider = replace(gps, bias_std=float(np.hypot(gps.bias_std, more)))
+    passes = FlightPasses(plain, model)
+    nodes = np.linspace(passes.start, passes.end, 5)
+    journal, at_nodes = passes.run([error_at_nodes(nodes)], [], [], passes.plain_motion)
+    drift = GpsDrift.of(Law(nodes, np.inf, more), journal, at_nodes)
+    taken_off, _ = drift.taken_off(journal, at_nodes)
+    known = FlightPasses(plain, model.replace(sensors={**model.sensors, "gps": wider}))
+    asked, _ = known.run([], [], [], passes.plain_motion)
+    assert passes.deviance(taken_off, "all") == pytest.approx(passes.deviance(asked, "all"), abs=0.05)
+    assert abs(passes.deviance(journal, "all") - passes.deviance(asked, "all")) > 1.0
+    used = rows_of(journal)
+    np.testing.assert_allclose(taken_off.white[used] ** 2, asked.white[used] ** 2, atol=0.02)
+
+
+def test_a_slow_error_is_found_with_its_size(plain: Recording) -> None:
+    law = source(drifting(plain, 2)).slow_error
+    assert law is not None
+    assert 0.4 * TAU < law.tau < 2.5 * TAU
+    assert law.sigma == pytest.approx(SHARE * plain.spec("gps").noise_std, rel=0.35)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), ("gps.step=3,-2,2@60",), ("gps.transient=4,0,-4@40:50",), ("gps.latency=0.2",)]
+)
+def test_what_is_no_slow_error_is_not_taken_for_one(effects: tuple[str, ...]) -> None:
+    assert source(flown("figure_eight", 32, *effects)).slow_error is None
+
+
+def test_beside_a_slow_error_the_residual_is_white_and_no_effect_named(plain: Recording) -> None:
+    coloured = source(drifting(plain, 3))
+    fit = coloured.fit(())
+    gps = next(r for r in coloured.residuals(fit) if r.stream == "gps")
+    assert _neighbours(gps.whitened[:, :3]) < 0.1
+    assert _neighbours(gps.residual[:, :3]) > 0.15
+    assert select(coloured).names == ()
+
+
+def test_the_right_effect_beside_a_slow_error() -> None:
+    present = parse_effect("gyro.scale=0.012,-0.01,0.015")
+    selection = select(source(drifting(flown("figure_eight", 33, "gyro.scale=0.012,-0.01,0.015"), 4)))
+    assert selection.names == (present.effect.name,)
+    finding = selection.findings[0]
+    assert np.all(np.abs(finding.beta - present.beta) < 4.0 * finding.std)
+
+
+def test_few_readings_have_no_nodes() -> None:
+    assert not len(nodes_for(0.0, 5.0, 1000))
+    assert not len(nodes_for(0.0, 1e4, 10**7))
+    assert len(nodes_for(0.0, 100.0, 10**4)) == 100
+
+
+def _neighbours(z: FloatArray) -> float:
+    """Correlation of neighbouring rows."""
+    return float(np.sum(z[1:] * z[:-1]) / np.sum(z**2))
