@@ -171,9 +171,10 @@ class _Truth:
 
     def __init__(self, folder: Path, answer: Mapping[str, Any]) -> None:
         recording = resolve(str(folder), None)
-        flight = recording.kind == "flight"
+        flight, sensor = recording.kind == "flight", answer["sensor"]
         self.sums = answer["kind"] == "gyro_turns"
-        self.source: Source = flight_source(recording, slow_error=False) if flight else pose_source(recording, answer["sensor"])
+        # lambda by the declared noise: a slow error of the GPS is not counted
+        self.source: Source = flight_source(recording, False) if flight else pose_source(recording, sensor)
         self.terms = {_term(e["name"], e["interval"]): np.array(e["beta"], dtype=float) for e in answer["effects"]}
         self.wrong = {_term(e["name"], e["interval"]): np.array(e["wrong"], dtype=float) for e in answer["effects"]}
         if answer["sensor"] == "mag" and not flight:

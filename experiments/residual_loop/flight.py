@@ -288,11 +288,13 @@ class FlightSource:
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
         effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
-        it follows it.
+        it follows it; but not where its slow error is part of the noise already.
         """
         slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
         found = dict.fromkeys(terms, -np.inf)
         drifting = [stream for stream in DRIFTING if stream in self._local_streams][:1]  # with those that share it
+        if self.slow_error is not None:
+            drifting = []
         for stream in sorted({*slow, *drifting}):
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
