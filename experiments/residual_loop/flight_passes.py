@@ -308,8 +308,8 @@ class FlightPasses:
         order and passes for an error of the accelerometer. So a pass starts no wider than a filter stays linear, where
         all readings together know the first attitude so much better than that sigma that it adds nothing to them.
         Beside an effect that turns the heading they know it less well: the first step towards such an effect is shorter
-        for that, and each pass starts from where the one before has ended. A declared sigma stays where the heading is kept
-        that it is of.
+        for that, and each pass starts from where the one before has ended. Where the declared heading is kept, so is
+        its sigma.
         """
         declared = self.recording.initial.attitude_std
         if declared is not None and declared <= _SECOND_ORDER:
