@@ -105,7 +105,12 @@ class FlightSource:
         if colour is None or colour[1] > _COLOURED or not len(nodes):
             return None
         journal, at_nodes = run([error_at_nodes(nodes)])
-        return law_of(nodes, journal, at_nodes, run(self._candidates)[1].rows)
+        by_place = probes_for(("gps",), self._passes.plain_motion, {}, self.model.sensors)
+        explained = run([*self._candidates, *by_place])[1].rows
+        if law_of(nodes, journal, at_nodes, explained) is None:
+            return None
+        effects = explained[:, : sum(entry.size for entry in self._candidates)]
+        return law_of(nodes, journal, at_nodes, effects)  # much of a slow error goes with the place of a short flight
 
     @property
     def recording(self) -> Recording:

@@ -7,7 +7,8 @@ white. The innovations of the same filter with u in its state are L^-1 z with L 
 sensitivities go the same way. It is what Friedland's two filters do for a constant, in the order of time.
 
 K_ij = v exp(-|t_i - t_j| / tau), each axis alike; v and tau have the largest likelihood in what no lasting candidate
-explains, so that an effect is not taken for noise.
+explains, and the error has to be there in what the place does not explain either, so that no effect and no reflection is
+taken for noise.
 
 Neglects what the error does between two nodes, a hundredth of a log at best, what fits other than the plain one change
 of V, and that a base receiver may share it. The law is found about the plain model, once.
@@ -22,6 +23,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from estimator.events import ACCEPTED
 from estimator.journal import Journal
+from estimator.score import CONFUSED
 from estimator.sensitivity import Sensitivity
 from experiments.residual_loop.probes import offsets, probe
 from sensors.arrays import BoolArray, FloatArray, IntArray
@@ -38,9 +40,11 @@ _SPACINGS, _MOST_KNOWN = 3.0, 3
 #: Time constants that are tried, in spacings of the nodes, and variances, over one over the largest information.
 _TIME_CONSTANTS = (1.5, 2.5, 4.0, 6.0, 10.0, 16.0, 40.0)
 _VARIANCES = np.logspace(-1.0, 6.0, 29)
-#: The error is there where it gains this of 2 log L, and the last of these in two thirds of the log at least: a step
-#: or a disturbance shows in one.
-_NEEDED, _PARTS, _NEEDED_IN_PART = 12.0, 3, 4.0
+#: The error is there where it gains this of 2 log L, and in two thirds of the log at least this: a step shows in one.
+_NEEDED, _NEEDED_IN_THIRD = 12.0, 4.0
+#: And where no third of a third is exp(5) times likelier without it, which one law in exp(5) would be by chance: what
+#: comes and goes, as a reflection does, has no law.
+_PARTS, _AGAINST = 9, -CONFUSED
 #: Rows that are made white at a time; rounds in which law and white noise are found.
 _ROWS, _ROUNDS = 128, 2
 
@@ -190,25 +194,26 @@ def components_of(journal: Journal) -> IntArray:
     return np.asarray(np.repeat(reading, dof) * int(dof.max(initial=1)) + within)
 
 
-def law_of(nodes: FloatArray, journal: Journal, at_nodes: Sensitivity, candidates: FloatArray) -> Law | None:
+def law_of(nodes: FloatArray, journal: Journal, at_nodes: Sensitivity, explained: FloatArray) -> Law | None:
     """The slow error that the innovations of the plain model call for; None where they do not.
 
     Parameters
     ----------
     nodes : (m,) s
     journal, at_nodes : a pass with the sensitivities to the error's values at them
-    candidates : (r, p) sensitivities to all lasting candidates
+    explained : (r, p) sensitivities to what is no such error: all lasting candidates, and what else it may follow
     """
     used = rows_of(journal)
     t, sensor = np.repeat(journal.t, journal.dof)[used], np.repeat(journal.sensor, journal.dof)[used]
-    rest = _Rest(at_nodes.rows, at_nodes.white, candidates, sensor == journal.sensors.index("gps"))
+    rest = _Rest(at_nodes.rows, at_nodes.white, explained, sensor == journal.sensors.index("gps"))
     gain, law = rest.likeliest(nodes)
     if gain < _NEEDED:
         return None
     whitening = Whitening(rest.V, law.covariance)
     gains = (rest.z**2 - whitening.of(rest.z[:, None])[:, 0] ** 2) / law.noise - 2.0 * whitening.log_root
     part = np.minimum((_PARTS * (t - nodes[0]) / (nodes[-1] - nodes[0])).astype(int), _PARTS - 1)
-    if np.sort(np.bincount(part, gains, _PARTS))[1] < _NEEDED_IN_PART:
+    by_part = np.bincount(part, gains, _PARTS)
+    if np.sort(by_part.reshape(3, -1).sum(axis=1))[1] < _NEEDED_IN_THIRD or np.min(by_part) < _AGAINST:
         return None
     spacing = max(float(nodes[1] - nodes[0]), law.tau / _SPACINGS)
     count = int(np.ceil((nodes[-1] - nodes[0]) / spacing)) + 1
@@ -220,15 +225,15 @@ def _correlation(t: FloatArray, tau: float) -> FloatArray:
 
 
 class _Rest:
-    """What no candidate explains: innovations and sensitivities with the candidates projected out.
+    """What nothing else explains: innovations and sensitivities with that projected out.
 
     Parameters
     ----------
     mine : (r,) rows of the GPS, whose mean square is the white noise
     """
 
-    def __init__(self, V: FloatArray, z: FloatArray, candidates: FloatArray, mine: BoolArray) -> None:
-        unit = candidates / np.maximum(np.linalg.norm(candidates, axis=0), 1e-300)
+    def __init__(self, V: FloatArray, z: FloatArray, explained: FloatArray, mine: BoolArray) -> None:
+        unit = explained / np.maximum(np.linalg.norm(explained, axis=0), 1e-300)
         values, vectors = np.linalg.eigh(unit.T @ unit)
         seen = values > 1e-10 * max(float(values.max(initial=0.0)), 1e-300)
         Q = unit @ (vectors[:, seen] / np.sqrt(values[seen]))
