@@ -7,8 +7,8 @@ white. The innovations of the same filter with u in its state are L^-1 z with L 
 sensitivities go the same way. It is what Friedland's two filters do for a constant, in the order of time.
 
 K_ij = v exp(-|t_i - t_j| / tau), each axis alike; v and tau have the largest likelihood in what no lasting candidate
-explains, and the error has to be there in what the place does not explain either, so that no effect and no reflection is
-taken for noise.
+explains, and the error has to be there in what the place does not explain either: no effect and no reflection is taken
+for noise.
 
 Neglects what the error does between two nodes, a hundredth of a log at best, what fits other than the plain one change
 of V, and that a base receiver may share it. The law is found about the plain model, once.
