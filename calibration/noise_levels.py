@@ -18,7 +18,7 @@ from estimator.effect_forms import declared_terms, inputs_with, reference_motion
 from estimator.events import Events, collect
 from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, FlightModel, flight_model
-from estimator.imu import ImuTable, imu_table
+from estimator.imu import imu_table
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -279,12 +279,15 @@ class _Ready:
 
     Attributes
     ----------
+    recorded : as it is
     recording : without the effects in what the first attitude is found from
-    imu, events : without them; the events still have the model's own form of each reading
+    u : (N, 6) readings of the IMU table without them; None: as they are. The noise of its steps goes with the levels.
+    events : without them; the events still have the model's own form of each reading
     """
 
+    recorded: Recording
     recording: Recording
-    imu: ImuTable
+    u: FloatArray | None
     events: Events
 
     @classmethod
@@ -292,16 +295,18 @@ class _Ready:
         """Of a recording, along the motion found with these levels."""
         terms, table = declared_terms(recording), imu_table(recording, model)
         if not terms:
-            return cls(recording, table, collect(recording, model))
+            return cls(recording, recording, None, collect(recording, model))
         journal = run_with_effects(recording, model, terms, engine="numba", stride=0)
         motion = reference_motion(recording, journal, terms, table)
         inputs = inputs_with(recording, model, terms, motion, table)
-        return cls(taken_off(recording, model, terms, motion, table), inputs.imu, inputs.events)
+        return cls(recording, taken_off(recording, model, terms, motion, table), inputs.imu.u, inputs.events)
 
     def run(self, model: FlightModel) -> Journal:
         """One pass with other levels, or another field."""
-        first = first_state(self.recording, model)
-        return run(prepare(self.recording, model, imu=self.imu, events=self.events, first=first), "numba", stride=0)
+        table, first = imu_table(self.recorded, model), first_state(self.recording, model)
+        if self.u is not None:
+            table = replace(table, u=self.u)
+        return run(prepare(self.recording, model, imu=table, events=self.events, first=first), "numba", stride=0)
 
 
 @dataclass

@@ -9,7 +9,7 @@ import pytest
 
 from calibration.compass import compass_of, corrected, direction_at
 from calibration.heading import with_heading
-from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels, noise_levels
+from calibration.noise_levels import NoiseFit, _Problem, first_guess, fit_noise_levels, noise_levels
 from calibration.noise_start import reading_noise, resolution
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
@@ -94,6 +94,22 @@ def test_declared_key_stays_and_the_rest_is_found(flight: tuple[Recording, Strea
     specs, missing, _ = first_guess(half)
     assert specs["mag"].noise_std == 0.007
     assert ("mag", "bias_walk") in missing
+
+
+@pytest.mark.parametrize("effects", [[], ["mag.current=0.01,0,0.005"]])
+def test_every_level_is_in_the_likelihood(effects: list[str]) -> None:
+    """The filter that the levels are sought with is the filter at those levels: of the IMU, too."""
+    shown = [parse_effect(e) for e in effects]
+    recording, _ = simulate(load_scenario("hover"), np.random.default_rng(6), shown, declare=bool(effects))
+    asked = bare(recording)
+    specs, missing, _ = first_guess(asked)
+    problem = _Problem(asked, specs, tuple(missing))
+    for i, key in enumerate(missing):
+        theta = 1.5 * np.eye(len(missing))[i]
+        levels = problem.specs_of(theta)
+        at_levels = flight_model(asked, specs=levels, gate_level=None)
+        known = run_filter(asked, at_levels, stride=0).log_likelihood
+        assert problem.journal(theta, robust_level=None).log_likelihood == pytest.approx(known, abs=0.5), key
 
 
 def test_an_effect_that_is_declared_is_no_noise() -> None:
