@@ -17,7 +17,7 @@ from experiments.residual_loop.manoeuvre import CLASS_BOUND
 from experiments.residual_loop.open_flight import flight_source
 from experiments.residual_loop.open_source import pose_source
 from experiments.residual_loop.prove import held_out
-from experiments.residual_loop.source import Fit, Source
+from experiments.residual_loop.source import LEAST_SPARE, Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -206,14 +206,18 @@ class _Truth:
         return True
 
     def lambdas(self) -> list[_Lambda]:
-        """Of each hidden effect that the model can have, else 0; outliers: their chi-square."""
+        """Of each hidden effect that the model can have, else 0; outliers: their chi-square.
+
+        A model that has as many parameters as there are readings leaves nothing to tell its effects by.
+        """
         evidence = self.source.evidence(self.fit)
+        fits_anything = evidence.spare < LEAST_SPARE
         keys = [t.key for t in self.in_mean]
         found = []
         for term, beta in self.terms.items():
             if not term.in_mean:
                 found.append(_Lambda.alone(self._of_outliers(term)))
-            elif term in self.in_mean:
+            elif term in self.in_mean and not fits_anything:
                 others = [key for key in evidence.names if key != term.key]
                 apart = [key for key in others if not _in_one_class(evidence, term.key, key)]
                 hidden = [key for key in keys if key != term.key]

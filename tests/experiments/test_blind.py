@@ -15,8 +15,18 @@ from estimator.score import DETECTABLE_LAMBDA
 from experiments.blind import benchmark
 from experiments.blind.benchmark import REPORTS, graded, refused
 from experiments.blind.examine import index_of
-from experiments.blind.grade import Grade
-from experiments.blind.maker.make import ANSWER_FILE, INDEX_FILE, TRUTH_FILE, answers_folder, make, run_name
+from experiments.blind.grade import Grade, grade
+from experiments.blind.maker.make import (
+    ANSWER_FILE,
+    CLASS_SHARES,
+    INDEX_FILE,
+    KIND_SHARES,
+    TRUTH_FILE,
+    answers_folder,
+    make,
+    make_one,
+    run_name,
+)
 from experiments.blind.rates import (
     ALARM,
     BETA,
@@ -279,6 +289,16 @@ def test_second_run_reads_the_reports(poses: tuple[Path, list[Grade]], monkeypat
 
     monkeypatch.setattr(benchmark, "examine", nobody)
     assert repr(run_poses(out)) == repr(first)
+
+
+def test_nothing_can_be_found_where_a_model_fits_anything(tmp_path: Path) -> None:
+    """Three effects in 13 poses without declared noise: the model that knows them has more parameters than readings."""
+    make_one(
+        tmp_path, 12002, 194, dict(KIND_SHARES), "mixed", {c: CLASS_SHARES[c] for c in ("one", "several", "outside")}
+    )
+    found = grade(tmp_path, run_name(194), refused("") | {"verdict": "no_effect"})
+    assert found.hidden == ("mag.temperature", "mag.cross_axis", "mag.current")
+    assert found.information == (0.0, 0.0, 0.0)
 
 
 def test_grade_of_another_recording_is_not_taken(tmp_path: Path) -> None:
