@@ -81,23 +81,46 @@ class FlightSource:
         self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
-        self._passes.slow_error = self._find_slow_error() if slow_error else None
-        if self.slow_error is not None:
-            told = f"gps: errs slowly besides its noise, by {self.slow_error.sigma:.2g} m"
-            for_how_long = f"for {self.slow_error.tau:.2g} s: counted as noise, as the log has it"
-            notes = (*self.recording.notes, f"{told} {for_how_long}")
-            self._passes.recording = self.recording.replace(notes=notes)
+        self._notes, self._asks_for_slow_error = kept.notes, slow_error
+        if slow_error:
+            self._take_for_noise(self._slow_error_about(_state(self.fit(()))))
 
     @property
     def slow_error(self) -> Law | None:
         """That of the GPS which is part of the noise; None: its noise is white as far as the log tells."""
         return self._passes.slow_error
 
-    def _find_slow_error(self) -> Law | None:
-        """The slow error of the GPS that the plain model leaves, where it does."""
+    def noise_renewed(self, fit: Fit) -> bool:
+        """Take the slow error of the GPS that is there beside the effects of the fit for noise: a disturbance of some
+        seconds may have passed for one, or hidden it; whether it changed.
+        """
+        if not self._asks_for_slow_error:
+            return False
+        found, known = self._slow_error_about(_state(fit)), self.slow_error
+        if found is known is None or (found is not None and known is not None and found.is_like(known)):
+            return False
+        self._take_for_noise(found)
+        return True
+
+    def _take_for_noise(self, law: Law | None) -> None:
+        """Count a slow error of the GPS as noise from now on, and no other; every fit before is of other noise."""
+        if law is None and self.slow_error is None:
+            return
+        notes = self._notes
+        if law is not None:
+            told = f"gps: errs slowly besides its noise, by {law.sigma:.2g} m"
+            notes = (*notes, f"{told} for {law.tau:.2g} s: counted as noise, as the log has it")
+        self._passes.slow_error = law
+        self._passes.recording = self.recording.replace(notes=notes)
+
+    def _slow_error_about(self, state: Fitted) -> Law | None:
+        """The slow error of the GPS that a fit leaves, where it does."""
         if "gps" not in self.model.sensors:
             return None
-        run = partial(self._passes.run, effects=[], beta=[], motion=self._passes.plain_motion)
+        own = list(state.effects)
+        run = partial(
+            self._passes.run_of_filter, effects=own, beta=state.beta, motion=state.motion, recording=state.recording
+        )
         journal, _ = run([])
         one = journal.stream("gps")
         colour = whiteness(one.white[one.accepted]) if np.any(one.accepted) else None
@@ -106,10 +129,12 @@ class FlightSource:
             return None
         journal, at_nodes = run([error_at_nodes(nodes)])
         by_place = probes_for(("gps",), self._passes.plain_motion, {}, self.model.sensors)
-        explained = run([*self._candidates, *by_place])[1].rows
+        named = {entry.name for entry in own}
+        candidates = [*own, *(entry for entry in self._candidates if entry.name not in named)]
+        explained = run([*candidates, *by_place])[1].rows
         if law_of(nodes, journal, at_nodes, explained) is None:
             return None
-        effects = explained[:, : sum(entry.size for entry in self._candidates)]
+        effects = explained[:, : sum(entry.size for entry in candidates)]
         return law_of(nodes, journal, at_nodes, effects)  # much of a slow error goes with the place of a short flight
 
     @property

@@ -124,10 +124,10 @@ class FlightPasses:
         recording : another with the same IMU; default: that without wrong readings
         """
         recording = self.recording if recording is None else recording
-        found = self._run(wanted, effects, beta, motion, recording)
+        found = self.run_of_filter(wanted, effects, beta, motion, recording)
         return found if self.slow_error is None else self._drift(self.slow_error, recording).taken_off(*found)
 
-    def _run(
+    def run_of_filter(
         self,
         wanted: Sequence[Effect],
         effects: Sequence[Effect],
@@ -135,7 +135,7 @@ class FlightPasses:
         motion: Motion,
         recording: Recording,
     ) -> tuple[Journal, Sensitivity]:
-        """One pass of the filter as it is."""
+        """The same of the filter as it is, without a slow error of the GPS in its noise."""
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
             self._started(recording, motion),
@@ -154,7 +154,7 @@ class FlightPasses:
         for known, drift in self._drifts:
             if known is recording:
                 return drift
-        found = self._run([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
+        found = self.run_of_filter([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
         self._drifts = [(recording, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
         return self._drifts[0][1]
 

@@ -11,7 +11,7 @@ explains, and the error has to be there in what the place does not explain eithe
 for noise.
 
 Neglects what the error does between two nodes, a hundredth of a log at best, what fits other than the plain one change
-of V, and that a base receiver may share it. The law is found about the plain model, once.
+of V, and that a base receiver may share it. The law is found about the plain model, and again beside what is found.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ _NEEDED, _NEEDED_IN_THIRD = 12.0, 4.0
 #: And where no third of a third is exp(5) times likelier without it, which one law in exp(5) would be by chance: what
 #: comes and goes, as a reflection does, has no law.
 _PARTS, _AGAINST = 9, -CONFUSED
+#: Ratio of two variances or time constants that one log hardly tells.
+_ALIKE = 2.0
 #: Rows that are made white at a time; rounds in which law and white noise are found.
 _ROWS, _ROUNDS = 128, 2
 
@@ -80,6 +82,11 @@ class Law:
     tau: float
     sigma: float
     noise: float = 1.0
+
+    def is_like(self, other: Law) -> bool:
+        """Whether another is the same to what one log tells: variance and time constant within a factor of two."""
+        ratios = (self.sigma / other.sigma) ** 2, self.tau / other.tau
+        return all(1.0 / _ALIKE < ratio < _ALIKE for ratio in ratios)
 
     @property
     def covariance(self) -> FloatArray:

@@ -335,6 +335,10 @@ class LeastSquaresSource:
         """Never: the search has no interval as short as that."""
         return False
 
+    def noise_renewed(self, fit: Fit) -> bool:
+        """Never: each fit has the noise that it leaves."""
+        return False
+
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Minus infinity: the readings have no filter that slow noise could fool."""
         return [-np.inf] * len(terms)

@@ -33,8 +33,9 @@ SHORTLIST_BESIDE = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
 
-#: Times that readings are set aside for what would have been a disturbance of one or two.
-_MOST_ROUNDS = 3
+#: Times that readings are set aside for what would have been a disturbance of one or two, and that the selection begins
+#: again with other noise.
+_MOST_ROUNDS, _MOST_NOISES = 3, 2
 #: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
 _FORETOLD = 0.1
 
@@ -101,6 +102,7 @@ def select(
     4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
+    6. Where the noise is another one beside what was found, all of it is done again with that.
 
     Parameters
     ----------
@@ -108,6 +110,16 @@ def select(
     part : the data that may be used
     given : terms that are in the model from the start and stay there, with a first estimate
     """
+    selection = _selected(source, alpha, part, given)
+    for _ in range(0 if given or part != "all" else _MOST_NOISES):
+        if not selection.findings or not source.noise_renewed(selection.final):
+            break
+        selection = _selected(source, alpha, part, given)
+    return selection
+
+
+def _selected(source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None) -> Selection:
+    """The selection with the noise as it is."""
     most, shortlist = (MOST_BESIDE, SHORTLIST_BESIDE) if given else (MOST_EFFECTS, SHORTLIST)
     path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha))
     while len(path.findings) < most:

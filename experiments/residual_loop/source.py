@@ -35,7 +35,7 @@ class Fit:
     terms : the effects, in order of discovery
     beta, std : of each term
     deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part between two
-        `set_aside`
+        `set_aside` or `noise_renewed`
     part : the data that were used
     detail : what the source needs to go on from here; nobody else looks at it
     """
@@ -200,6 +200,9 @@ class Source(Protocol):
         """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings
         and no disturbance; whether they are.
         """
+
+    def noise_renewed(self, fit: Fit) -> bool:
+        """Take for the noise what is noise about this fit: an effect may have passed for some; whether that changed."""
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a

@@ -123,6 +123,15 @@ def test_the_right_effect_beside_a_slow_error() -> None:
     assert np.all(np.abs(finding.beta - present.beta) < 4.0 * finding.std)
 
 
+def test_a_disturbance_that_passed_for_a_slow_error_is_none() -> None:
+    recording = flown("figure_eight", 12, "gps.transient=1.26,-0.88,1.01@20:33")
+    streams = {name: stream.rows(stream.t <= 50.0) for name, stream in recording.streams.items()}
+    disturbed = source(recording.replace(streams=streams))
+    assert disturbed.slow_error is not None
+    assert select(disturbed).names == ("gps.transient",)
+    assert disturbed.slow_error is None
+
+
 def test_few_readings_have_no_nodes() -> None:
     assert not len(nodes_for(0.0, 5.0, 1000))
     assert not len(nodes_for(0.0, 1e4, 10**7))
