@@ -260,14 +260,18 @@ class FlightSource:
 
     # ---- localised effects
 
-    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
+    def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
         """The best step and the best transient of every stream, and the wrong readings, about the fit."""
-        state = _state(fit)
+        named = {term.name for term in fit.terms}
+        outliers = [found for found in self._outliers(_state(fit)) if found.term.name not in named]
+        return [*self._intervals(fit), *outliers] if intervals else outliers
+
+    def _intervals(self, fit: Fit) -> Sequence[LocalFinding]:
+        """The best step and the best transient of every stream."""
         worth = float(np.log(0.01 / self.families))
         stamps = {stream: self._stamps(stream) for stream in self._local_streams}
-        found = best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), len(state.journal.nu), worth)
-        named = {term.name for term in fit.terms}
-        return [*found, *(o for o in self._outliers(state) if o.term.name not in named)]
+        readings = len(_state(fit).journal.nu)
+        return best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), readings, worth)
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term with the ends of its interval where the innovations about this very fit want them.

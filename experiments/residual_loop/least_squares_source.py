@@ -204,10 +204,14 @@ class LeastSquaresSource:
 
     # ---- localised effects
 
-    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
+    def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
         """The best step, the best transient, and the wrong readings, about the fit."""
-        state = _state(fit)
-        rows = self._problem.rows(state.nuisance, fit.beta, ())
+        rows = self._problem.rows(_state(fit).nuisance, fit.beta, ())
+        outliers = self._outlier_finding(fit, rows)
+        return [*(self._intervals(fit, rows) if intervals else ()), *([outliers] if outliers else [])]
+
+    def _intervals(self, fit: Fit, rows: Rows) -> Sequence[LocalFinding]:
+        """The best step and the best transient."""
         moving = fit.in_mean
         columns = rows.nuisance.shape[1] + sum(len(fit.beta[term]) for term in moving)
         noise, noise_dof, active = self._noise(fit, rows, columns)
@@ -243,8 +247,7 @@ class LeastSquaresSource:
                 term = Term(f"{self._problem.stream}.{family}", (float(t[first]), end))
                 one = LocalFinding(term, found.statistic, found.dof, found.log_p, found.beta, found.searched, calm_dof)
                 findings.append(one)
-        outliers = self._outlier_finding(fit, rows)
-        return [*findings, *([outliers] if outliers else [])]
+        return findings
 
     def _wrong_rows(self, rows: Rows, threshold: float = OUTLIER) -> BoolArray:
         wrong = np.zeros(len(rows.residual), dtype=bool)

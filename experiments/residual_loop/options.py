@@ -50,8 +50,10 @@ class Offered:
     local : the best interval of each time-localised family, once they are searched
     """
 
-    def __init__(self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str]) -> None:
-        self._source, self._fit = source, fit
+    def __init__(
+        self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str], intervals: bool
+    ) -> None:
+        self._source, self._fit, self._intervals = source, fit, intervals
         self.evidence = source.evidence(fit)
         names = {term.name for term in fit.terms}
         others = [entry.name for entry in source.candidates if entry.name not in names]
@@ -66,8 +68,8 @@ class Offered:
             self.search()
 
     def search(self) -> None:
-        """Add the best interval of each time-localised family."""
-        self.local = self._source.local_findings(self._fit)
+        """Add the best interval of each time-localised family, and the wrong readings."""
+        self.local = self._source.local_findings(self._fit, self._intervals)
         self.options += [_local_option(found, self.evidence.noise_dof) for found in self.local]
         self.searched = True
 

@@ -87,7 +87,11 @@ class Selection:
 
 
 def select(
-    source: Source, alpha: float = 0.01, part: Part = "all", given: Mapping[Term, FloatArray] | None = None
+    source: Source,
+    alpha: float = 0.01,
+    part: Part = "all",
+    given: Mapping[Term, FloatArray] | None = None,
+    intervals: bool = True,
 ) -> Selection:
     """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
 
@@ -109,19 +113,22 @@ def select(
     alpha : family-wise error over all candidates
     part : the data that may be used
     given : terms that are in the model from the start and stay there, with a first estimate
+    intervals : whether they are searched; else wrong readings alone are
     """
-    selection = _selected(source, alpha, part, given)
+    selection = _selected(source, alpha, part, given, intervals)
     for _ in range(0 if given or part != "all" else _MOST_NOISES):
         if not selection.findings or not source.noise_renewed(selection.final):
             break
-        selection = _selected(source, alpha, part, given)
+        selection = _selected(source, alpha, part, given, intervals)
     return selection
 
 
-def _selected(source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None) -> Selection:
+def _selected(
+    source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None, intervals: bool
+) -> Selection:
     """The selection with the noise as it is."""
     most, shortlist = (MOST_BESIDE, SHORTLIST_BESIDE) if given else (MOST_EFFECTS, SHORTLIST)
-    path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha))
+    path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
     while len(path.findings) < most:
         best = path.best(shortlist)
         if best is None:
@@ -142,8 +149,8 @@ class _Path:
     findings : effects in the model, in order of discovery
     """
 
-    def __init__(self, source: Source, plain: Fit, threshold: float) -> None:
-        self._source, self._threshold = source, threshold
+    def __init__(self, source: Source, plain: Fit, threshold: float, intervals: bool) -> None:
+        self._source, self._threshold, self._intervals = source, threshold, intervals
         self._plain = self._fit = plain
         self.findings: list[Finding] = []
         self._steps: list[Step] = []
@@ -153,7 +160,7 @@ class _Path:
 
     def _offer(self) -> Offered:
         """What may be added to the present fit."""
-        return Offered(self._source, self._fit, self._threshold, self._refused)
+        return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
 
     def best(self, shortlist: int) -> tuple[Fit, Finding] | None:
         """The best that stands of what is offered, with its fit; where nothing does the intervals are searched too."""

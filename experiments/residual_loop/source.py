@@ -187,8 +187,10 @@ class Source(Protocol):
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """First estimates of candidates to which the score at zero is blind, where they are likelier than the fit."""
 
-    def local_findings(self, fit: Fit) -> Sequence[LocalFinding]:
-        """The best interval of each time-localised family, about the fit."""
+    def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
+        """The best interval of each time-localised family, where they are wanted, and the wrong readings, about the
+        fit.
+        """
 
     def relocated(self, fit: Fit, term: Term) -> Term:
         """A time-localised term of the fit with the interval that suits the fit best, near its own."""

@@ -79,7 +79,8 @@ def trace(
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
     given = {term: s.beta for term, s in suspects}
     confirm = any(finding.term.in_mean for finding in selection.findings)
-    on_fitting = select(source, alpha, "fitting", given) if confirm else selection
+    intervals = any(finding.term.interval is not None for finding in selection.findings)  # a part shows no others
+    on_fitting = select(source, alpha, "fitting", given, intervals) if confirm else selection
     left = remaining(source, selection.final, selection.left, suspects, alpha)
     truth = (score(selection.plain), score(selection.final)) if score is not None else None
     return Trace(
@@ -109,6 +110,9 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
+    if strongest and not selection.plain.is_that_of(plain.fit):  # readings or noise are others now
+        plain = _Plain(source)
+        strongest = _passing(source, plain.fit, alpha)[:1]
     if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):
         suspects = strongest
         selection = _beside(source, alpha, suspects)
