@@ -50,9 +50,7 @@ class Offered:
     local : the best interval of each time-localised family, once they are searched
     """
 
-    def __init__(
-        self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str], intervals: bool
-    ) -> None:
+    def __init__(self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str], intervals: bool) -> None:
         self._source, self._fit, self._intervals = source, fit, intervals
         self.evidence = source.evidence(fit)
         names = {term.name for term in fit.terms}
