@@ -90,9 +90,11 @@ class FlightSource:
         """That of the GPS which is part of the noise; None: its noise is white as far as the log tells."""
         return self._passes.slow_error
 
-    def noise_renewed(self, fit: Fit) -> bool:
-        """Take the slow error of the GPS that is there beside the effects of the fit for noise: a disturbance of some
-        seconds may have passed for one, or hidden it; whether it changed.
+    def renew_noise(self, fit: Fit) -> bool:
+        """Find the slow error of the GPS again with the fit's effects in the model, and count that as noise from now
+        on: a disturbance of some seconds may have passed for one, or hidden it.
+
+        Returns whether it changed; fits made before are then of other noise.
         """
         if not self._asks_for_slow_error:
             return False
@@ -119,7 +121,11 @@ class FlightSource:
             return None
         own = list(state.effects)
         run = partial(
-            self._passes.run_of_filter, effects=own, beta=state.beta, motion=state.motion, recording=state.recording
+            self._passes.run_without_slow_error,
+            effects=own,
+            beta=state.beta,
+            motion=state.motion,
+            recording=state.recording,
         )
         journal, _ = run([])
         one = journal.stream("gps")

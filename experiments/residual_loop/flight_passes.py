@@ -124,10 +124,10 @@ class FlightPasses:
         recording : another with the same IMU; default: that without wrong readings
         """
         recording = self.recording if recording is None else recording
-        found = self.run_of_filter(wanted, effects, beta, motion, recording)
+        found = self.run_without_slow_error(wanted, effects, beta, motion, recording)
         return found if self.slow_error is None else self._drift(self.slow_error, recording).taken_off(*found)
 
-    def run_of_filter(
+    def run_without_slow_error(
         self,
         wanted: Sequence[Effect],
         effects: Sequence[Effect],
@@ -135,7 +135,7 @@ class FlightPasses:
         motion: Motion,
         recording: Recording,
     ) -> tuple[Journal, Sensitivity]:
-        """The same of the filter as it is, without a slow error of the GPS in its noise."""
+        """The same where the noise of the GPS is white."""
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
             self._started(recording, motion),
@@ -152,9 +152,9 @@ class FlightPasses:
     def _drift(self, law: Law, recording: Recording) -> GpsDrift:
         """The slow error of the GPS in the passes over a recording, about the plain model."""
         for known, drift in self._drifts:
-            if known is recording:
+            if known is recording and drift.law is law:
                 return drift
-        found = self.run_of_filter([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
+        found = self.run_without_slow_error([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
         self._drifts = [(recording, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
         return self._drifts[0][1]
 

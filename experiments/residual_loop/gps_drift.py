@@ -45,8 +45,8 @@ _NEEDED, _NEEDED_IN_THIRD = 12.0, 4.0
 #: And where no third of a third is exp(5) times likelier without it, which one law in exp(5) would be by chance: what
 #: comes and goes, as a reflection does, has no law.
 _PARTS, _AGAINST = 9, -CONFUSED
-#: Ratio of two variances or time constants that one log hardly tells.
-_ALIKE = 2.0
+#: Ratio of two variances or time constants that one log hardly tells: more than between any two that are tried.
+_ALIKE = 3.0
 #: Rows that are made white at a time; rounds in which law and white noise are found.
 _ROWS, _ROUNDS = 128, 2
 
@@ -84,8 +84,9 @@ class Law:
     noise: float = 1.0
 
     def is_like(self, other: Law) -> bool:
-        """Whether another is the same to what one log tells: variance and time constant within a factor of two."""
-        ratios = (self.sigma / other.sigma) ** 2, self.tau / other.tau
+        """Whether another is the same as far as one log tells: variance over the white noise, and time constant."""
+        shares = [law.sigma**2 / law.noise for law in (self, other)]
+        ratios = shares[0] / shares[1], self.tau / other.tau
         return all(1.0 / _ALIKE < ratio < _ALIKE for ratio in ratios)
 
     @property
@@ -202,13 +203,14 @@ def components_of(journal: Journal) -> IntArray:
 
 
 def law_of(nodes: FloatArray, journal: Journal, at_nodes: Sensitivity, explained: FloatArray) -> Law | None:
-    """The slow error that the innovations of the plain model call for; None where they do not.
+    """The slow error that the innovations about a fit call for; None where they do not.
 
     Parameters
     ----------
     nodes : (m,) s
     journal, at_nodes : a pass with the sensitivities to the error's values at them
-    explained : (r, p) sensitivities to what is no such error: all lasting candidates, and what else it may follow
+    explained : (r, p) sensitivities to what is no such error: the effects in the fit, all lasting candidates, and what
+        else it may follow
     """
     used = rows_of(journal)
     t, sensor = np.repeat(journal.t, journal.dof)[used], np.repeat(journal.sensor, journal.dof)[used]

@@ -338,7 +338,7 @@ class LeastSquaresSource:
         """Never: the search has no interval as short as that."""
         return False
 
-    def noise_renewed(self, fit: Fit) -> bool:
+    def renew_noise(self, fit: Fit) -> bool:
         """Never: each fit has the noise that it leaves."""
         return False
 

@@ -20,14 +20,13 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
 
     Parameters
     ----------
-    slow : of the sum over long times, for what lasts: times 1 + 2 sum rho. That of `level` is always slow: its noise is
-        motion
+    slow : of the sum over long times, for what lasts: times 1 + 2 sum rho
     """
     residuals = source.residuals(fit)
-    mine = [r for r in residuals if r.stream == stream] or residuals
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
     known = source.noise_known
     units = [1.0 if known else max(r.nis_per_dof, 1e-300) for r in mine]
-    sizes = [_long_run_variance(r) if slow or r.stream == "level" else r.nis_per_dof for r in mine]
+    sizes = [_long_run_variance(r) if slow else r.nis_per_dof for r in mine]
     return max([1.0, *(size / unit for size, unit in zip(sizes, units, strict=True))])
 
 

@@ -106,7 +106,8 @@ def select(
     4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
-    6. Where the noise is another one beside what was found, all of it is done again with that.
+    6. Where the noise is another one beside what was found, all of it is done again with that; readings that were set
+       aside stay so. Not on a part, nor beside given terms.
 
     Parameters
     ----------
@@ -116,8 +117,10 @@ def select(
     intervals : whether they are searched; else wrong readings alone are
     """
     selection = _selected(source, alpha, part, given, intervals)
-    for _ in range(0 if given or part != "all" else _MOST_NOISES):
-        if not selection.findings or not source.noise_renewed(selection.final):
+    if given or part != "all" or not selection.findings:
+        return selection
+    for _ in range(_MOST_NOISES):
+        if not source.renew_noise(selection.final):
             break
         selection = _selected(source, alpha, part, given, intervals)
     return selection

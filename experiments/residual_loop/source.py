@@ -35,7 +35,7 @@ class Fit:
     terms : the effects, in order of discovery
     beta, std : of each term
     deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part between two
-        `set_aside` or `noise_renewed`
+        `set_aside` or `renew_noise`
     part : the data that were used
     detail : what the source needs to go on from here; nobody else looks at it
     """
@@ -203,8 +203,11 @@ class Source(Protocol):
         and no disturbance; whether they are.
         """
 
-    def noise_renewed(self, fit: Fit) -> bool:
-        """Take for the noise what is noise about this fit: an effect may have passed for some; whether that changed."""
+    def renew_noise(self, fit: Fit) -> bool:
+        """Find again, with the fit's effects in the model, what counts as noise: an effect may have passed for some.
+
+        Returns whether it changed; fits made before are then of other noise.
+        """
 
     def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a

@@ -76,10 +76,13 @@ def trace(
         dropped = rolled_back(source, selection)
         if dropped:
             selection = _without(source, selection, dropped)
+            if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
+                selection = _of_what_is_left(source, selection)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
     given = {term: s.beta for term, s in suspects}
     confirm = any(finding.term.in_mean for finding in selection.findings)
-    intervals = any(finding.term.interval is not None for finding in selection.findings)  # a part shows no others
+    chosen = (*selection.findings, *(finding for finding, _ in selection.dropped))
+    intervals = any(finding.term.interval is not None for finding in chosen)
     on_fitting = select(source, alpha, "fitting", given, intervals) if confirm else selection
     left = remaining(source, selection.final, selection.left, suspects, alpha)
     truth = (score(selection.plain), score(selection.final)) if score is not None else None
@@ -110,7 +113,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
     selection = _beside(source, alpha, suspects)
     alone = None if suspects else selection
-    if strongest and not selection.plain.is_that_of(plain.fit):  # readings or noise are others now
+    if not suspects and selection.plain.deviance != plain.fit.deviance:  # readings or noise are others now
         plain = _Plain(source)
         strongest = _passing(source, plain.fit, alpha)[:1]
     if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):

@@ -262,6 +262,7 @@ def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
     assert source.set_aside_within(plain, term)
     np.testing.assert_array_equal(source.recording.streams["baro"].t, np.delete(t, 200))
     assert source.local_findings(plain)
+    assert not source.local_findings(plain, intervals=False)
 
 
 def test_a_fit_is_found_once() -> None:

@@ -128,14 +128,40 @@ def test_a_disturbance_that_passed_for_a_slow_error_is_none() -> None:
     streams = {name: stream.rows(stream.t <= 50.0) for name, stream in recording.streams.items()}
     disturbed = source(recording.replace(streams=streams))
     assert disturbed.slow_error is not None
+    assert _notes(disturbed) == 1
     assert select(disturbed).names == ("gps.transient",)
     assert disturbed.slow_error is None
+    assert _notes(disturbed) == 0
+
+
+def test_laws_are_alike_where_what_they_add_to_the_noise_is() -> None:
+    law = Law(np.zeros(0), tau=16.0, sigma=1.0, noise=1.0)
+    assert law.is_like(replace(law, tau=40.0, sigma=1.3))  # neighbours of those that are tried
+    assert law.is_like(replace(law, sigma=2.0, noise=4.0))
+    assert not law.is_like(replace(law, noise=5.0))
+    assert not law.is_like(replace(law, tau=1.5))
+
+
+def test_another_law_is_in_the_passes_over_readings_that_were_seen_before(plain: Recording) -> None:
+    passes = FlightPasses(plain, flight_model(plain))
+    nodes = nodes_for(passes.start, passes.end, 1)
+    deviance = {}
+    for sigma in (0.5, 2.0, 0.5):
+        passes.slow_error = Law(nodes, 10.0, sigma)
+        found = passes.deviance(passes.run([], [], [], passes.plain_motion)[0], "all")
+        assert deviance.setdefault(sigma, found) == found
+    assert abs(deviance[0.5] - deviance[2.0]) > 1.0
 
 
 def test_few_readings_have_no_nodes() -> None:
     assert not len(nodes_for(0.0, 5.0, 1000))
     assert not len(nodes_for(0.0, 1e4, 10**7))
     assert len(nodes_for(0.0, 100.0, 10**4)) == 100
+
+
+def _notes(source: FlightSource) -> int:
+    """Lines that tell of a slow error."""
+    return sum("errs slowly" in str(note) for note in source.recording.notes)
 
 
 def _neighbours(z: FloatArray) -> float:

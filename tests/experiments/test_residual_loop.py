@@ -164,6 +164,7 @@ def test_a_disturbance_does_not_hide_in_the_noise_of_its_largest_reading() -> No
         problem.reading[16:24] += [0.29, 0.03, -0.07]
         source = LeastSquaresSource(problem)
         found += source.local_findings(source.fit(()))[0].log_p < log_p_needed(source, 0.01)
+        assert all(f.term.interval is None for f in source.local_findings(source.fit(()), intervals=False))
     assert found >= 28
 
 
