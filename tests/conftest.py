@@ -11,7 +11,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # two workers share two cores
 
 ROOT = Path(__file__).resolve().parents[1]
-NO_DATA = "no measured data: set SINAN_DATA, or run `sinan fetch`"
+NO_DATA = "no measured data: set SINAN_DATA to a folder that holds the data sets, as `sinan fetch` leaves them"
 
 
 def _measured_root() -> Path | None:

@@ -55,7 +55,7 @@ LOGS: Mapping[str, Entry] = {
     ),
     "QMC5883L, noisy": Entry("qmc5883l_mag_calib/noisy_raw_data.csv", about="Turned by hand."),
     "QMC5883L, filtered": Entry(
-        "qmc5883l_mag_calib/filtered_raw_data.csv", about="Another session, filtered in a way that is not stated."
+        "qmc5883l_mag_calib/filtered_raw_data.csv", about="Another recording, filtered in a way that is not stated."
     ),
     "course, quadrotor": Entry("rfly_course/attitude_logdata.mat", about="A flight without magnetometer or GPS."),
     "course, turned by hand": Entry("rfly_course/e4_A.bin", about="The same autopilot in the hand."),

@@ -13,7 +13,7 @@ from sensors.errors import InputError
 from sensors.formats import open_log
 from sensors.formats.map_file import read_map
 from sensors.formats.mapped import read_reference
-from sensors.recording import ACCEL, GYRO, MAG, Recording
+from sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
 
 ROUNDING = 1e-12
 TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"
@@ -330,3 +330,21 @@ def test_the_manuals_first_map(tmp_path: Path) -> None:
     imu = read(tmp_path, rules, text).streams["imu"]
     np.testing.assert_allclose(imu.array(ACCEL)[0], [0.0, 0.0, -9.80665], atol=1e-12)
     np.testing.assert_allclose(np.degrees(imu.array(GYRO)[0]), [2.0, 1.0, -3.0])
+
+
+def test_the_manuals_map_of_a_flight(tmp_path: Path) -> None:
+    """One row an IMU sample, the slower sensors repeated: a row is a reading of theirs where it differs."""
+    manual = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    rules = manual.split("## A map of a flight with GPS")[1].split("```toml\n")[1].split("```")[0]
+    header = rules.split("header = true")[1].split("# ")[1].split("\n")[0]
+    rows = [
+        f"{10 * k},0,0,1,1,2,3,20,{k // 2},-40,47.{k // 5},11.0,500,1,{k // 5},3,950.{k // 4},{10 + k // 10}"
+        for k in range(20)
+    ]
+    streams = read(tmp_path, rules, "\n".join([header, *rows])).streams
+    assert {name: len(stream.t) for name, stream in streams.items()} == {
+        "imu": 20, "mag": 10, "baro": 5, "gps": 4, "power": 2,
+    }  # fmt: skip
+    np.testing.assert_allclose(streams["mag"].array(MAG)[3], [0.03, 0.2, 0.4])  # gauss; forward, right, down
+    np.testing.assert_allclose(streams["gps"].array(VELOCITY)[2], [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(streams["baro"].columns["pressure"][1], 95010.0)

@@ -109,7 +109,7 @@ class Hidden:
 
     Attributes
     ----------
-    name : as in EFFECTS.md
+    name : as in docs/effects.md
     beta : its parameters; empty until a time-localised one is sized by the noise; outliers: the share of readings
     interval : (from, to) [s] of a time-localised effect, else None
     wrong : by how many sigma each reading is off that outliers have made wrong; where its norm alone is known, the norm

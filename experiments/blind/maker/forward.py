@@ -1,4 +1,4 @@
-"""What each effect adds to the reading of the IMU, the magnetometer and the GPS: EFFECTS.md, written out once more.
+"""What each effect adds to the reading of IMU, magnetometer and GPS: docs/effects.md, written out once more.
 
 Every function gives reading with the effect minus plain reading, (n, size of the stream), at beta = b.
 """

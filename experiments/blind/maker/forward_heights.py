@@ -1,4 +1,4 @@
-"""What each effect adds to the height of the barometer and to the ranges of sonar and laser: EFFECTS.md once more."""
+"""What each effect adds to the height of the barometer and to ranges: docs/effects.md once more."""
 
 from __future__ import annotations
 
