@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -183,7 +184,7 @@ def attitude_of(journal: Journal, ready: Prepared, reference: Stream) -> dict[st
 
 
 def main(names: Sequence[str] = tuple(LOGS)) -> list[dict[str, Any]]:
-    """Print the report of every log, and return it."""
+    """Print the report of each of these logs, and return them."""
     entries = []
     for name in names:
         entries.append(measure(name))
@@ -193,4 +194,4 @@ def main(names: Sequence[str] = tuple(LOGS)) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:] or tuple(LOGS))
