@@ -11,6 +11,7 @@ import numpy as np
 from estimator.filter import run_filter
 from estimator.journal import Journal
 from experiments.datasets import resolve
+from experiments.measured.arguments import usage
 from experiments.measured.flights import LOGS
 from experiments.measured.preparation import Prepared, prepared
 from sensors.arrays import FloatArray
@@ -86,20 +87,21 @@ def shortened(recording: Recording, seconds: float) -> Recording:
     return recording.replace(streams=kept)
 
 
-def main(names: Sequence[str] = tuple(LOGS)) -> dict[str, Agreement]:
-    """Print how the engines agree on each log, and return it."""
-    found = {}
-    for name in names:
-        one = found[name] = agreement(prepared(resolve(LOGS[name])))
+def main(arguments: Sequence[str]) -> int:
+    """Print how the engines agree on each log that is named, else on all; status 2 where a name is that of none."""
+    if any(name not in LOGS for name in arguments):
+        return usage(LOGS)
+    for name in arguments or LOGS:
+        one = agreement(prepared(resolve(LOGS[name])))
         print(
             f"{name}: {one.steps} steps, {one.readings} readings, difference {one.difference:.1e}, "
             f"{one.gates} gates differ, {one.seconds[0]:.2f} s and {one.seconds[1]:.1f} s",
             flush=True,
         )
-    return found
+    return 0
 
 
 if __name__ == "__main__":
     import sys
 
-    main(sys.argv[1:] or tuple(LOGS))
+    sys.exit(main(sys.argv[1:]))

@@ -14,6 +14,7 @@ from estimator.filter import prepare, run, run_filter
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
 from experiments.datasets import reference_of, resolve
+from experiments.measured.arguments import usage
 from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.reference import attitude_error, mounted
 from sensors.arrays import BoolArray, FloatArray
@@ -183,15 +184,15 @@ def attitude_of(journal: Journal, ready: Prepared, reference: Stream) -> dict[st
     return {part: float(np.rad2deg(rms(angle))) for part, angle in parts.items()}
 
 
-def main(names: Sequence[str] = tuple(LOGS)) -> list[dict[str, Any]]:
-    """Print the report of each of these logs, and return them."""
-    entries = []
-    for name in names:
-        entries.append(measure(name))
-        for key, value in entries[-1].items():
+def main(arguments: Sequence[str]) -> int:
+    """Print the report of each log that is named, else of all; status 2 where a name is that of none."""
+    if any(name not in LOGS for name in arguments):
+        return usage(LOGS)
+    for name in arguments or LOGS:
+        for key, value in measure(name).items():
             print(f"  {key}: {value}" if key != "log" else value, flush=True)
-    return entries
+    return 0
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or tuple(LOGS))
+    sys.exit(main(sys.argv[1:]))

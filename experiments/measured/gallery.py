@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from experiments.datasets import reference_of, resolve
+from experiments.measured.arguments import usage
 from experiments.measured.published import PARAMETERS, published
 from experiments.measured.reference import QUATERNION, gyro_error, mounted
 from experiments.measured.scoring import AttitudeScore, withheld_errors
@@ -23,7 +24,7 @@ from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.open_source import triad_readings
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.source import Fit, Source
+from experiments.residual_loop.source import Source
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import Trace
 from sensors.errors import InputError
@@ -179,18 +180,10 @@ def references_of(
             found += [(f"{k}, {words}", float(np.rad2deg(v)), float(np.rad2deg(after[k])), "deg")
                       for k, v in before.items()]  # fmt: skip
     if "gps" in source.recording.streams:
-        before_by_age, after_by_age = (_withheld(source, fit) for fit in result.proof.fits)
-        found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age.get(age, np.inf), "m")
-                  for age, miss in before_by_age.items() if age in after_by_age or not after_by_age]  # fmt: skip
+        before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.proof.fits)
+        found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age[age], "m")
+                  for age, miss in before_by_age.items() if age in after_by_age]  # fmt: skip
     return found
-
-
-def _withheld(source: FlightSource, fit: Fit) -> Mapping[float, float]:
-    """`withheld_errors` of the held-out part; empty where the filter loses its state without those fixes."""
-    try:
-        return withheld_errors(source, fit, held_out=True)
-    except InputError:
-        return {}
 
 
 def _published(
@@ -246,8 +239,7 @@ def main(arguments: Sequence[str]) -> int:
     from experiments.measured.gallery_page import block, blocks_of, page
 
     if not arguments or any(name not in LOGS for name in arguments[1:]):
-        sys.stderr.write(f"usage: OUT.md [NAME ...] with names of {', '.join(LOGS)}\n")
-        return 2
+        return usage(LOGS, "OUT.md ")
     out, failed = Path(arguments[0]), False
     blocks = blocks_of(out.read_text(encoding="utf-8")) if arguments[1:] and out.is_file() else {}
     for name in arguments[1:] or LOGS:

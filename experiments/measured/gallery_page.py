@@ -21,8 +21,7 @@ How to read it:
 - **held out** is the RMS of the residual on the part of the data that took no part in the fit, before and after.
 - **reference** is what the loop was not shown: attitude of cameras, a robot or an autopilot (mounting, delay and one
   constant heading taken off); fixes that were withheld; for poses the spread of the norm that a published calibration
-  leaves. "Last third" counts the held-out part alone, with parameters fitted on the rest;
-  `inf`: with the effects in it the filter loses its state without those fixes.
+  leaves. "Last third" counts the held-out part alone, with parameters fitted on the rest.
 - An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
   coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
   can name.

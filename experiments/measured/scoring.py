@@ -53,7 +53,8 @@ def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> M
     columns = {name: gps[name] + (FAR * hidden if name in POSITION else 0.0) for name in gps.columns}
     shown = source.recording.replace(streams={**source.recording.streams, "gps": Stream(gps.t, columns)})
     betas = {declaration(term): fit.beta[term] for term in fit.in_mean}
-    journal = run_filter(shown, source.model.replace(gate_level=NOTHING_ELSE), betas, engine="numba", stride=0)
+    model = source.model.replace(gate_level=NOTHING_ELSE, relinearise=False)  # whose first pass has no gate for them
+    journal = run_filter(shown, model, betas, engine="numba", stride=0)
     one = journal.stream("gps")
     asked = hidden[one.index] & np.isfinite(one.nis)
     if held_out:

@@ -15,6 +15,7 @@ import numpy as np
 
 from estimator.journal import Journal
 from experiments.datasets import reference_of, resolve
+from experiments.measured.arguments import usage
 from experiments.measured.engines import AGREEMENT, Agreement, agreement
 from experiments.measured.flights import LOGS, measured
 from experiments.measured.preparation import Prepared, prepared
@@ -155,8 +156,7 @@ def at_ages(predictions: Sequence[Mapping[str, float]]) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Write the note after every log; status 1 where the engines are not the same filter."""
     if not arguments or any(name not in LOGS for name in arguments[1:]):
-        sys.stderr.write(f"usage: OUT.md [NAME ...] with names of {', '.join(LOGS)}\n")
-        return 2
+        return usage(LOGS, "OUT.md ")
     out, rows = Path(arguments[0]), list[Row]()
     for name in arguments[1:] or LOGS:
         rows.append(row_of(name))
