@@ -31,6 +31,9 @@ DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
 LEAST_READINGS = 10
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
+#: A stretch has another hard iron where that leaves the norm undisturbed in this share of it, and where the stretch
+#: tells it, and a field as large as the rest has it, to this share of the field.
+EXPLAINED, TOLD = 0.9, 0.1
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Compass:
     offset, std : (3,) hard iron and its 1-sigma [unit of the readings]
     norm, dip : of the field [unit], [rad, positive down]
     disturbed : (n,) readings whose norm is not the field's
+    shifted : (n,) readings of stretches in which it would be, had the instrument another hard iron there
     scatter : standard deviation of the norm of one undisturbed reading [unit]
     noise_std : white noise of one reading that leaves averages as uncertain as they are [unit]
     declination : of the field [rad, positive to the east]; 0 where north means magnetic north
@@ -52,6 +56,7 @@ class Compass:
     norm: float
     dip: float
     disturbed: BoolArray
+    shifted: BoolArray
     scatter: float
     noise_std: float
     declination: float = 0.0
@@ -69,7 +74,8 @@ def direction_at(origin: tuple[float, float, float]) -> tuple[float, float]:
 
 
 def compass_of(recording: Recording) -> Compass:
-    """Fit hard iron, norm and dip; find disturbed stretches; fit again without them.
+    """Fit hard iron, norm and dip; find disturbed stretches; fit again without them; ask which of them have a hard iron
+    of their own, as a magnet on the instrument has it: an effect for the loop to find, while iron in the room is none.
 
     Where the recording says where on Earth it was made, dip and declination are those of the place: a body that stays
     near level shows the horizontal field, and of vertical field and vertical hard iron only the sum.
@@ -99,29 +105,39 @@ def compass_of(recording: Recording) -> Compass:
         fit = _fit(m, f, ~disturbed, dip)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
         disturbed = _disturbed(error, rate, fit.norm)
-    clean = error[~disturbed]
-    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
+    usual = ~disturbed
+    clean = error[usual]
+    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[usual], clean)
+    shifted = _shifted(m, f, disturbed, fit, rate, scatter, _usual_error(error, rate, fit.norm))
     noise = np.hypot(scatter, lasting * np.sqrt(len(clean)))
     # the scatter averages out over the rows, what lasts does not
     std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
-    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed, scatter, float(noise), east)
+    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, float(noise), east)
 
 
-def corrected(recording: Recording, compass: Compass) -> Recording:
+def corrected(recording: Recording, compass: Compass, keep_shifted: bool = False) -> Recording:
     """The recording with the hard iron taken off, without the disturbed readings, with the field that was found.
 
     A field that the recording declares stays. What was done is in the recording's notes.
+
+    Parameters
+    ----------
+    keep_shifted : readings about another hard iron stay, for who looks for what it is; else they are left out too
     """
     mag = recording.streams["mag"]
     columns = {**mag.columns, **{name: mag[name] - b for name, b in zip(MAG, compass.offset, strict=True)}}
     m_n = recording.environment.magnetic_field
     words = ", ".join(f"{b:.4g}" for b in compass.offset)
     notes = [f"mag: hard iron ({words}) found from the log and taken off"]
-    count = int(np.sum(compass.disturbed))
+    count, shifted = int(np.sum(compass.disturbed)), int(np.sum(compass.shifted))
     if count:
         notes.append(f"mag: {count} readings left out: the norm is not the field's")
+    if shifted:
+        kept = "kept, so that the effect is found" if keep_shifted else "left out: `sinan trace` looks for the effect"
+        notes.append(f"mag: {shifted} readings have the norm of the field about another hard iron: {kept}")
+    left_out = compass.disturbed if keep_shifted else compass.disturbed | compass.shifted
     return recording.replace(
-        streams={**recording.streams, "mag": Stream(mag.t, columns).rows(~compass.disturbed)},
+        streams={**recording.streams, "mag": Stream(mag.t, columns).rows(~left_out)},
         environment=replace(recording.environment, magnetic_field=compass.m_n if m_n is None else m_n),
         notes=(*recording.notes, *notes),
     )
@@ -182,13 +198,54 @@ def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: f
 
 def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
     """(n,) rows in and around stretches in which the averaged norm is off."""
-    window = min(max(round(SMOOTH * rate), 1), len(error))
-    average = np.convolve(error, np.full(window, 1.0 / window), mode="same")
-    sigma = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * norm)
-    off = np.abs(average) > DISTURBED * sigma
-    reach = min(max(round(AROUND * rate), 1), (len(error) - 1) // 2)
+    off = np.abs(_averaged(error, rate)) > DISTURBED * _usual_error(error, rate, norm)
+    reach = _reach(len(error), rate)
     near = np.convolve(off.astype(float), np.ones(2 * reach + 1), mode="same") > 0.5
     return np.asarray(near & (np.mean(near) < 0.5))  # more than half disturbed: then the fit is what is wrong
+
+
+def _reach(rows: int, rate: float) -> int:
+    """Rows around a stretch that count as disturbed as well."""
+    return min(max(round(AROUND * rate), 1), (rows - 1) // 2)
+
+
+def _averaged(error: FloatArray, rate: float) -> FloatArray:
+    """(n,) mean over `SMOOTH` seconds."""
+    window = min(max(round(SMOOTH * rate), 1), len(error))
+    return np.convolve(error, np.full(window, 1.0 / window), mode="same")
+
+
+def _usual_error(error: FloatArray, rate: float, norm: float) -> float:
+    """Robust sigma of the averaged norm, at least what is harmless."""
+    average = _averaged(error, rate)
+    return max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * norm)
+
+
+def _shifted(
+    m: FloatArray, f: FloatArray, disturbed: BoolArray, fit: _Fit, rate: float, scatter: float, usual: float
+) -> BoolArray:
+    """(n,) rows of the disturbed stretches that a hard iron of their own explains: one that the turns of the stretch
+    tell, and about which the norm is the field's. Another field about the old one is a place and no magnet.
+    """
+    found = np.zeros(len(m), dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], disturbed.astype(np.int8), [0]])))
+    inside = _reach(len(m), rate) + round(SMOOTH * rate)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        core = np.zeros(len(m), dtype=bool)
+        core[start + inside : max(stop - inside, 0)] = True
+        if np.sum(core) < LEAST_READINGS:
+            continue
+
+        def is_steady(offset: FloatArray, core: BoolArray = core) -> bool:
+            error = np.linalg.norm(m[core] - offset, axis=1)
+            off = np.abs(_averaged(error - np.median(error), rate)) > DISTURBED * usual
+            return bool(np.mean(off) < 1.0 - EXPLAINED)
+
+        there = _fit(m, f, core, fit.dip)
+        told = scatter * np.sqrt(float(np.max(np.diag(there.cofactor)[:3])) * np.sum(core))
+        alike = max(told, abs(there.norm - fit.norm)) < TOLD * fit.norm
+        found[start:stop] = alike and is_steady(there.offset) and not is_steady(fit.offset)
+    return found
 
 
 def _lasting(t: FloatArray, error: FloatArray) -> float:

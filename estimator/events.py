@@ -127,14 +127,20 @@ def _base_position(recording: Recording) -> FloatArray:
 def _mean_force(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
     """Readings of `level`: mean specific force over windows side by side, at the middle of each."""
     imu = recording.streams["imu"]
+    return window_means(recording, model, imu.array(ACCEL)), window_means(recording, model, imu.t)
+
+
+def window_means(recording: Recording, model: FlightModel, values: FloatArray) -> FloatArray:
+    """(k, ...) means over the windows of `level` of what goes with the rows of `imu`, (n, ...); a window with a gap
+    inside is none.
+    """
+    t = recording.streams["imu"].t
     window = max(1, round(model.sensors["level"].window * model.rate))  # type: ignore[attr-defined]
-    count = len(imu) // window
-    if count == 0:
-        return np.empty((0, 3)), np.empty(0)
-    rows = slice(0, count * window)
-    f, t = imu.array(ACCEL)[rows].reshape(count, window, 3), imu.t[rows].reshape(count, window)
-    whole = t[:, -1] - t[:, 0] < 2.0 * window / model.rate  # no gap inside
-    return f.mean(axis=1)[whole], t.mean(axis=1)[whole]
+    count = len(t) // window
+    cut = t[: count * window].reshape(count, window)
+    whole = cut[:, -1] - cut[:, 0] < 2.0 * window / model.rate
+    means = values[: count * window].reshape(count, window, *values.shape[1:]).mean(axis=1)
+    return np.asarray(means[whole])
 
 
 def collect(

@@ -41,7 +41,7 @@ class Prepared:
         return run_filter(self.recording, self.model, engine="numba")
 
 
-def prepared(recording: Recording) -> Prepared:
+def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     """The same steps for every log, each only where the recording declares nothing of the kind.
 
     1. No magnetic field declared: hard iron, field and disturbed stretches from the log (`calibration.compass`).
@@ -50,20 +50,26 @@ def prepared(recording: Recording) -> Prepared:
 
     What is declared stays: a recording that declares all of it comes back as it is.
 
+    Parameters
+    ----------
+    keep_shifted : see `calibration.compass.corrected`
+
     Raises
     ------
     InputError : what `flight_model` raises; readings that all lie outside the IMU's time
     """
     declared, notes = recording, list[str]()
     compass: Compass | None = None
+    kept = recording
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
     if "mag" in recording.streams and recording.environment.magnetic_field is None:
         recording = within_imu(recording)
         notes += outside_notes(declared, recording)
         compass = compass_of(recording)
-        recording = corrected(recording, compass)
-        notes += recording.notes[len(declared.notes) :]
+        kept = corrected(recording, compass, keep_shifted)
+        notes += kept.notes[len(declared.notes) :]
+        recording = corrected(recording, compass).replace(notes=kept.notes)  # noise, heading: of what is sound
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
     heading = headed.notes[len(recording.notes) :]
@@ -74,7 +80,8 @@ def prepared(recording: Recording) -> Prepared:
     notes += [*heading, *noise.notes]
     if not notes:
         return Prepared(declared, noise, model)
-    as_declared = headed.replace(environment=declared.environment, notes=(*declared.notes, *notes))
+    streams = {**headed.streams, **{name: stream for name, stream in kept.streams.items() if name == "mag"}}
+    as_declared = headed.replace(streams=streams, environment=declared.environment, notes=(*declared.notes, *notes))
     return Prepared(as_declared, noise, model, tuple(notes))
 
 

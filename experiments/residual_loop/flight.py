@@ -6,7 +6,7 @@ being the sensitivity pass: a linear problem with nothing left to project out, s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -37,9 +37,11 @@ from experiments.residual_loop.onsets import (
     slow_noise_steps,
 )
 from experiments.residual_loop.probes import probes_for
+from experiments.residual_loop.slow_noise import SlowNoise
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
 from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.term import Term, declaration
+from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
 from experiments.residual_loop.wrong_readings import (
     SHORTEST,
     without_rows,
@@ -55,6 +57,8 @@ from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
+#: Streams that drive the filter.
+_DRIVERS = ("accel", "gyro")
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
 _COLOURED = 0.01
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
@@ -322,9 +326,10 @@ class FlightSource:
             self.wrong[stream] = found + len(rows), count
         return bool(wrong)
 
-    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
-        the fit as it is, of another to first order.
+        the fit as it is, of another to first order. Of one of the fit that is on the IMU beside the accelerations that
+        `level` neglects, too; of another not, which may be far from what first order says of it.
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
         effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
@@ -339,24 +344,36 @@ class FlightSource:
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)
+        on_imu = [term for term in terms if term in fit.beta and declaration(term).stream in _DRIVERS]
+        if on_imu and "level" in self.model.sensors:
+            turning = self._columns(fit, [IN_STEP])[0]
+            for term, rows in self._rows_of_terms(fit, on_imu):
+                found[term] = max(found[term], log_p_beside_turning(rows, turning))
         return [float(found[term]) for term in terms]
 
     def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
         span = self._span_of(fit)
         steps = slow_noise_steps(stream, self._local_streams, span)
         columns = {s: self._step_rows(fit, of_stream).wanted for s, of_stream in steps.items()}
-        rows = self._own_rows(fit)
-        new = [term for term in terms if term not in fit.beta]
+        of_new: SlowNoise | None = None  # about one and the same fit
         found = {}
-        if new:
-            noise = slow_noise_of(rows, columns, stream, span)
-            for term, wanted in zip(new, self._columns(fit, [declaration(term) for term in new]), strict=True):
-                found[term] = log_p_beside(noise, replace(rows, wanted=wanted))
-        for term in set(terms) - set(new):
-            mine = self._columns_of(fit, term)
-            one = replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
-            found[term] = log_p_beside(slow_noise_of(one, columns, stream, span), one)
+        for term, rows in self._rows_of_terms(fit, terms):
+            if term in fit.beta:
+                noise = slow_noise_of(rows, columns, stream, span)
+            else:
+                noise = of_new = of_new or slow_noise_of(rows, columns, stream, span)
+            found[term] = log_p_beside(noise, rows)
         return [found[term] for term in terms]
+
+    def _rows_of_terms(self, fit: Fit, terms: Sequence[Term]) -> Iterator[tuple[Term, Rows]]:
+        """Of each term, its sensitivities about a fit without it."""
+        rows, new = self._own_rows(fit), [term for term in terms if term not in fit.beta]
+        for term, wanted in zip(new, self._columns(fit, [declaration(term) for term in new]), strict=True):
+            yield term, replace(rows, wanted=wanted)
+        for term in terms:
+            if term in fit.beta:
+                mine = self._columns_of(fit, term)
+                yield term, replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
 
     def _span_of(self, fit: Fit) -> tuple[float, float]:
         """Begin and end of the data of a fit [s]."""
@@ -368,7 +385,7 @@ class FlightSource:
         return np.concatenate([np.full(len(fit.beta[t]), t == term) for t in fit.in_mean])
 
     def _stamps(self, stream: str) -> FloatArray:
-        return self.recording.streams["imu" if stream in ("accel", "gyro") else stream].t
+        return self.recording.streams["imu" if stream in _DRIVERS else stream].t
 
     def _own_rows(self, fit: Fit) -> Rows:
         """Of the fit's own terms, nothing wanted besides."""
@@ -439,6 +456,15 @@ class FlightSource:
             for note in self._passes.notes
             if isinstance(note, Note) and note.kind in ("frozen", "saturated")
         ]
+
+    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
+        """Of `level` the acceleration of a body that turns about a point."""
+        level = next((r for r in self.residuals(fit) if r.stream == "level"), None)
+        if level is None:
+            return ()
+        G = turning_regressor(self.recording, self.model, _state(fit).motion)
+        found = turning_point(G, level.residual, level.row)
+        return () if found is None else (("level", found.share, found.p_value, found.words),)
 
     def gated(self) -> Journal:
         """The filter with its gate over the recording as it is."""

@@ -328,6 +328,10 @@ class LeastSquaresSource:
         """Stretches in which the sensor did not measure; they are in no fit."""
         return self._problem.faults
 
+    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
+        """Nothing: poses stand still."""
+        return ()
+
     # ---- residuals
 
     def set_aside(self, fit: Fit) -> bool:
@@ -342,7 +346,7 @@ class LeastSquaresSource:
         """Never: each fit has the noise that it leaves."""
         return False
 
-    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Minus infinity: the readings have no filter that slow noise could fool."""
         return [-np.inf] * len(terms)
 

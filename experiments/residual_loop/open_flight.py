@@ -9,8 +9,9 @@ from sensors.recording import Recording
 def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource:
     """The source of a flight; what the recording does not declare of noise, field and heading is taken from the log.
 
-    The preparation is that of `sinan estimate`; what it took is in the notes of the source's recording. From a coarse
-    first attitude readings are linear about the smoothed motion: a filter that linearises at its own estimates would
+    The preparation is that of `sinan estimate`, but that this leaves out what the loop is to explain, readings of a
+    magnetometer about another hard iron; what it took is in the notes of the source's recording. From a coarse first
+    attitude readings are linear about the smoothed motion: a filter that linearises at its own estimates would
     blame `mag.declination` (docs/notes/filter_consistency.md).
 
     Parameters
@@ -20,6 +21,6 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
     from estimator.relinearise import is_coarse
     from experiments.measured.preparation import prepared
 
-    ready = prepared(recording)
+    ready = prepared(recording, keep_shifted=True)
     coarse = is_coarse(ready.recording, ready.model)
     return FlightSource(ready.recording, ready.model.replace(relinearise=coarse), slow_error)

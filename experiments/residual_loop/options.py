@@ -113,6 +113,6 @@ def not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], thresh
     Of an interval the search has asked that.
     """
     lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
-    log_p = source.log_p_beside_slow_noise(fit, [o.term for o in lasting])
+    log_p = source.log_p_beside_noise(fit, [o.term for o in lasting])
     explained = {o.term for o, p in zip(lasting, log_p, strict=True) if p >= threshold}
     return [o for o in shortlist if o.term not in explained]

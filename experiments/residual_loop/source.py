@@ -209,9 +209,10 @@ class Source(Protocol):
         Returns whether it changed; fits made before are then of other noise.
         """
 
-    def log_p_beside_slow_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term beside slow noise, where there may be such, else minus infinity: of a
-        term of the fit as it is, of another to first order.
+    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """Logarithm of the p-value of each term beside slow noise, and of one of the fit beside what the plain model
+        neglects by intent, where there may be such, else minus infinity: of a term of the fit as it is, of another to
+        first order.
         """
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
@@ -219,6 +220,11 @@ class Source(Protocol):
 
     def faults(self) -> Sequence[tuple[str, str, float, float]]:
         """(stream, what, start [s], end [s]) of stretches in which a sensor has not measured: frozen, saturated."""
+
+    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
+        """(stream, share of the variance of its residual, p-value, words) of what the plain model neglects by intent
+        and what is no error of an instrument.
+        """
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""

@@ -279,7 +279,7 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     so where the residual is slow the probe is held against that; else against the noise that it leaves.
     """
     gain = without.deviance - fit.deviance
-    log_p = source.log_p_beside_slow_noise(without, [term])[0]
+    log_p = source.log_p_beside_noise(without, [term])[0]
     if np.isfinite(log_p):
         return gain - s.dof >= DETECTABLE_LAMBDA and log_p < log_p_needed(source, alpha)
     noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))

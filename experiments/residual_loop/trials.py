@@ -32,8 +32,8 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: An estimate beyond this many plausible sizes is not accepted as that effect: plausible sizes are one sigma of what is
-#: sold, and ten of them is another instrument.
+#: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
+#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size.
 IMPLAUSIBLE = 10.0
 #: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative.
@@ -183,8 +183,8 @@ def best_pair(
 
 
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
-    """Refit with one more effect; None where it cannot be: its estimate is far outside its plausible size, no model
-    follows from it, or hardly a reading is left that could say otherwise.
+    """Refit with one more effect; None where it cannot be: the estimate of one that lasts is far outside its plausible
+    size, no model follows from it, or hardly a reading is left that could say otherwise.
     """
     term = option.term
     try:
@@ -211,10 +211,10 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     plausible = evidence.plausible[evidence.columns(term.key)]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None
-    if np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
+    is_local = term.interval is not None
+    if not is_local and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
         return None
     others = refit.keys_beside(term)
-    is_local = term.interval is not None
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > _LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
     scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
@@ -226,7 +226,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
     if linear:
-        log_p = min(max(log_p, source.log_p_beside_slow_noise(refit, [term])[0] + option.search_raw), 0.0)
+        log_p = min(max(log_p, source.log_p_beside_noise(refit, [term])[0] + option.search_raw), 0.0)
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
     if is_local and log_odds < 0.0:
         log_p = 0.0

@@ -226,16 +226,36 @@ def test_a_noise_that_no_level_makes_white_is_named() -> None:
     assert [doubt.split(":")[0] for doubt in fit.doubts] == ["sonar"]
 
 
-def test_disturbed_stretch_is_left_out(handheld: tuple[Recording, Stream]) -> None:
+@pytest.mark.parametrize("factor", [1.08, 2.0])
+def test_disturbed_stretch_is_left_out(handheld: tuple[Recording, Stream], factor: float) -> None:
+    """A place where the field is stronger."""
     recording = handheld[0]
     mag = recording.streams["mag"]
     wrong = (mag.t > 40.0) & (mag.t < 50.0)
-    columns = {name: mag[name] + 0.5 * wrong for name in MAG}
+    columns = {name: mag[name] * np.where(wrong, factor, 1.0) for name in MAG}
     recording = recording.replace(streams={**recording.streams, "mag": Stream(mag.t, columns)})
     compass = compass_of(recording)
     assert np.mean(compass.disturbed[wrong]) > 0.95
     assert np.mean(compass.disturbed[~wrong]) < 0.05
     assert any("left out" in note for note in corrected(recording, compass).notes)
+
+
+@pytest.mark.parametrize("seconds", [6.0, 20.0])
+def test_magnet_on_the_instrument_is_left_to_the_loop(handheld: tuple[Recording, Stream], seconds: float) -> None:
+    """About another hard iron the norm is the field's: the readings are kept, and the fit goes without them."""
+    recording = handheld[0]
+    mag = recording.streams["mag"]
+    there = (mag.t > 40.0) & (mag.t < 40.0 + seconds)
+    columns = {name: mag[name] + 0.5 * there for name in MAG}
+    with_magnet = recording.replace(streams={**recording.streams, "mag": Stream(mag.t, columns)})
+    compass, without = compass_of(with_magnet), compass_of(recording)
+    assert np.mean(compass.shifted[there]) > 0.95
+    assert not np.any(compass.disturbed)
+    assert np.all(np.abs(compass.offset - without.offset) < 3.0 * compass.std)
+    for keep in (False, True):
+        one = corrected(with_magnet, compass, keep_shifted=keep)
+        assert (len(one.streams["mag"]) == len(mag)) == keep
+        assert any("about another hard iron" in note for note in one.notes)
 
 
 def test_attitude_alone_has_no_nan_and_bounded_nis(handheld: tuple[Recording, Stream]) -> None:

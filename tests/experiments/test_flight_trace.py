@@ -51,6 +51,7 @@ def flown(scenario: str, seed: int, *effects: str):
         ("square", "gps.latency=0.15"),
         ("warm_up", "accel.temperature=0.004,0,-0.003"),
         ("figure_eight", "mag.transient=0.06,0.02,-0.05@30:40"),
+        ("no_aiding", "mag.transient=0.7,-0.2,1.2@20:40"),  # a magnet as strong as it likes
     ],
 )
 def test_the_right_effect_alone(scenario: str, effect: str) -> None:

@@ -209,6 +209,9 @@ class OnlyResiduals:
     def faults(self) -> list[tuple[str, str, float, float]]:
         return []
 
+    def neglected(self, fit: Fit) -> list[tuple[str, float, float, str]]:
+        return []
+
 
 def variance_left(z: FloatArray) -> list[bool]:
     """Whether what is left of kind `variance` is structure of the mean."""
