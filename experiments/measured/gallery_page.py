@@ -25,8 +25,8 @@ How to read it:
 - An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
   coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
   can name.
-- Where the error against the reference grows, the names are doubtful: an error that the catalogue does not know (a
-  magnet at the instrument) is in the residual, and effects take its shape.
+- Where the error against the reference grows, the names are doubtful: an error that the catalogue does not know
+  is in the residual, and effects take its shape.
 - **CPU** is the time of one processor for preparing and tracing the log; rows without it are of an
   earlier state of the tracer.
 - `level` is no sensor: where there is no GPS the filter assumes that the mean acceleration is small, so that the
