@@ -33,7 +33,8 @@ _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
 #: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
-#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size.
+#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
+#: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
 IMPLAUSIBLE = 10.0
 #: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative.
@@ -183,8 +184,8 @@ def best_pair(
 
 
 def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
-    """Refit with one more effect; None where it cannot be: the estimate of one that lasts is far outside its plausible
-    size, no model follows from it, or hardly a reading is left that could say otherwise.
+    """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
+    outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
     """
     term = option.term
     try:
@@ -212,7 +213,8 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None
     is_local = term.interval is not None
-    if not is_local and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
+    bounded = not is_local or source.effect(term).stream in ("accel", "gyro")
+    if bounded and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
         return None
     others = refit.keys_beside(term)
     information = predicted_lambda(evidence, term.key, beta, others)
