@@ -10,7 +10,7 @@ from datetime import date
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, runs_of
 from sensors.errors import InputError
 from sensors.geomagnetism import declination, earth_field, field_along, inclination
 from sensors.recording import ACCEL, MAG, Recording, Stream
@@ -104,11 +104,12 @@ def compass_of(recording: Recording) -> Compass:
     for _ in range(2):
         fit = _fit(m, f, ~disturbed, dip)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
-        disturbed = _disturbed(error, rate, fit.norm)
-    usual = ~disturbed
-    clean = error[usual]
-    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[usual], clean)
-    shifted = _shifted(m, f, disturbed, fit, rate, scatter, _usual_error(error, rate, fit.norm))
+        average = _averaged(error, rate)
+        usual = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * fit.norm)
+        disturbed = _disturbed(average, usual, rate)
+    clean = error[~disturbed]
+    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
+    shifted = _shifted(m, f, disturbed, fit, rate, scatter, usual)
     noise = np.hypot(scatter, lasting * np.sqrt(len(clean)))
     # the scatter averages out over the rows, what lasts does not
     std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
@@ -196,10 +197,10 @@ def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: f
     return np.array([*b, norm**2 - b @ b, norm * np.sin(dip)]), J
 
 
-def _disturbed(error: FloatArray, rate: float, norm: float) -> BoolArray:
-    """(n,) rows in and around stretches in which the averaged norm is off."""
-    off = np.abs(_averaged(error, rate)) > DISTURBED * _usual_error(error, rate, norm)
-    reach = _reach(len(error), rate)
+def _disturbed(average: FloatArray, usual: float, rate: float) -> BoolArray:
+    """(n,) rows in and around stretches in which the averaged norm is off; `usual`: a robust sigma of it."""
+    off = np.abs(average) > DISTURBED * usual
+    reach = _reach(len(average), rate)
     near = np.convolve(off.astype(float), np.ones(2 * reach + 1), mode="same") > 0.5
     return np.asarray(near & (np.mean(near) < 0.5))  # more than half disturbed: then the fit is what is wrong
 
@@ -215,12 +216,6 @@ def _averaged(error: FloatArray, rate: float) -> FloatArray:
     return np.convolve(error, np.full(window, 1.0 / window), mode="same")
 
 
-def _usual_error(error: FloatArray, rate: float, norm: float) -> float:
-    """Robust sigma of the averaged norm, at least what is harmless."""
-    average = _averaged(error, rate)
-    return max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * norm)
-
-
 def _shifted(
     m: FloatArray, f: FloatArray, disturbed: BoolArray, fit: _Fit, rate: float, scatter: float, usual: float
 ) -> BoolArray:
@@ -228,24 +223,25 @@ def _shifted(
     tell, and about which the norm is the field's. Another field about the old one is a place and no magnet.
     """
     found = np.zeros(len(m), dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], disturbed.astype(np.int8), [0]])))
     inside = _reach(len(m), rate) + round(SMOOTH * rate)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs_of(disturbed):
         core = np.zeros(len(m), dtype=bool)
         core[start + inside : max(stop - inside, 0)] = True
         if np.sum(core) < LEAST_READINGS:
             continue
-
-        def is_steady(offset: FloatArray, core: BoolArray = core) -> bool:
-            error = np.linalg.norm(m[core] - offset, axis=1)
-            off = np.abs(_averaged(error - np.median(error), rate)) > DISTURBED * usual
-            return bool(np.mean(off) < 1.0 - EXPLAINED)
-
         there = _fit(m, f, core, fit.dip)
         told = scatter * np.sqrt(float(np.max(np.diag(there.cofactor)[:3])) * np.sum(core))
         alike = max(told, abs(there.norm - fit.norm)) < TOLD * fit.norm
-        found[start:stop] = alike and is_steady(there.offset) and not is_steady(fit.offset)
+        of_its_own, of_the_rest = (_is_steady(m[core], at.offset, rate, usual) for at in (there, fit))
+        found[start:stop] = alike and of_its_own and not of_the_rest
     return found
+
+
+def _is_steady(m: FloatArray, offset: FloatArray, rate: float, usual: float) -> bool:
+    """Whether the norm about a hard iron is the same in all of a stretch but its odd parts."""
+    error = np.linalg.norm(m - offset, axis=1)
+    off = np.abs(_averaged(error - np.median(error), rate)) > DISTURBED * usual
+    return bool(np.mean(off) < 1.0 - EXPLAINED)
 
 
 def _lasting(t: FloatArray, error: FloatArray) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.allan import white_density
 from calibration.segments import still_rows
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, runs_of
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 
@@ -65,11 +65,7 @@ def longest_still(recording: Recording) -> tuple[int, int]:
     """Rows [start, stop) of the longest stretch in which the IMU lies still; one row where it never does."""
     imu = recording.streams["imu"]
     still = still_rows(imu.t, imu.array(ACCEL), imu.array(GYRO))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    if not len(edges):
-        return 0, 1
-    longest = int(np.argmax(edges[1::2] - edges[::2]))
-    return int(edges[2 * longest]), int(edges[2 * longest + 1])
+    return max(runs_of(still), key=lambda run: run[1] - run[0], default=(0, 1))
 
 
 def reading_noise(values: FloatArray) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sensors.errors import InputError
 
 #: A window counts as still when its scatter is below the valley between the two heaps of log scatter, still and moving,
@@ -140,11 +140,10 @@ def find_poses(
     values = accel if gyro is None else np.hstack([accel, gyro])
     rate = 1.0 / np.median(np.diff(t)) if len(t) > 1 else 1.0
     margin, shortest = round(float(MARGIN * rate)), round(float(SHORTEST * rate))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     kept: list[tuple[int, int]] = []
     directions: list[FloatArray] = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        start, stop = int(first) + margin, int(last) - margin
+    for first, last in runs_of(still):
+        start, stop = first + margin, last - margin
         if stop - start < shortest:
             continue
         mean = accel[start:stop].mean(axis=0)

@@ -18,7 +18,7 @@ import numpy as np
 from estimator.alignment import first_state
 from estimator.events import StreamForm, collect, readings
 from estimator.filter import Engine, RunInputs, prepare, run
-from estimator.flight_model import FlightModel
+from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.smoother import estimated_motion, smooth
@@ -144,7 +144,7 @@ def run_with_effects(
 def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightModel:
     """The model, once every effect is known to enter a stream that the run has."""
     for entry, _ in terms.pairs:
-        if entry.stream not in ("accel", "gyro", *model.sensors):
+        if entry.stream not in (*DRIVERS, *model.sensors):
             raise InputError(recording.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
     return model
 

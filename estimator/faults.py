@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, runs_of
 
 #: False-alarm rate per stream of calling a run of equal readings frozen.
 FROZEN_LEVEL = 1e-6
@@ -30,8 +30,7 @@ class Note:
 
 def _equal_runs(same: BoolArray) -> list[tuple[int, int]]:
     """[start, stop) of runs of rows that equal their predecessor; `same` (n - 1,) bool."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(start, stop + 1) for start, stop in runs_of(same)]
 
 
 def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:

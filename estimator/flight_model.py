@@ -25,6 +25,8 @@ from sensors.model import SensorModel
 from sensors.recording import VELOCITY, Recording, SensorSpec
 from sensors.sonar import Sonar
 
+#: Streams that drive the filter, both in the table of the IMU.
+DRIVERS = ("accel", "gyro")
 #: Streams that can update the filter, in the order in which equal time stamps are processed.
 AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "level")
 #: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
@@ -129,7 +131,7 @@ def flight_model(
     imu = recording.streams["imu"]
     if len(imu) < 2:
         raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
-    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in ("accel", "gyro", *AIDING)}
+    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *AIDING)}
     wanted = set(AIDING if use is None else use)
     rate = 1.0 / float(np.median(np.diff(imu.t)))
     notes: list[str] = []

@@ -20,7 +20,7 @@ import numpy as np
 
 from estimator.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from estimator.flight_model import FlightModel
-from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sensors.recording import ACCEL, GYRO, Recording
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
@@ -144,10 +144,8 @@ def _slope(t: FloatArray, column: FloatArray, usual: float) -> float:
 
 def _unseen(height: FloatArray, t: FloatArray) -> FloatArray:
     """(n - 1,) variance rate whose integral over each stretch of heights e is (e T)^2: e as uncertain as itself."""
-    on = height > 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
     rate = np.zeros(len(t) - 1)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs_of(height > 0.0):
         last = min(stop, len(t) - 1)
         rate[start:last] = float(np.max(height[start:stop])) ** 2 * (t[last] - t[start])
     return rate

@@ -42,7 +42,7 @@ from estimator.effect_forms import (
 )
 from estimator.events import readings
 from estimator.filter import RunInputs, journal_of, outputs_for, prepare, run
-from estimator.flight_model import FlightModel
+from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
@@ -197,7 +197,7 @@ def pack(
     slices = tuple(slice(int(end - width), int(end)) for end, width in zip(ends, widths, strict=True))
     order = np.zeros(int(widths.sum()), dtype=np.int64)
     place, tables, tiles = 0, {}, {}
-    for stream in ("accel", "gyro"):
+    for stream in DRIVERS:
         mine = [i for i, entry in enumerate(effects) if entry.stream == stream]
         width = int(widths[mine].sum()) if mine else 0
         place = _start(place, width)
@@ -231,7 +231,7 @@ def pack(
         for i in mine:
             order[slices[i]] = place + np.arange(widths[i])
             place += int(widths[i])
-    unknown = [entry.name for entry in effects if entry.stream not in ("accel", "gyro", *events.sensors)]
+    unknown = [entry.name for entry in effects if entry.stream not in (*DRIVERS, *events.sensors)]
     if unknown:
         raise InputError(recording.where, f"no stream for {', '.join(unknown)}", "candidates of streams that are there")
     Gz = np.concatenate(parts) if parts else np.zeros(1)
@@ -342,7 +342,7 @@ def _slope_over_time(
 
 def candidate_streams(model: FlightModel) -> tuple[str, ...]:
     """The streams whose effects can be candidates in a run: the drivers and the sensors that update."""
-    return ("accel", "gyro", *model.sensors)
+    return (*DRIVERS, *model.sensors)
 
 
 def count_readings(recording: Recording, model: FlightModel) -> Mapping[str, int]:

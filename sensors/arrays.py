@@ -37,6 +37,12 @@ def as_floats(name: str, value: object, shape: Sequence[int | None], hint: str =
     return array
 
 
+def runs_of(mask: npt.ArrayLike) -> list[tuple[int, int]]:
+    """Rows [start, stop) of each run of true values; `mask` (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]])))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
 def zero_unless_finite(values: FloatArray) -> FloatArray:
     """The values, zero where they are not finite: a beam above the horizon has no prediction, nor does it change."""
     return np.where(np.isfinite(values), values, 0.0)

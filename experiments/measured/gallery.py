@@ -238,7 +238,7 @@ def main(arguments: Sequence[str]) -> int:
     """
     from experiments.measured.gallery_page import block, blocks_of, page
 
-    if not arguments or any(name not in LOGS for name in arguments[1:]):
+    if not arguments or arguments[0].startswith("-") or any(name not in LOGS for name in arguments[1:]):
         return usage(LOGS, "OUT.md ")
     out, failed = Path(arguments[0]), False
     blocks = blocks_of(out.read_text(encoding="utf-8")) if arguments[1:] and out.is_file() else {}

@@ -60,16 +60,16 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     """
     declared, notes = recording, list[str]()
     compass: Compass | None = None
-    kept = recording
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
     if "mag" in recording.streams and recording.environment.magnetic_field is None:
         recording = within_imu(recording)
         notes += outside_notes(declared, recording)
         compass = compass_of(recording)
-        kept = corrected(recording, compass, keep_shifted)
+        sound = corrected(recording, compass)  # of which noise and heading are taken
+        kept = corrected(recording, compass, keep_shifted=True) if keep_shifted else sound
         notes += kept.notes[len(declared.notes) :]
-        recording = corrected(recording, compass).replace(notes=kept.notes)  # noise, heading: of what is sound
+        recording = sound.replace(notes=kept.notes)
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
     heading = headed.notes[len(recording.notes) :]
@@ -80,7 +80,7 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     notes += [*heading, *noise.notes]
     if not notes:
         return Prepared(declared, noise, model)
-    streams = {**headed.streams, **{name: stream for name, stream in kept.streams.items() if name == "mag"}}
+    streams = headed.streams if compass is None else {**headed.streams, "mag": kept.streams["mag"]}
     as_declared = headed.replace(streams=streams, environment=declared.environment, notes=(*declared.notes, *notes))
     return Prepared(as_declared, noise, model, tuple(notes))
 

@@ -14,7 +14,7 @@ from experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, ne
 from experiments.report.words import SENSORS, change, stream_unit
 from experiments.residual_loop.prove import Errors
 from experiments.residual_loop.source import Signature, StreamResidual
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, runs_of
 
 DISTURBED, LEFT = "#f2c14e", "#d98c2b"
 _MOST_POINTS = 6000
@@ -219,6 +219,5 @@ def _limit(one: Axes, values: FloatArray) -> None:
 def _shade(one: Axes, t: FloatArray, mask: BoolArray, colour: str) -> None:
     order = np.argsort(t, kind="stable")
     t, mask = t[order], mask[order]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in runs_of(mask):
         one.axvspan(t[first], t[min(last, len(t) - 1)], color=colour, lw=0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.faults import Note
 from estimator.filter import run_filter
-from estimator.flight_model import FlightModel
+from estimator.flight_model import DRIVERS, FlightModel
 from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
@@ -57,8 +57,6 @@ from sensors.recording import Recording
 
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
-#: Streams that drive the filter.
-_DRIVERS = ("accel", "gyro")
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
 _COLOURED = 0.01
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
@@ -344,7 +342,7 @@ class FlightSource:
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)
-        on_imu = [term for term in terms if term in fit.beta and declaration(term).stream in _DRIVERS]
+        on_imu = [term for term in terms if term in fit.beta and declaration(term).stream in DRIVERS]
         if on_imu and "level" in self.model.sensors:
             turning = self._columns(fit, [IN_STEP])[0]
             for term, rows in self._rows_of_terms(fit, on_imu):
@@ -385,7 +383,7 @@ class FlightSource:
         return np.concatenate([np.full(len(fit.beta[t]), t == term) for t in fit.in_mean])
 
     def _stamps(self, stream: str) -> FloatArray:
-        return self.recording.streams["imu" if stream in _DRIVERS else stream].t
+        return self.recording.streams["imu" if stream in DRIVERS else stream].t
 
     def _own_rows(self, fit: Fit) -> Rows:
         """Of the fit's own terms, nothing wanted besides."""

@@ -38,6 +38,8 @@ _FLOOR = 1e-3
 _JUST_BEFORE = 1e-6
 #: Intervals whose gains differ by less than this are not told apart: of those the smallest offset is taken.
 _ALIKE = 1.0
+#: A combination of columns of unit length that has less than this share of the largest one's square is none.
+_DEPENDENT = 1e-12
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
 
@@ -244,6 +246,15 @@ class _Best:
         return self.steps[0] - self.steps[1] if len(self.steps) > 1 else self.steps[0]
 
 
+def beside_columns(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """What of `values` (r, k) no combination of the columns (r, m) is; columns of any unit."""
+    unit = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    power, directions = np.linalg.eigh(unit.T @ unit)
+    there = power > _DEPENDENT * max(float(np.max(power, initial=0.0)), 1e-300)
+    Q = unit @ (directions[:, there] / np.sqrt(power[there]))
+    return np.asarray(values - Q @ (Q.T @ values))
+
+
 class _Joint:
     """Joint information and score of steps at a number of onsets, what the model has already projected out.
 
@@ -258,11 +269,8 @@ class _Joint:
         self, rows: Rows, size: int, onsets: FloatArray, on_grid: int | None = None,
         span: tuple[float, float] = (-np.inf, np.inf),
     ) -> None:  # fmt: skip
-        own, W, white = rows.own, rows.wanted, rows.white
-        if own.shape[1]:
-            unit = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-            inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True)
-            W, white = W - unit @ (inverse @ (unit.T @ W)), white - unit @ (inverse @ (unit.T @ white))
+        free = beside_columns(rows.own, np.column_stack([rows.wanted, rows.white]))
+        W, white = free[:, :-1], free[:, -1]
         m = len(onsets)
         order = np.argsort(onsets, kind="stable")
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)

@@ -8,7 +8,7 @@ from scipy import stats
 from calibration.triad import calibrate_norm, norm_jacobian, norm_residual
 from estimator.faults import FROZEN_LEVEL, stuck_runs
 from estimator.score import DETECTABLE_LAMBDA
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, runs_of
 from sensors.errors import InputError
 
 Fault = tuple[str, str, float, float]
@@ -38,8 +38,7 @@ def poses_that_measured(
     pinned = at_an_end(reading) & keep
     if np.any(pinned) and _are_too_short(sensor, reading[keep], pinned[keep], norm, sigma, keep, where):
         keep &= ~pinned
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], pinned.astype(np.int8), [0]])))
-        found += [(sensor, "saturated", float(t[a]), float(t[b - 1])) for a, b in edges.reshape(-1, 2)]
+        found += [(sensor, "saturated", float(t[a]), float(t[b - 1])) for a, b in runs_of(pinned)]
     return keep, tuple(found)
 
 

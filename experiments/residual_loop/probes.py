@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from estimator.flight_model import DRIVERS
 from experiments.residual_loop.term import varies
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE
@@ -45,7 +46,7 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
         for name, values in covariates.get(stream, {}).items():
             if values.ndim == 1 and varies(values):
                 found.append(_of_covariate(stream, name, values))
-        if stream in ("accel", "gyro"):
+        if stream in DRIVERS:
             found.append(_of_itself(stream))
             continue
         if stream not in known:

@@ -13,6 +13,7 @@ from experiments.residual_loop.source import Fit, LocalFinding, Part, Source, lo
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import (
     IMPOSSIBLE,
+    NAMELESS,
     OF_THE_MODEL,
     SHORTLIST,
     UNTRIED,
@@ -241,7 +242,7 @@ class _Path:
         """What passes but was not accepted, strongest first: what lost its evidence in the refit is nothing; what could
         not be that effect still is something.
         """
-        still = [option for option in self._passing() if self._refused.get(option.term.key, IMPOSSIBLE) == IMPOSSIBLE]
+        still = [option for option in self._passing() if self._refused.get(option.term.key, IMPOSSIBLE) in NAMELESS]
         return tuple(sorted(still, key=lambda option: option.log_p))
 
 

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from estimator.flight_model import DRIVERS
 from estimator.score import (
     CONFUSED,
     Evidence,
@@ -43,11 +44,13 @@ _LINEAR = 0.1
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
 #: blocks had scattered too much before; chance would not do it, but an offset in an interval is less likely still; it
-#: cannot be. It was not tried, behind a shortlist of which nothing stood.
+#: cannot be; no component of it is determined. It was not tried, behind a shortlist of which nothing stood.
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
-IMPOSSIBLE, UNTRIED = "impossible", "untried"
+IMPOSSIBLE, UNDETERMINED, UNTRIED = "impossible", "undetermined", "untried"
 #: Those that may not hold any more once another effect is in the model.
 OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
+#: Those that leave what passed its test without a name.
+NAMELESS = (IMPOSSIBLE, UNDETERMINED)
 #: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
 #: held-out part does not bear it out.
 BESIDE_ERROR, ROLLED_BACK = "beside an error", "rolled back"
@@ -115,7 +118,7 @@ def best_of(
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
-    trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
+    trials = [trial for trial in tried.values() if not isinstance(trial, str) and trial[1].log_p < threshold]
     if not trials:
         for option in shortlist:
             key = option.term.key
@@ -134,10 +137,10 @@ def best_of(
     return chosen, replace(finding, confused_with=confused_with)
 
 
-def _why(option: Option, trial: tuple[Fit, Finding] | None, threshold: float) -> str:
+def _why(option: Option, trial: tuple[Fit, Finding] | str, threshold: float) -> str:
     """Why an option that was tried did not stand."""
-    if trial is None:
-        return IMPOSSIBLE
+    if isinstance(trial, str):
+        return trial
     if trial[1].term.interval is not None and trial[1].log_odds < 0.0 and trial[1].log_p_raw < threshold:
         return UNLIKELY
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
@@ -175,7 +178,7 @@ def best_pair(
             without = fit_without(source, both, term)
             s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
             trial = _trial(source, without, option_of(s))
-            if trial is None or trial[1].log_p + searched > threshold:
+            if isinstance(trial, str) or trial[1].log_p + searched > threshold:
                 return None
             found.append((without, trial[1]))
     except InputError:  # no model follows from the two
@@ -183,15 +186,18 @@ def best_pair(
     return both, found
 
 
-def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
-    """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
-    outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
+def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | str:
+    """Refit with one more effect; or why it cannot be named.
+
+    It is impossible where the estimate of one that lasts or is on the IMU is far outside its plausible size, no model
+    follows from it, or hardly a reading is left that could say otherwise; undetermined where only combinations of its
+    components are seen: then nothing can be corrected by it.
     """
     term = option.term
     try:
         refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
     except InputError:  # no state or covariance that could be: this is not what happened
-        return None
+        return IMPOSSIBLE
     for _ in range(_RELOCATIONS if term.interval is not None else 0):
         moved = source.relocated(refit, term)
         if moved == term:
@@ -211,15 +217,18 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
-        return None
+        return IMPOSSIBLE
     is_local = term.interval is not None
-    bounded = not is_local or source.effect(term).stream in ("accel", "gyro")
+    bounded = not is_local or source.effect(term).stream in DRIVERS
     if bounded and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
-        return None
+        return IMPOSSIBLE
     others = refit.keys_beside(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > _LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
+    statistic = statistic_of(evidence, term.key, others)
+    if linear and not np.any(np.isfinite(statistic.std)):
+        return UNDETERMINED
+    scatter = 1.0 if is_local or not linear else statistic.scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)

@@ -29,7 +29,7 @@ from estimator.events import window_means
 from estimator.flight_model import FlightModel
 from estimator.score import block_scatter, log_p_of_divided
 from estimator.sensitivity import driver_regressors
-from experiments.residual_loop.onsets import Rows
+from experiments.residual_loop.onsets import Rows, beside_columns
 from experiments.residual_loop.probes import offsets
 from sensors.arrays import FloatArray, IntArray
 from sensors.effects import Effect, effect
@@ -41,8 +41,6 @@ from sensors.recording import Recording
 _SQUARES = np.triu_indices(3)
 #: Directions of an effect that are seen: share of the information of the best.
 _FLOOR = 1e-6
-#: A combination of columns of unit length that has less than this share of the largest one's square is none.
-_DEPENDENT = 1e-10
 #: Blocks of time whose scatter says how well r is known; and of fewer readings each, nothing is said.
 _BLOCKS, _LEAST = 20, 5
 
@@ -74,8 +72,8 @@ def log_p_beside_turning(rows: Rows, turning: FloatArray) -> float:
     it its size. So is one of which nothing is left there.
     """
     asked = np.column_stack([rows.wanted, rows.white])
-    alone = _beside(rows.own, asked)
-    beside = _beside(np.hstack([rows.own, turning]), asked)
+    alone = beside_columns(rows.own, asked)
+    beside = beside_columns(np.hstack([rows.own, turning]), asked)
     information, W, z = alone[:, :-1].T @ alone[:, :-1], beside[:, :-1], beside[:, -1]
     values, vectors = np.linalg.eigh(W.T @ W)
     seen = values > _FLOOR * max(float(np.trace(information)), 1e-300)
@@ -91,15 +89,6 @@ def log_p_beside_turning(rows: Rows, turning: FloatArray) -> float:
     of_blocks = np.stack([W[block].T @ W[block] for block in inside])
     scatter = block_scatter(of_blocks, np.stack([W[block].T @ z[block] for block in inside]), beta)
     return log_p_of_divided(float(beta @ beta), int(np.sum(seen)), *scatter)
-
-
-def _beside(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """What of `values` (r, k) no combination of the columns (r, m) is."""
-    C = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    power, directions = np.linalg.eigh(C.T @ C)
-    there = power > _DEPENDENT * max(float(np.max(power, initial=0.0)), 1e-300)
-    Q = C @ (directions[:, there] / np.sqrt(power[there]))
-    return np.asarray(values - Q @ (Q.T @ values))
 
 
 @dataclass(frozen=True)

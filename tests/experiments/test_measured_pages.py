@@ -132,3 +132,13 @@ def test_agreement_wants_both() -> None:
     assert Agreement(1, 1, 1e-12, 0, (1.0, 1.0)).holds
     assert not Agreement(1, 1, 1e-12, 1, (1.0, 1.0)).holds
     assert not Agreement(1, 1, 1e-6, 0, (1.0, 1.0)).holds
+
+
+@pytest.mark.parametrize("given", [[], ["--help"], ["page.md", "no such log"]])
+def test_a_command_that_names_no_page_or_log_says_what_it_takes(
+    given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert gallery.main(given) == 2
+    assert capsys.readouterr().err.startswith("usage: OUT.md [NAME ...]")
+    assert not list(tmp_path.iterdir())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.flight_passes import Fitted
 from experiments.residual_loop.onsets import Rows
 from experiments.residual_loop.open_flight import flight_source
 from experiments.residual_loop.remaining import remaining
@@ -35,7 +36,8 @@ def found_of(seed: int, *effects: str) -> tuple[TurningPoint | None, list[str]]:
     source = flight_source(recording)
     fit = source.fit(())
     level = next(r for r in source.residuals(fit) if r.stream == "level")
-    G = turning_regressor(source.recording, source.model, fit.detail.motion)  # type: ignore[attr-defined]
+    assert isinstance(fit.detail, Fitted)
+    G = turning_regressor(source.recording, source.model, fit.detail.motion)
     said = [item.what for item in remaining(source, fit, (), (), 0.01) if item.stream == "level" and item.what]
     return turning_point(G, level.residual, level.row), said
 
@@ -65,10 +67,11 @@ def test_too_few_readings_or_axes_say_nothing() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_p_values_of_white_noise_are_no_smaller_than_chance(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    p = [
-        turning_point(rng.standard_normal((300, 3, 3)), rng.standard_normal((300, 3)), np.arange(300)).p_value  # type: ignore[union-attr]
-        for _ in range(200)
-    ]
+    p = []
+    for _ in range(200):
+        one = turning_point(rng.standard_normal((300, 3, 3)), rng.standard_normal((300, 3)), np.arange(300))
+        assert one is not None
+        p.append(one.p_value)
     assert np.mean(np.array(p) < 0.05) < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / 200)
 
 
