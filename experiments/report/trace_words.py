@@ -52,7 +52,7 @@ REFUSED = {
     UNLIKELY: ("odds", "chance would hardly make it, yet no offset at all is likelier"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
-    UNDETERMINED: ("combinations", "only combinations of its components are seen, none of them by itself"),
+    UNDETERMINED: ("combinations", "only combinations of its components are seen, and none of them by itself"),
     UNTRIED: (
         "not tried",
         "it was not tried: stronger ones came first, or enough effects were found",

@@ -59,6 +59,8 @@ _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
 _COLOURED = 0.01
+#: Motion is near what it is said to be where `level`, which allows for what is usual, has no larger NIS.
+_NEAR = 4.0
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 
@@ -326,8 +328,8 @@ class FlightSource:
 
     def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
-        the fit as it is, of another to first order. Of one of the fit that is on the IMU beside the accelerations that
-        `level` neglects, too; of another not, which may be far from what first order says of it.
+        the fit as it is, of another to first order. Of one on the IMU beside the accelerations that `level` neglects,
+        too; but to first order only where the motion is near what it is said to be.
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
         effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
@@ -342,7 +344,8 @@ class FlightSource:
             asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)
-        on_imu = [term for term in terms if term in fit.beta and declaration(term).stream in DRIVERS]
+        near = all(r.nis_per_dof < _NEAR for r in self.residuals(fit) if r.stream == "level")
+        on_imu = [term for term in terms if (near or term in fit.beta) and declaration(term).stream in DRIVERS]
         if on_imu and "level" in self.model.sensors:
             turning = self._columns(fit, [IN_STEP])[0]
             for term, rows in self._rows_of_terms(fit, on_imu):

@@ -19,7 +19,7 @@ from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
 from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
-from experiments.residual_loop.source import Part
+from experiments.residual_loop.source import IMPLAUSIBLE, Part
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.errors import InputError
@@ -175,7 +175,8 @@ class FlightPasses:
         InputError : from the first values no state, covariance or finite information follows
         """
         beta, motion = list(beta), self.plain_motion
-        best: tuple[float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
+        prior = self._prior(effects)
+        best: tuple[float, float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
         halvings, foretold = 0, np.inf
         for _ in range(_MOST_STEPS):
             try:
@@ -185,31 +186,33 @@ class FlightPasses:
                     motion = self.follow(journal, effects, beta)
                 journal, sensitivity = self.run(effects, effects, beta, motion)
                 deviance = self.deviance(journal, part)
+                cost = deviance + _length(beta, prior)
                 W, white = self.rows(sensitivity, journal, part)
                 information, score = W.T @ W, W.T @ white
                 self._require_numbers(deviance, information, score, *beta)
             except InputError:  # beta so far off that no state or covariance follows
                 if best is None:
                     raise
-                deviance = np.inf
-            if best is not None and best[0] < deviance:  # too far: half the way back
+                cost = np.inf
+            if best is not None and best[0] < cost:  # too far: half the way back
                 halvings += 1
                 if halvings > _MOST_HALVINGS or foretold < _SETTLED_DEVIANCE:
                     break
-                beta = [0.5 * (b + good) for b, good in zip(beta, best[1], strict=True)]
-                journal, motion = best[2], best[3]
+                beta = [0.5 * (b + good) for b, good in zip(beta, best[2], strict=True)]
+                journal, motion = best[3], best[4]
                 continue
-            best = (deviance, beta, journal, motion, sensitivity, information)
+            best = (cost, deviance, beta, journal, motion, sensitivity, information)
             if not effects:
                 break
-            step = self._step(information, score, effects)
-            foretold = float(2.0 * step @ score - step @ information @ step)
+            pull = score - prior * np.concatenate(beta)
+            step = self._step(information, pull, prior)
+            foretold = float(2.0 * step @ pull - step @ (information @ step + prior * step))
             sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
         assert best is not None
-        deviance, beta, journal, motion, sensitivity, information = best
+        _, deviance, beta, journal, motion, sensitivity, information = best
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
@@ -292,12 +295,19 @@ class FlightPasses:
             motion = self.follow(journal, [], [])
         return settled
 
-    def _step(self, information: FloatArray, score: FloatArray, effects: Sequence[Effect]) -> FloatArray:
+    def _prior(self, effects: Sequence[Effect]) -> FloatArray:
+        """(p,) information on each parameter before any reading: `IMPLAUSIBLE` is one sigma, so that what no reading
+        sees stays zero.
+        """
+        sizes = [entry.plausible_in(self.plain_motion) for entry in effects]
+        return np.asarray((IMPLAUSIBLE * np.concatenate([*sizes, np.zeros(0)])) ** -2.0)
+
+    @staticmethod
+    def _step(information: FloatArray, score: FloatArray, prior: FloatArray) -> FloatArray:
         """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
-        scale = np.concatenate([entry.plausible_in(self.plain_motion) for entry in effects])
-        ridge = np.diag(1.0 / (100.0 * scale) ** 2)
-        step = np.linalg.solve(information + ridge, score)
-        return np.asarray(step / max(float(np.max(np.abs(step) / (_LONGEST_STEP * scale))), 1.0))
+        step = np.linalg.solve(information + np.diag(prior), score)
+        longest = _LONGEST_STEP / (IMPLAUSIBLE * np.sqrt(prior))
+        return np.asarray(step / max(float(np.max(np.abs(step) / longest)), 1.0))
 
     def _attitude_std_at_start(self, journal: Journal) -> float | None:
         """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
@@ -336,6 +346,12 @@ class FlightPasses:
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)
             q_nb = quaternion_multiply(about_down, q_nb)
         return recording.replace(initial=replace(declared, quaternion=q_nb, attitude_std=self._start_std))
+
+
+def _length(beta: Sequence[FloatArray], prior: FloatArray) -> float:
+    """Square of the length of the parameters, in sigmas of their prior."""
+    x = np.concatenate([*beta, np.zeros(0)])
+    return float(x @ (prior * x))
 
 
 def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:

@@ -22,6 +22,10 @@ Part = Literal["all", "fitting"]
 
 #: Readings that a fit must leave beyond its parameters: one through every reading proves nothing.
 LEAST_SPARE = 3
+#: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
+#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
+#: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
+IMPLAUSIBLE = 10.0
 #: A field whose norm is as near to 1 as this is in units of itself: what the declared digits of its parts may make.
 UNIT_NORM = 0.01
 

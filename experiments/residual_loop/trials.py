@@ -21,7 +21,7 @@ from estimator.score import (
 )
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
-from experiments.residual_loop.source import LEAST_SPARE, Fit, Source
+from experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -33,18 +33,17 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
-#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
-#: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
-IMPLAUSIBLE = 10.0
 #: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative.
 _LINEAR = 0.1
+#: At least one component of an effect is so many sigma from zero by itself: else only combinations of them are seen,
+#: and nothing can be corrected by it.
+_KNOWN = 2.0
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
 #: blocks had scattered too much before; chance would not do it, but an offset in an interval is less likely still; it
-#: cannot be; no component of it is determined. It was not tried, behind a shortlist of which nothing stood.
+#: cannot be; no component of it is known by itself. It was not tried, behind a shortlist of which nothing stood.
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNDETERMINED, UNTRIED = "impossible", "undetermined", "untried"
 #: Those that may not hold any more once another effect is in the model.
@@ -190,8 +189,8 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     """Refit with one more effect; or why it cannot be named.
 
     It is impossible where the estimate of one that lasts or is on the IMU is far outside its plausible size, no model
-    follows from it, or hardly a reading is left that could say otherwise; undetermined where only combinations of its
-    components are seen: then nothing can be corrected by it.
+    follows from it, or hardly a reading is left that could say otherwise; undetermined where none of its components is
+    known by itself.
     """
     term = option.term
     try:
@@ -226,7 +225,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > _LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
     statistic = statistic_of(evidence, term.key, others)
-    if linear and not np.any(np.isfinite(statistic.std)):
+    if linear and np.all(np.abs(beta) < _KNOWN * statistic.std):
         return UNDETERMINED
     scatter = 1.0 if is_local or not linear else statistic.scatter
     if evidence.noise_known:  # and perhaps too small

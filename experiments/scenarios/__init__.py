@@ -96,7 +96,7 @@ def size_note(present: Present, field: float = 1.0) -> str:
     ----------
     field : norm of the magnetic field, with which some parameters go
     """
-    from experiments.residual_loop.trials import IMPLAUSIBLE
+    from experiments.residual_loop.source import IMPLAUSIBLE
 
     plausible = present.effect.plausible * (field if present.effect.in_field_units else 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
