@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,10 @@ from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
-from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
 from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
-from experiments.residual_loop.source import IMPLAUSIBLE, Part
+from experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.errors import InputError
@@ -38,6 +38,8 @@ _SETTLED_DEVIANCE = 1.0
 #: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
 #: this share.
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
+#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees.
+_HARDLY = 9.0
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: Sets of readings whose slow error is kept.
@@ -216,26 +218,29 @@ class FlightPasses:
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
-        for k in self._unseen(effects, beta, information):
-            least = self._least(found, k, part)
+        for k, seen in self._hardly_seen(effects, beta, information):
+            least = self._least(found, k, part, seen)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
                 nearer = self.fitted(effects, least.beta, part, again=False)
                 return nearer if nearer.deviance < found.deviance else least
             found = least
         return found
 
-    def _unseen(self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray) -> list[int]:
-        """Places of the effects that are in the model at a size at which no derivative sees them."""
-        blocks = _split(np.diag(information), beta)
-        return [
-            k
-            for k, (entry, b, seen) in enumerate(zip(effects, beta, blocks, strict=True))
-            if np.any(b) and np.all(seen * entry.plausible_in(self.plain_motion) ** 2 < WIDEST_DIRECTION**-2)
-        ]
+    @staticmethod
+    def _hardly_seen(
+        effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray
+    ) -> list[tuple[int, float]]:
+        """Places of the effects that are in the model at a size at which the derivative hardly sees them, and what it
+        foretells of -2 log L for their loss.
+        """
+        ends = np.cumsum([0, *(len(b) for b in beta)])
+        blocks = [information[i:j, i:j] for i, j in pairwise(ends)]
+        foretold = [float(b @ own @ b) for b, own in zip(beta, blocks, strict=True)]
+        return [(k, seen) for k, seen in enumerate(foretold) if np.any(beta[k]) and seen < _HARDLY]
 
-    def _least(self, fit: Fitted, k: int, part: Part) -> Fitted:
-        """The fit with effect k as small as the data are alike, which is a bound; one that fits better, where there is
-        one on the way; itself where the data say nothing of the effect. No sigma is known of any.
+    def _least(self, fit: Fitted, k: int, part: Part, foretold: float) -> Fitted:
+        """The fit with effect k as small as the data are alike, which is a bound and has no sigma; one that fits
+        better, where there is one on the way; itself where its loss costs what the derivative has foretold.
         """
         std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
 
@@ -249,8 +254,13 @@ class FlightPasses:
             return replace(fit, beta=beta, std=std, deviance=deviance, journal=journal, sensitivity=sensitivity)
 
         none, low, high, found = at(0.0), 0.0, 1.0, replace(fit, std=std)
-        if none.deviance < fit.deviance + _ALIKE:
-            return none if none.deviance < fit.deviance - _SETTLED_DEVIANCE else found
+        gain = none.deviance - fit.deviance
+        if gain < -_SETTLED_DEVIANCE:
+            return none
+        if gain < _ALIKE and foretold < _ALIKE:
+            return found
+        if foretold > LINEAR * gain:
+            return fit
         while high - low > _BOUND_KNOWN * high:
             share = 0.5 * (low + high)
             tried = at(share)

@@ -26,6 +26,9 @@ LEAST_SPARE = 3
 #: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
 #: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
 IMPLAUSIBLE = 10.0
+#: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
+#: tilt has its gain and no derivative.
+LINEAR = 0.1
 #: A field whose norm is as near to 1 as this is in units of itself: what the declared digits of its parts may make.
 UNIT_NORM = 0.01
 

@@ -21,7 +21,7 @@ from estimator.score import (
 )
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
-from experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, Fit, Source
+from experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -33,9 +33,6 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
-#: tilt has its gain and no derivative.
-_LINEAR = 0.1
 #: At least one component of an effect is so many sigma from zero by itself: else only combinations of them are seen,
 #: and nothing can be corrected by it.
 _KNOWN = 2.0
@@ -223,7 +220,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
         return IMPOSSIBLE
     others = refit.keys_beside(term)
     information = predicted_lambda(evidence, term.key, beta, others)
-    linear = information > _LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
+    linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
     statistic = statistic_of(evidence, term.key, others)
     if linear and np.all(np.abs(beta) < _KNOWN * statistic.std):
         return UNDETERMINED
