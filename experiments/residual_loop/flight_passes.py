@@ -40,6 +40,8 @@ _SETTLED_DEVIANCE = 1.0
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
 #: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees.
 _HARDLY = 9.0
+#: What a size that is a bound is multiplied by to see that it changes no reading.
+_LARGER = 1.5
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: Sets of readings whose slow error is kept.
@@ -240,7 +242,8 @@ class FlightPasses:
 
     def _least(self, fit: Fitted, k: int, part: Part, foretold: float) -> Fitted:
         """The fit with effect k as small as the data are alike, which is a bound and has no sigma; one that fits
-        better, where there is one on the way; itself where its loss costs what the derivative has foretold.
+        better, where there is one on the way; itself where its loss costs what the derivative has foretold, or where
+        more of it changes the readings.
         """
         std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
 
@@ -259,7 +262,7 @@ class FlightPasses:
             return none
         if gain < _ALIKE and foretold < _ALIKE:
             return found
-        if foretold > LINEAR * gain:
+        if foretold > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _ALIKE:
             return fit
         while high - low > _BOUND_KNOWN * high:
             share = 0.5 * (low + high)

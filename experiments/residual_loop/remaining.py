@@ -16,7 +16,7 @@ from experiments.residual_loop.options import Option
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding
+from experiments.residual_loop.trials import Finding, is_known
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
 #: an error that nobody declared, not noise that was declared badly: twice the standard deviation.
@@ -108,15 +108,17 @@ def stands_out(
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
-    interval never does: what has no name takes any shape in time. Nor does anything where a stream that it shows in is
-    left with an error far larger than its noise, since the probes have then not told what that error looks like; nor
-    what explains no more than the probes, which are generic, may have left of theirs.
+    interval never does: what has no name takes any shape in time. Nor does what is not known by itself; nor anything
+    where a stream that it shows in is left with an error far larger than its noise, since the probes have then not told
+    what that error looks like; nor what explains no more than the probes, which are generic, may have left of theirs.
     """
     if finding.term.interval is not None:
         return False
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
+    if not is_known(source.evidence(fit, own_terms_only=True), fit, finding.term):
+        return False
     known = source.noise_known
     if known:
         own = {r.stream for r in source.residuals(fit)}

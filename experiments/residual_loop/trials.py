@@ -44,7 +44,7 @@ _RELOCATIONS = 3
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNDETERMINED, UNTRIED = "impossible", "undetermined", "untried"
 #: Those that may not hold any more once another effect is in the model.
-OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
+OF_THE_MODEL = (SLOW_NOISE, SCATTERED, UNDETERMINED)
 #: Those that leave what passed its test without a name.
 NAMELESS = (IMPOSSIBLE, UNDETERMINED)
 #: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
@@ -221,10 +221,9 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     others = refit.keys_beside(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    statistic = statistic_of(evidence, term.key, others)
-    if linear and np.all(np.abs(beta) < _KNOWN * statistic.std):
+    if not is_known(evidence, refit, term):
         return UNDETERMINED
-    scatter = 1.0 if is_local or not linear else statistic.scatter
+    scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)
@@ -238,6 +237,14 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     if is_local and log_odds < 0.0:
         log_p = 0.0
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
+
+
+def is_known(evidence: Evidence, fit: Fit, term: Term) -> bool:
+    """Whether a component of an effect is known by itself not to be zero, its scatter included; a bound is known."""
+    if not term.in_mean or np.all(np.isinf(fit.std[term])):
+        return True
+    s = statistic_of(evidence, term.key, fit.keys_beside(term))
+    return bool(np.any(np.abs(fit.beta[term]) >= _KNOWN * np.sqrt(max(s.scatter, 1.0)) * s.std))
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
