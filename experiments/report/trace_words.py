@@ -27,7 +27,6 @@ from experiments.residual_loop.trials import (
     ROLLED_BACK,
     SCATTERED,
     SLOW_NOISE,
-    UNDETERMINED,
     UNLIKELY,
     UNTRIED,
 )
@@ -47,12 +46,14 @@ _FACTOR = 9.0
 _ALONE = 3.0
 #: Why an effect that passes its test was not accepted: in a word or two beside its name, and in a sentence.
 REFUSED = {
-    SLOW_NOISE: ("slow noise", "slow noise of a sensor explains it as well"),
+    SLOW_NOISE: (
+        "slow noise",
+        "slow noise of a sensor, or an acceleration in step with the turning, explains it as well",
+    ),
     SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
     UNLIKELY: ("odds", "chance would hardly make it, yet no offset at all is likelier"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
     IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
-    UNDETERMINED: ("combinations", "only combinations of its components are seen, and none of them by itself"),
     UNTRIED: (
         "not tried",
         "it was not tried: stronger ones came first, or enough effects were found",

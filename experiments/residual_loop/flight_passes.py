@@ -16,6 +16,7 @@ from estimator.flight_model import FlightModel
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
+from estimator.score import WIDEST_DIRECTION
 from estimator.sensitivity import Sensitivity, sensitivity_pass
 from estimator.smoother import smooth
 from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
@@ -211,7 +212,7 @@ class FlightPasses:
             pull = score - prior * np.concatenate(beta)
             step = self._step(information, pull, prior)
             foretold = float(2.0 * step @ pull - step @ (information @ step + prior * step))
-            sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 1e-300))
+            sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(prior))))
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
@@ -220,30 +221,34 @@ class FlightPasses:
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
-        for k, seen in self._hardly_seen(effects, beta, information):
-            least = self._least(found, k, part, seen)
+        for k, seen, foretold in self._hardly_seen(effects, beta, information):
+            least = self._least(found, k, part, seen, foretold)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
                 nearer = self.fitted(effects, least.beta, part, again=False)
                 return nearer if nearer.deviance < found.deviance else least
             found = least
         return found
 
-    @staticmethod
     def _hardly_seen(
-        effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray
-    ) -> list[tuple[int, float]]:
-        """Places of the effects that are in the model at a size at which the derivative hardly sees them, and what it
-        foretells of -2 log L for their loss.
+        self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray
+    ) -> list[tuple[int, bool, float]]:
+        """Places of the effects that are in the model at a size at which the derivative hardly sees them, whether it
+        does at all, and what it foretells of -2 log L for their loss.
         """
+        found = []
         ends = np.cumsum([0, *(len(b) for b in beta)])
-        blocks = [information[i:j, i:j] for i, j in pairwise(ends)]
-        foretold = [float(b @ own @ b) for b, own in zip(beta, blocks, strict=True)]
-        return [(k, seen) for k, seen in enumerate(foretold) if np.any(beta[k]) and seen < _HARDLY]
+        for k, (entry, b, (first, last)) in enumerate(zip(effects, beta, pairwise(ends), strict=True)):
+            own = information[first:last, first:last]
+            seen = np.diag(own) * entry.plausible_in(self.plain_motion) ** 2 > WIDEST_DIRECTION**-2
+            foretold = float(b @ own @ b)
+            if np.any(b) and foretold < _HARDLY:
+                found.append((k, bool(np.any(seen)), foretold))
+        return found
 
-    def _least(self, fit: Fitted, k: int, part: Part, foretold: float) -> Fitted:
-        """The fit with effect k as small as the data are alike, which is a bound and has no sigma; one that fits
-        better, where there is one on the way; itself where its loss costs what the derivative has foretold, or where
-        more of it changes the readings.
+    def _least(self, fit: Fitted, k: int, part: Part, is_seen: bool, foretold: float) -> Fitted:
+        """The fit with effect k as small as the data are alike, which is a bound and has no sigma, nor has one of which
+        the data say nothing; one that fits better, where there is one on the way; itself where its loss costs what the
+        derivative has foretold, or where more of it changes the readings.
         """
         std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
 
@@ -260,9 +265,9 @@ class FlightPasses:
         gain = none.deviance - fit.deviance
         if gain < -_SETTLED_DEVIANCE:
             return none
-        if gain < _ALIKE and foretold < _ALIKE:
+        if gain < _ALIKE and not is_seen:
             return found
-        if foretold > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _ALIKE:
+        if foretold > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _SETTLED_DEVIANCE:
             return fit
         while high - low > _BOUND_KNOWN * high:
             share = 0.5 * (low + high)

@@ -248,6 +248,8 @@ class _Best:
 
 def beside_columns(columns: FloatArray, values: FloatArray) -> FloatArray:
     """What of `values` (r, k) no combination of the columns (r, m) is; columns of any unit."""
+    if not columns.shape[1]:
+        return values
     unit = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     power, directions = np.linalg.eigh(unit.T @ unit)
     there = power > _DEPENDENT * max(float(np.max(power, initial=0.0)), 1e-300)
@@ -269,8 +271,8 @@ class _Joint:
         self, rows: Rows, size: int, onsets: FloatArray, on_grid: int | None = None,
         span: tuple[float, float] = (-np.inf, np.inf),
     ) -> None:  # fmt: skip
-        free = beside_columns(rows.own, np.column_stack([rows.wanted, rows.white]))
-        W, white = free[:, :-1], free[:, -1]
+        W = beside_columns(rows.own, rows.wanted)
+        white = beside_columns(rows.own, rows.white[:, None])[:, 0]
         m = len(onsets)
         order = np.argsort(onsets, kind="stable")
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)

@@ -9,14 +9,14 @@ import numpy as np
 from scipy import stats
 
 from estimator.faults import FROZEN_LEVEL
-from estimator.score import Statistic, log_p_value
+from estimator.score import Statistic, log_p_value, statistic_of
 from estimator.whiteness import autocorrelation, whiteness
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.options import Option
 from experiments.residual_loop.probes import followed
 from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding, is_known
+from experiments.residual_loop.trials import Finding
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
 #: an error that nobody declared, not noise that was declared badly: twice the standard deviation.
@@ -108,16 +108,17 @@ def stands_out(
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
-    interval never does: what has no name takes any shape in time. Nor does what is not known by itself; nor anything
-    where a stream that it shows in is left with an error far larger than its noise, since the probes have then not told
-    what that error looks like; nor what explains no more than the probes, which are generic, may have left of theirs.
+    interval never does: what has no name takes any shape in time. Nor does an effect of which no component is known to
+    within its plausible size; nor anything where a stream that it shows in is left with an error far larger than its
+    noise, since the probes have then not told what that error looks like; nor what explains no more than the probes,
+    which are generic, may have left of theirs.
     """
     if finding.term.interval is not None:
         return False
     stream = source.effect(finding.term).stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    if not is_known(source.evidence(fit, own_terms_only=True), fit, finding.term):
+    if not _says_something(source, fit, finding.term):
         return False
     known = source.noise_known
     if known:
@@ -129,6 +130,15 @@ def stands_out(
             return False
     inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < log_p_needed(source, alpha)
+
+
+def _says_something(source: Source, fit: Fit, term: Term) -> bool:
+    """Whether a component of an effect is known better than by what instruments have; a bound is."""
+    if np.all(np.isinf(fit.std[term])):
+        return True
+    evidence = source.evidence(fit, own_terms_only=True)
+    std = statistic_of(evidence, term.key, fit.keys_beside(term)).std
+    return bool(np.any(std < evidence.plausible[evidence.columns(term.key)]))
 
 
 def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remaining]:

@@ -13,7 +13,6 @@ from experiments.residual_loop.source import Fit, LocalFinding, Part, Source, lo
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import (
     IMPOSSIBLE,
-    NAMELESS,
     OF_THE_MODEL,
     SHORTLIST,
     UNTRIED,
@@ -21,7 +20,6 @@ from experiments.residual_loop.trials import (
     best_of,
     best_pair,
     fit_without,
-    is_known,
     refitted,
 )
 from sensors.arrays import FloatArray
@@ -105,7 +103,7 @@ def select(
     3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
        accepted, an interval only where it is likelier than none, and readings that it had hidden and that are wrong are
        set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
-    4. An effect that another has made superfluous is dropped, or one of which it leaves no component known by itself.
+    4. An effect that another has made superfluous is dropped.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
     6. Where the noise is another one beside what was found, all of it is done again with that; readings that were set
@@ -243,14 +241,12 @@ class _Path:
         """What passes but was not accepted, strongest first: what lost its evidence in the refit is nothing; what could
         not be that effect still is something.
         """
-        still = [option for option in self._passing() if self._refused.get(option.term.key, IMPOSSIBLE) in NAMELESS]
+        still = [option for option in self._passing() if self._refused.get(option.term.key, IMPOSSIBLE) == IMPOSSIBLE]
         return tuple(sorted(still, key=lambda option: option.log_p))
 
 
 def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
-    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model, and one of
-    which no component is known by itself any longer.
-    """
+    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
     if len(findings) < 2:
         return fit, findings
     evidence = source.evidence(fit, own_terms_only=True)
@@ -258,10 +254,7 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
         term, dof = finding.term, len(finding.beta)
         if not term.in_mean:
             continue
-        others = fit.keys_beside(term)
-        if not is_known(evidence, fit, term):
-            return _prune(source, fit_without(source, fit, term), [f for f in findings if f.term != term], threshold)
-        foretold = predicted_lambda(evidence, term.key, fit.beta[term], others)
+        foretold = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_beside(term))
         if evidence.noise_known and log_p_value(_FORETOLD * foretold, dof) < threshold:
             continue  # a refit would not find otherwise
         without = fit_without(source, fit, term)

@@ -217,7 +217,7 @@ class Source(Protocol):
         """
 
     def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term beside slow noise, and of one of the fit beside what the plain model
+        """Logarithm of the p-value of each term beside slow noise, and of an effect beside what the plain model
         neglects by intent, where there may be such, else minus infinity: of a term of the fit as it is, of another to
         first order.
         """

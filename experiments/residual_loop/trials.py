@@ -33,20 +33,15 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: At least one component of an effect is so many sigma from zero by itself: else only combinations of them are seen,
-#: and nothing can be corrected by it.
-_KNOWN = 2.0
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
 #: blocks had scattered too much before; chance would not do it, but an offset in an interval is less likely still; it
-#: cannot be; no component of it is known by itself. It was not tried, behind a shortlist of which nothing stood.
+#: cannot be. It was not tried, behind a shortlist of which nothing stood.
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
-IMPOSSIBLE, UNDETERMINED, UNTRIED = "impossible", "undetermined", "untried"
+IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Those that may not hold any more once another effect is in the model.
-OF_THE_MODEL = (SLOW_NOISE, SCATTERED, UNDETERMINED)
-#: Those that leave what passed its test without a name.
-NAMELESS = (IMPOSSIBLE, UNDETERMINED)
+OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 #: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
 #: held-out part does not bear it out.
 BESIDE_ERROR, ROLLED_BACK = "beside an error", "rolled back"
@@ -114,7 +109,7 @@ def best_of(
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
     tried = {o.term.key: _trial(source, fit, o) for o in to_try}
-    trials = [trial for trial in tried.values() if not isinstance(trial, str) and trial[1].log_p < threshold]
+    trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
     if not trials:
         for option in shortlist:
             key = option.term.key
@@ -133,10 +128,10 @@ def best_of(
     return chosen, replace(finding, confused_with=confused_with)
 
 
-def _why(option: Option, trial: tuple[Fit, Finding] | str, threshold: float) -> str:
+def _why(option: Option, trial: tuple[Fit, Finding] | None, threshold: float) -> str:
     """Why an option that was tried did not stand."""
-    if isinstance(trial, str):
-        return trial
+    if trial is None:
+        return IMPOSSIBLE
     if trial[1].term.interval is not None and trial[1].log_odds < 0.0 and trial[1].log_p_raw < threshold:
         return UNLIKELY
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
@@ -174,7 +169,7 @@ def best_pair(
             without = fit_without(source, both, term)
             s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
             trial = _trial(source, without, option_of(s))
-            if isinstance(trial, str) or trial[1].log_p + searched > threshold:
+            if trial is None or trial[1].log_p + searched > threshold:
                 return None
             found.append((without, trial[1]))
     except InputError:  # no model follows from the two
@@ -182,18 +177,15 @@ def best_pair(
     return both, found
 
 
-def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | str:
-    """Refit with one more effect; or why it cannot be named.
-
-    It is impossible where the estimate of one that lasts or is on the IMU is far outside its plausible size, no model
-    follows from it, or hardly a reading is left that could say otherwise; undetermined where none of its components is
-    known by itself.
+def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
+    """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
+    outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
     """
     term = option.term
     try:
         refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
     except InputError:  # no state or covariance that could be: this is not what happened
-        return IMPOSSIBLE
+        return None
     for _ in range(_RELOCATIONS if term.interval is not None else 0):
         moved = source.relocated(refit, term)
         if moved == term:
@@ -213,16 +205,14 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     beta, std = refit.beta[term], refit.std[term]
     plausible = evidence.plausible[evidence.columns(term.key)]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
-        return IMPOSSIBLE
+        return None
     is_local = term.interval is not None
     bounded = not is_local or source.effect(term).stream in DRIVERS
     if bounded and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
-        return IMPOSSIBLE
+        return None
     others = refit.keys_beside(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    if not is_known(evidence, refit, term):
-        return UNDETERMINED
     scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
@@ -237,14 +227,6 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | st
     if is_local and log_odds < 0.0:
         log_p = 0.0
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
-
-
-def is_known(evidence: Evidence, fit: Fit, term: Term) -> bool:
-    """Whether a component of an effect is known by itself not to be zero, its scatter included; a bound is known."""
-    if not term.in_mean or np.all(np.isinf(fit.std[term])):
-        return True
-    s = statistic_of(evidence, term.key, fit.keys_beside(term))
-    return bool(np.any(np.abs(fit.beta[term]) >= _KNOWN * np.sqrt(max(s.scatter, 1.0)) * s.std))
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:

@@ -57,7 +57,6 @@ from experiments.residual_loop.trials import (
     ROLLED_BACK,
     SCATTERED,
     SLOW_NOISE,
-    UNDETERMINED,
     UNLIKELY,
     UNTRIED,
     Finding,
@@ -176,7 +175,7 @@ def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
 
 
 @pytest.mark.parametrize(
-    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNDETERMINED, UNTRIED, BESIDE_ERROR, ROLLED_BACK]
+    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK]
 )
 def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Traced, tmp_path: Path, why: str) -> None:
     source, result, document = chosen_and_dropped(nothing, why)
