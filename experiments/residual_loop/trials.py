@@ -208,12 +208,14 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
         return None
     is_local = term.interval is not None
     bounded = not is_local or source.effect(term).stream in DRIVERS
-    if bounded and np.any(np.abs(beta) - 2.0 * std > IMPLAUSIBLE * plausible):
-        return None
     others = refit.keys_beside(term)
+    statistic = statistic_of(evidence, term.key, others)
+    likeliest = beta + statistic.beta  # without the prior that holds it to zero
+    if bounded and np.any(np.abs(likeliest) - 2.0 * std > IMPLAUSIBLE * plausible):
+        return None
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
+    scatter = 1.0 if is_local or not linear else statistic.scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)
