@@ -39,7 +39,8 @@ _SETTLED_DEVIANCE = 1.0
 #: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
 #: this share.
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
-#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees.
+#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees; one
+#: whose loss costs less is none.
 _HARDLY = 9.0
 #: What a size that is a bound is multiplied by to see that it changes no reading.
 _LARGER = 1.5
@@ -265,8 +266,8 @@ class FlightPasses:
         gain = none.deviance - fit.deviance
         if gain < -_SETTLED_DEVIANCE:
             return none
-        if gain < _ALIKE and not is_seen:
-            return found
+        if gain < _HARDLY:
+            return fit if is_seen else found
         if foretold > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _SETTLED_DEVIANCE:
             return fit
         while high - low > _BOUND_KNOWN * high:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from estimator.flight_model import flight_model
+from estimator.score import statistic_of
 from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
 from experiments.refused import doubted_shares, refused
@@ -201,6 +202,27 @@ def test_a_step_that_leaps_over_the_minimum_comes_back(cone: float, start: float
     far, near = (source.fit((term,), {term: np.array([b])}) for b in (start, cone))
     assert far.deviance == pytest.approx(near.deviance, abs=1.0)
     assert abs(far.beta[term][0] - cone) < 4.0 * far.std[term][0] < 0.1
+
+
+def test_what_no_reading_sees_goes_to_zero_from_wherever_it_starts() -> None:
+    """A hover turns about no axis."""
+    recording, _ = flown("hover", 30)
+    source, term = FlightSource(recording, flight_model(recording)), Term("gyro.cross_axis")
+    plausible = np.array([parameter.plausible for parameter in source.effect(term).parameters])
+    fit = source.fit((term,), {term: 5.0 * plausible})
+    assert np.all(np.abs(fit.beta[term]) < 0.1 * plausible)
+    assert np.all(np.isinf(fit.std[term]))
+    assert fit.deviance == pytest.approx(source.fit(()).deviance, abs=0.1)
+
+
+def test_what_the_readings_know_does_not_feel_what_holds_it() -> None:
+    """One plausible size, known to a hundredth of it: the estimate is that of the readings alone."""
+    recording, _ = flown("figure_eight", 31, "mag.current=0.03,0,0.01")
+    source, term = FlightSource(recording, flight_model(recording)), Term("mag.current")
+    fit = source.fit((term,))
+    left = statistic_of(source.evidence(fit, own_terms_only=True), "mag.current")
+    assert np.all(np.abs(left.beta) < 0.1 * left.std)
+    assert np.all(np.abs(fit.beta[term] - [0.03, 0.0, 0.01]) < 4.0 * fit.std[term])
 
 
 def test_no_effect_is_a_statement() -> None:

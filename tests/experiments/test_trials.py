@@ -1,0 +1,84 @@
+"""Which options stand: on a linear problem whose answer is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from estimator.score import Evidence, statistic_of
+from experiments.residual_loop.options import option_of
+from experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
+from experiments.residual_loop.term import Term
+from experiments.residual_loop.trials import IMPOSSIBLE, best_of
+from sensors.arrays import FloatArray
+from sensors.effects import effect
+
+PLAUSIBLE = effect("baro.scale").parameters[0].plausible
+
+
+class Line:
+    """White noise and one candidate, `baro.scale`, of a size and sigma in plausible sizes; held to zero as in flights."""
+
+    noise_known = True
+
+    def __init__(self, size: float, sigma: float, n: int = 400) -> None:
+        rng = np.random.default_rng(1)
+        G = rng.standard_normal(n)
+        self.W = (G / np.linalg.norm(G) / (sigma * PLAUSIBLE))[:, None]
+        noise = rng.standard_normal(n)
+        noise -= self.W[:, 0] * (self.W[:, 0] @ noise) / (self.W[:, 0] @ self.W[:, 0])
+        self.white = self.W[:, 0] * size * PLAUSIBLE + noise
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        """Least squares with the prior of `FlightPasses`."""
+        information = self.W.T @ self.W
+        prior = (IMPLAUSIBLE * PLAUSIBLE) ** -2.0
+        beta = np.linalg.solve(information + prior, self.W.T @ self.white) if terms else np.zeros(1)
+        left = self.white - self.W @ beta
+        std = 1.0 / np.sqrt(np.diag(information))
+        return Fit(tuple(terms), dict.fromkeys(terms, beta), dict.fromkeys(terms, std), float(left @ left), part, left)
+
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        """In ten blocks."""
+        parts = list(zip(np.array_split(self.W, 10), np.array_split(cast(FloatArray, fit.detail), 10), strict=True))
+        information, score = np.stack([W.T @ W for W, _ in parts]), np.stack([W.T @ left for W, left in parts])
+        return Evidence(("baro.scale",), (1,), information, score, np.full(1, PLAUSIBLE))
+
+    def effect(self, term: Term) -> Any:
+        """Its declaration."""
+        return effect(term.name)
+
+    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
+        """Nothing is out of sight."""
+        return {}
+
+    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """The noise is white."""
+        return [-np.inf] * len(terms)
+
+    def residuals(self, fit: Fit) -> Sequence[Any]:
+        """Nothing slow."""
+        return ()
+
+
+def tried(size: float, sigma: float) -> tuple[float | None, dict[str, str]]:
+    """The estimate, in plausible sizes, where it is taken; and why it is not."""
+    source = cast(Source, Line(size, sigma))
+    fit, refused = source.fit(()), dict[str, str]()
+    options = [option_of(statistic_of(source.evidence(fit), "baro.scale"))]
+    found = best_of(source, fit, options, np.log(1e-4), refused, most=3)
+    return (None if found is None else float(found[1].beta[0]) / PLAUSIBLE), refused
+
+
+def test_what_holds_an_estimate_to_zero_does_not_make_it_plausible() -> None:
+    """40 plausible sizes, known to 8: held to zero by ten it is 24, which might be 10; the readings say 40."""
+    assert tried(40.0, 8.0) == (None, {"baro.scale": IMPOSSIBLE})
+
+
+def test_a_plausible_one_is_taken_as_the_readings_have_it() -> None:
+    taken, refused = tried(3.0, 0.3)
+    assert taken == pytest.approx(3.0, rel=2e-3)
+    assert refused == {}
