@@ -20,7 +20,7 @@ PLAUSIBLE = effect("baro.scale").parameters[0].plausible
 
 
 class Line:
-    """White noise and one candidate, `baro.scale`, its size and sigma in plausible ones; held to zero as in a flight."""
+    """White noise and one candidate, `baro.scale`; size and sigma in plausible sizes, held to zero as in a flight."""
 
     noise_known = True
 
