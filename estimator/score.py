@@ -358,6 +358,24 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
     return 0.5 * gain - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
 
 
+def without_prior(
+    evidence: Evidence, name: str, beta: FloatArray, sigma: FloatArray, others: Sequence[str] = ()
+) -> FloatArray:
+    """(size,) the estimate that the readings alone have, of one that a prior of this sigma has held to zero.
+
+    Lambda (x - beta) = beta / sigma^2,   in the directions that are seen
+
+    Parameters
+    ----------
+    evidence : about the fit with the effect
+    beta, sigma : (size,) its estimate, and 1-sigma of the prior; infinite where there was none
+    others : names of the effects in the model besides, projected out
+    """
+    information, _ = project_out(evidence, name, others)
+    W = _whitener(information.sum(axis=0), evidence.plausible[evidence.columns(name)])
+    return np.asarray(beta + W @ (W.T @ (beta / sigma**2)))
+
+
 def _seen_directions(information: FloatArray, plausible: FloatArray) -> FloatArray:
     """(size, seen) orthogonal (in plausible units) directions of beta on which there is information."""
     scaled = information * np.outer(plausible, plausible)

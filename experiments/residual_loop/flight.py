@@ -38,7 +38,7 @@ from experiments.residual_loop.onsets import (
 )
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.slow_noise import SlowNoise
-from experiments.residual_loop.source import Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
+from experiments.residual_loop.source import IMPLAUSIBLE, Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
 from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
@@ -59,7 +59,7 @@ _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
 _COLOURED = 0.01
-#: Motion is near what it is said to be where the NIS of `level`, which allows for what is usual, is no larger.
+#: Motion is near what it is said to be where the NIS of `level` is no larger: not above what its sigma allows for.
 _NEAR = 1.0
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
@@ -186,6 +186,11 @@ class FlightSource:
     def _local_streams(self) -> tuple[str, ...]:
         return tuple(name for name in candidate_streams(self.model) if name in STREAMS)
 
+    @property
+    def prior_sigma(self) -> float:
+        """What no reading sees stays zero."""
+        return IMPLAUSIBLE
+
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term, over its interval where it has one."""
         return declaration(term)
@@ -193,7 +198,8 @@ class FlightSource:
     # ---- fitting
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
-        """Gauss-Newton over beta with whole filter passes in the effects' exact form.
+        """Gauss-Newton over beta with whole filter passes in the effects' exact form; each parameter is held to zero
+        with a sigma of `prior_sigma` plausible sizes, which is in neither `std` nor `deviance`.
 
         What was asked before of the same readings, or is asked from its own estimate on, is not found again, nor taken
         further where it had not settled.

@@ -39,8 +39,8 @@ _SETTLED_DEVIANCE = 1.0
 #: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
 #: this share.
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
-#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees; one
-#: whose loss costs less is none.
+#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees; it
+#: has none where its loss costs no more than that.
 _HARDLY = 9.0
 #: What a size that is a bound is multiplied by to see that it changes no reading.
 _LARGER = 1.5
@@ -65,8 +65,9 @@ class Fitted:
 
     Attributes
     ----------
-    effects, beta, std : of each effect in the model
-    deviance : -2 log likelihood of the part that was fitted
+    effects, beta, std : of each effect in the model; beta is held to zero by the prior of `FlightPasses`, std is by the
+        readings alone
+    deviance : -2 log likelihood of the part that was fitted, without the prior
     journal : of the pass
     motion : along which the effects were evaluated
     sensitivity : of the whitened innovations to the effects
@@ -213,7 +214,7 @@ class FlightPasses:
             pull = score - prior * np.concatenate(beta)
             step = self._step(information, pull, prior)
             foretold = float(2.0 * step @ pull - step @ (information @ step + prior * step))
-            sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(prior))))
+            sigma = _posterior_sigma(information, prior)
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
@@ -365,6 +366,13 @@ class FlightPasses:
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)
             q_nb = quaternion_multiply(about_down, q_nb)
         return recording.replace(initial=replace(declared, quaternion=q_nb, attitude_std=self._start_std))
+
+
+def _posterior_sigma(information: FloatArray, prior: FloatArray) -> FloatArray:
+    """(p,) 1-sigma of each parameter by readings and prior together."""
+    unit = prior**-0.5
+    values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
+    return np.asarray(unit * np.sqrt(np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1)))
 
 
 def _length(beta: Sequence[FloatArray], prior: FloatArray) -> float:

@@ -96,6 +96,11 @@ class LeastSquaresSource:
         """Candidates, and the localised families step, transient, outliers."""
         return len(self.candidates) + 3
 
+    @property
+    def prior_sigma(self) -> float:
+        """Least squares hold nothing."""
+        return np.inf
+
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term, over its interval where it has one."""
         return declaration(term)

@@ -133,12 +133,13 @@ def stands_out(
 
 
 def _says_something(source: Source, fit: Fit, term: Term) -> bool:
-    """Whether a component of an effect is known better than by what instruments have; a bound is."""
-    if np.all(np.isinf(fit.std[term])):
-        return True
+    """Whether a component of an effect is known better than by what instruments have, or as larger than that."""
     evidence = source.evidence(fit, own_terms_only=True)
+    plausible = evidence.plausible[evidence.columns(term.key)]
+    if np.all(np.isinf(fit.std[term])):
+        return bool(np.any(np.abs(fit.beta[term]) > plausible))
     std = statistic_of(evidence, term.key, fit.keys_beside(term)).std
-    return bool(np.any(std < evidence.plausible[evidence.columns(term.key)]))
+    return bool(np.any(std < plausible))
 
 
 def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remaining]:

@@ -182,6 +182,10 @@ class Source(Protocol):
     def noise_known(self) -> bool:
         """Whether the noise is declared; else it is estimated from the residual."""
 
+    @property
+    def prior_sigma(self) -> float:
+        """1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not."""
+
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term."""
 

@@ -18,6 +18,7 @@ from estimator.score import (
     log_p_value,
     predicted_lambda,
     statistic_of,
+    without_prior,
 )
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
@@ -35,9 +36,10 @@ _AHEAD = 2
 SHORTLISTS = 2
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
-#: Why an option did not stand: slow noise of a stream explains it; the refit left no evidence; nor did it where the
-#: blocks had scattered too much before; chance would not do it, but an offset in an interval is less likely still; it
-#: cannot be. It was not tried, behind a shortlist of which nothing stood.
+#: Why an option did not stand: slow noise of a stream explains it, or acceleration in step with the turning does; the
+#: refit left no evidence; nor did it where the blocks had scattered too much before; chance would not do it, but an
+#: offset in an interval is less likely still; it cannot be. It was not tried, behind a shortlist of which nothing
+#: stood.
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Those that may not hold any more once another effect is in the model.
@@ -209,13 +211,12 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     is_local = term.interval is not None
     bounded = not is_local or source.effect(term).stream in DRIVERS
     others = refit.keys_beside(term)
-    statistic = statistic_of(evidence, term.key, others)
-    likeliest = beta + statistic.beta  # without the prior that holds it to zero
-    if bounded and np.any(np.abs(likeliest) - 2.0 * std > IMPLAUSIBLE * plausible):
-        return None
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    scatter = 1.0 if is_local or not linear else statistic.scatter
+    likeliest = without_prior(evidence, term.key, beta, source.prior_sigma * plausible, others) if linear else beta
+    if bounded and np.any(np.abs(likeliest) - 2.0 * std > IMPLAUSIBLE * plausible):
+        return None
+    scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)

@@ -22,7 +22,7 @@ PLAUSIBLE = effect("baro.scale").parameters[0].plausible
 class Line:
     """White noise and one candidate, `baro.scale`; size and sigma in plausible sizes, held to zero as in a flight."""
 
-    noise_known = True
+    noise_known, prior_sigma = True, IMPLAUSIBLE
 
     def __init__(self, size: float, sigma: float, n: int = 400) -> None:
         rng = np.random.default_rng(1)
