@@ -59,8 +59,8 @@ _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
 _COLOURED = 0.01
-#: Motion is near what it is said to be where the NIS of `level` is no larger: not above what its sigma allows for.
-_NEAR = 1.0
+#: Motion is near what it is said to be where the NIS of `level` is no larger: twice what its sigma allows for.
+_NEAR = 4.0
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 
@@ -335,7 +335,7 @@ class FlightSource:
     def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
         the fit as it is, of another to first order. Of one on the IMU beside the accelerations that `level` neglects,
-        too; but to first order only of the catalogue's, and where the motion is near what it is said to be.
+        too; but to first order only where the motion is near what it is said to be.
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
         effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
@@ -351,8 +351,7 @@ class FlightSource:
             for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
                 found[term] = max(found[term], log_p)
         near = all(r.nis_per_dof < _NEAR for r in self.residuals(fit) if r.stream == "level")
-        asked = [term for term in terms if term in fit.beta or (near and term.probe is None)]
-        on_imu = [term for term in asked if declaration(term).stream in DRIVERS]
+        on_imu = [term for term in terms if (near or term in fit.beta) and declaration(term).stream in DRIVERS]
         if on_imu and "level" in self.model.sensors:
             turning = self._columns(fit, [IN_STEP])[0]
             for term, rows in self._rows_of_terms(fit, on_imu):
