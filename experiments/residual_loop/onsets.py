@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from estimator.score import CONFUSED, log_p_value
+from estimator.score import CONFUSED, log_p_among, log_p_value
 from experiments.residual_loop.slow_noise import SlowNoise
 from experiments.residual_loop.source import LocalFinding
 from experiments.residual_loop.sudden import jumps
@@ -42,6 +42,9 @@ _ALIKE = 1.0
 _DEPENDENT = 1e-12
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
+#: Logarithm of the p-value above which intervals explain what they would of white innovations.
+_AS_WHITE = np.log(1e-3)
+_LEAST_PEERS = 6
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,9 @@ def best_onsets(
         if worth:
             lead = CONFUSED if stream in DRIFTING else -np.inf
             log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof, lead))
+        short = best.interval[1] - best.interval[0] < spacing and stream not in DRIFTING
+        if worth and short and log_p + searched < refine_below:
+            log_p = max(log_p, _log_p_among_peers(rows_of, stream, best, (start, end)))
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
@@ -196,6 +202,25 @@ def log_p_beside(noise: SlowNoise, rows: Rows) -> float:
     alone = _Joint(rows, rows.wanted.shape[1], np.zeros(1))
     dof = int(alone.gain(np.array([[0, -1]]))[1][0])
     return noise.log_p_beside(alone.W, dof)
+
+
+def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, span: tuple[float, float]) -> float:
+    """Logarithm of the p-value of an offset for a shorter time than the cells of slow noise, by comparison with its
+    peers: as many as the grid has onsets, of its length, elsewhere, looked at once the offset itself is explained.
+    -inf where they explain what they would of white innovations.
+    """
+    length = best.interval[1] - best.interval[0]
+    first = np.linspace(span[0], span[1] - length, _ONSETS)
+    first = first[(first + length <= best.interval[0]) | (first >= best.interval[1])]
+    rows = rows_of([*_steps(stream, first), *_steps(stream, first + length)])
+    rows = replace(rows, own=np.hstack([rows.own, best.column]))
+    m = len(first)
+    joint = _Joint(rows, effect(f"{stream}.step").size, np.arange(2.0 * m))  # numbered: an end may be another's onset
+    gain, dof, _ = joint.gain(np.stack([np.arange(m), np.arange(m) + m], axis=1))
+    peers = gain[dof == best.dof]
+    if len(peers) < _LEAST_PEERS or log_p_value(float(np.sum(peers)), best.dof * len(peers)) > _AS_WHITE:
+        return -np.inf
+    return log_p_among(best.gain, peers, best.dof)
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.score import Evidence, log_bayes_factor, log_p_of_divided, log_p_value
+from estimator.score import Evidence, log_bayes_factor, log_p_among, log_p_of_divided, log_p_value
+from sensors.arrays import FloatArray
 
 DRAWS = 4000
 
@@ -29,6 +30,28 @@ def test_the_tail_is_that_of_chi_square_times_a_share() -> None:
 
 def test_without_scatter_it_is_chi_square() -> None:
     assert log_p_of_divided(7.0, 2, 1.0, 0) == log_p_value(7.0, 2)
+
+
+def _places(rng: np.random.Generator, nu: float, places: int = 25) -> FloatArray:
+    """Gains of three parameters at places whose variances follow a scaled inverse chi-square law."""
+    variance = nu / rng.chisquare(nu, places) if np.isfinite(nu) else np.ones(places)
+    return np.asarray(5.0 * variance * rng.chisquare(3, places))
+
+
+@pytest.mark.parametrize("nu", [1.0, 2.0, 4.0, np.inf])
+def test_a_place_like_the_others_stands_out_seldom(nu: float) -> None:
+    """At 1 %; with nu known from 24 places alone, up to five times as often."""
+    rng = np.random.default_rng(5)
+    gains = [_places(rng, nu) for _ in range(500)]
+    assert np.mean([log_p_among(g[0], g[1:], 3) < np.log(0.01) for g in gains]) < 0.05
+    assert np.mean([log_p_value(g[0], 3) < np.log(0.01) for g in gains]) > 0.2
+
+
+def test_a_place_unlike_the_others_stands_out_though_three_of_them_do() -> None:
+    rng = np.random.default_rng(6)
+    peers = _places(rng, np.inf)
+    peers[:3] = 2000.0
+    assert log_p_among(2000.0, peers, 3) < np.log(1e-6)
 
 
 @pytest.mark.parametrize("z", [0.1, 0.5, 2.0, 6.0])
