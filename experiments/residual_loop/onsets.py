@@ -44,7 +44,8 @@ _DEPENDENT = 1e-12
 _EDGE = 0.1
 #: Logarithm of the p-value above which intervals explain what they would of white innovations.
 _AS_WHITE = np.log(1e-3)
-_LEAST_PEERS = 6
+#: Further intervals that may be effects too.
+_FURTHER = 3
 
 
 @dataclass(frozen=True)
@@ -97,15 +98,16 @@ def best_onsets(
     found: list[LocalFinding] = []
     for stream, family, best, searched in coarse:
         worth = log_p_value(best.gain, best.dof) + searched < refine_below
-        if worth and best.gain > _WORTH_REFINING * strongest:
+        refine = worth and best.gain > _WORTH_REFINING * strongest
+        if refine:
             best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
         if worth:
             lead = CONFUSED if stream in DRIFTING else -np.inf
             log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof, lead))
-        short = best.interval[1] - best.interval[0] < spacing and stream not in DRIFTING
-        if worth and short and log_p + searched < refine_below:
-            log_p = max(log_p, _log_p_among_peers(rows_of, stream, best, (start, end)))
+        short = refine and best.interval[1] - best.interval[0] < spacing and stream not in DRIFTING
+        if short and log_p + searched < refine_below:
+            log_p = max(log_p, _log_p_among_peers(rows_of, stream, best, streams[stream], (start, end)))
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
@@ -204,23 +206,36 @@ def log_p_beside(noise: SlowNoise, rows: Rows) -> float:
     return noise.log_p_beside(alone.W, dof)
 
 
-def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, span: tuple[float, float]) -> float:
+def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArray, span: tuple[float, float]) -> float:
     """Logarithm of the p-value of an offset for a shorter time than the cells of slow noise, by comparison with its
     peers: as many as the grid has onsets, of its length, elsewhere, looked at once the offset itself is explained.
-    -inf where they explain what they would of white innovations.
+    -inf where they explain what they would of white innovations, perhaps once some others, which are effects then, are
+    explained too.
     """
+    begin, end = span
     length = best.interval[1] - best.interval[0]
-    first = np.linspace(span[0], span[1] - length, _ONSETS)
-    first = first[(first + length <= best.interval[0]) | (first >= best.interval[1])]
-    rows = rows_of([*_steps(stream, first), *_steps(stream, first + length)])
-    rows = replace(rows, own=np.hstack([rows.own, best.column]))
-    m = len(first)
-    joint = _Joint(rows, effect(f"{stream}.step").size, np.arange(2.0 * m))  # numbered: an end may be another's onset
-    gain, dof, _ = joint.gain(np.stack([np.arange(m), np.arange(m) + m], axis=1))
-    peers = gain[dof == best.dof]
-    if len(peers) < _LEAST_PEERS or log_p_value(float(np.sum(peers)), best.dof * len(peers)) > _AS_WHITE:
-        return -np.inf
-    return log_p_among(best.gain, peers, best.dof)
+    onsets = np.linspace(begin, end - length, _ONSETS)
+    onsets = onsets[(onsets + length <= best.interval[0]) | (onsets >= best.interval[1])]
+    m, size = len(onsets), effect(f"{stream}.step").size
+    plain = rows_of([*_steps(stream, onsets), *_steps(stream, onsets + length)])
+    explained = [best.column]
+
+    def beside(rows: Rows) -> Rows:
+        return replace(rows, own=np.hstack([rows.own, *explained]))
+
+    peers = np.zeros(0)
+    for _ in range(_FURTHER + 1):
+        joint = _Joint(beside(plain), size, np.arange(2.0 * m))  # numbered: an end may be the onset of another
+        gain, dof, _ = joint.gain(np.stack([np.arange(m), np.arange(m) + m], axis=1))
+        seen = dof > 0
+        if not np.any(seen) or log_p_value(float(np.sum(gain[seen])), int(np.sum(dof[seen]))) > _AS_WHITE:
+            return -np.inf
+        if not len(peers):
+            peers = gain[seen] / dof[seen]
+        t = float(onsets[int(np.argmax(gain))])
+        spacing = (end - begin) / _ONSETS
+        explained.append(refined(lambda s: beside(rows_of(s)), stream, (t, t + length), spacing, stamps, *span).column)
+    return log_p_among(best.gain / best.dof, peers, best.dof)
 
 
 def _groups(streams: Iterable[str], readings: int) -> list[list[str]]:

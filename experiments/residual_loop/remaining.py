@@ -25,6 +25,8 @@ GROSS = 4.0
 #: the usual energy: twice the size.
 _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
+#: An interval this long after a reading includes it [s, or readings].
+_JUST_AFTER = 1e-6
 #: Readings from which the normal approximation of skewness and kurtosis holds (SciPy's `normaltest`).
 _LEAST_OF_A_LAW = 20
 #: Largest distance from the law of noise that tails and coarse counts make: a twentieth of the readings on either side.
@@ -94,7 +96,9 @@ def remaining(
         if option.term.interval is not None:
             p = float(np.exp(option.log_p))
             size = float(np.sqrt(option.statistic / max(option.dof, 1)))
-            found.append(Remaining(source.effect(option.term).stream, "local", size, "time", p, True))
+            stream = source.effect(option.term).stream
+            what = f"an offset of {size:.3g} sigma of {stream} {residuals[0].when(*option.term.interval)}"
+            found.append(Remaining(stream, "local", size, "time", p, True, what))
     for term, s in suspects:
         stream, follows = followed([term.name])[0]
         found.append(Remaining(stream, "local", float(np.sqrt(s.statistic / max(s.dof, 1))), follows, s.p_value, True))
@@ -185,7 +189,10 @@ def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaini
     p = min(blocks * float(stats.f.sf(ratio, dof, dof * (blocks - 1))), 1.0)
     if ratio < _BURST or p >= alpha:
         return []
-    what = f"the {r.stream} residual is {np.sqrt(ratio):.2g} times its usual size in a stretch"
+    ends = np.cumsum([0, *(len(part) for part in parts)])
+    k = int(np.argmax(energy))
+    when = r.when(float(r.t[ends[k]]), float(r.t[ends[k + 1] - 1]) + _JUST_AFTER)
+    what = f"the {r.stream} residual is {np.sqrt(ratio):.2g} times its usual size {when}"
     return [Remaining(r.stream, "local", float(np.sqrt(ratio)), "time", p, known, what)]
 
 

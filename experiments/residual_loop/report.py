@@ -88,7 +88,7 @@ def held_out_part(source: Source, result: Trace) -> str:
 
 def time_is_count(source: Source, result: Trace) -> bool:
     """Whether the "time" of the readings is their number: a log without time stamps."""
-    return all(np.array_equal(r.t, np.arange(len(r.t))) for r in source.residuals(result.selection.plain))
+    return all(r.counted for r in source.residuals(result.selection.plain))
 
 
 def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object]:

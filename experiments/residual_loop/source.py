@@ -121,6 +121,17 @@ class StreamResidual:
     row: IntArray
 
     @property
+    def counted(self) -> bool:
+        """Whether the "time" of the readings is their number: a log without time stamps."""
+        return bool(np.array_equal(self.t, np.arange(len(self.t))))
+
+    def when(self, start: float, end: float) -> str:
+        """An interval in words: its end is past the last reading in it."""
+        if self.counted:
+            return f"in readings {int(np.ceil(start))} to {int(np.ceil(end)) - 1}"
+        return f"from {start:.4g} s to {end:.4g} s"
+
+    @property
     def rms(self) -> float:
         """Root of the mean squared residual."""
         return float(np.sqrt(np.mean(self.residual**2)))

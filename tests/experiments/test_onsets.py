@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
 from experiments.residual_loop.onsets import Rows, Step, best_onsets
 from experiments.residual_loop.source import LocalFinding
@@ -33,9 +34,18 @@ def found(white: FloatArray) -> LocalFinding:
     return next(one for one in searched if one.term.name == "gyro.transient")
 
 
-def with_offset(rng: np.random.Generator) -> FloatArray:
-    offset = np.array([0.03, -0.02, 0.01])
-    return np.asarray(np.kron(sensitivity(40.0) - sensitivity(42.0), offset) + rng.standard_normal(3 * len(T)))
+#: Begin and end [s], and offset [rad/s].
+OFFSETS = (
+    (40.0, 42.0, (0.03, -0.02, 0.01)),
+    (10.0, 12.5, (0.02, 0.01, 0.0)),
+    (70.0, 73.0, (0.0, 0.02, -0.01)),
+    (86.0, 89.0, (0.015, 0.0, 0.01)),
+)
+
+
+def with_offsets(rng: np.random.Generator, number: int) -> FloatArray:
+    answers = [np.kron(sensitivity(begin) - sensitivity(end), offset) for begin, end, offset in OFFSETS[:number]]
+    return np.asarray(np.sum(answers, axis=0) + rng.standard_normal(3 * len(T)))
 
 
 def with_bursts(rng: np.random.Generator) -> FloatArray:
@@ -44,11 +54,12 @@ def with_bursts(rng: np.random.Generator) -> FloatArray:
     return np.asarray(np.repeat(height, len(T) // 50, axis=0).ravel() + rng.standard_normal(3 * len(T)))
 
 
-def test_a_short_offset_among_white_innovations_is_found() -> None:
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_the_strongest_of_a_few_short_offsets_is_found(number: int) -> None:
     for seed in range(3):
-        one = found(with_offset(np.random.default_rng(seed)))
-        assert one.log_p < -50.0
-        assert np.allclose(one.term.interval, (40.0, 42.0), atol=0.5)
+        one = found(with_offsets(np.random.default_rng(seed), number))
+        assert one.log_p < -12.0
+        assert one.term.interval is not None and np.allclose(one.term.interval, OFFSETS[0][:2], atol=0.5)
 
 
 def test_a_disturbance_that_comes_and_goes_is_no_short_offset() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -160,6 +161,15 @@ def test_burst_of_three_sigma_is_found(seed: int) -> None:
     z = white(seed)
     z[1200:1500] *= 3.0
     assert [(r.kind, r.in_mean) for r in _bursts(residual(z), ALPHA)] == [("local", True)]
+
+
+def test_it_says_when_a_burst_was() -> None:
+    """Blocks of 75 readings, five a second; without time stamps by the numbers of the readings."""
+    z = white(7)
+    z[1200:1275] *= 10.0
+    one = residual(z)
+    assert _bursts(one, ALPHA)[0].what.endswith("from 240 s to 254.8 s")
+    assert _bursts(replace(one, t=np.arange(3000.0)), ALPHA)[0].what.endswith("in readings 1200 to 1274")
 
 
 def test_size_of_a_burst() -> None:
