@@ -59,7 +59,8 @@ def test_the_strongest_of_a_few_short_offsets_is_found(number: int) -> None:
     for seed in range(3):
         one = found(with_offsets(np.random.default_rng(seed), number))
         assert one.log_p < -12.0
-        assert one.term.interval is not None and np.allclose(one.term.interval, OFFSETS[0][:2], atol=0.5)
+        assert one.term.interval is not None
+        assert np.allclose(one.term.interval, OFFSETS[0][:2], atol=0.5)
 
 
 def test_a_disturbance_that_comes_and_goes_is_no_short_offset() -> None:
