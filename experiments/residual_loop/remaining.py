@@ -85,7 +85,7 @@ def remaining(
         colour = whiteness(r.whitened)
         is_coloured = colour is not None and colour[1] < alpha
         if known:
-            found += _variance(r, is_coloured or _is_mixed(r, alpha), alpha)
+            found += _variance(r, alpha)
         if colour is not None and is_coloured:
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
@@ -136,6 +136,18 @@ def stands_out(
     return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < log_p_needed(source, alpha)
 
 
+def patches(source: Source, fit: Fit, findings: Sequence[Finding], alpha: float) -> tuple[Term, ...]:
+    """Intervals that show in a stream which the fit leaves with an error far larger than its noise: what has no name
+    takes any shape in time, and its largest piece is cut out as an interval. The level is none: every acceleration
+    breaks it.
+    """
+    residuals = source.residuals(fit)
+    gross = {r.stream for r in residuals if source.noise_known and r.stream != "level" and _is_gross(r, alpha)}
+    own = {r.stream for r in residuals}
+    local = [(finding.term, source.effect(finding.term).stream) for finding in findings if finding.term.interval]
+    return tuple(term for term, stream in local if (stream in gross if stream in own else bool(gross)))
+
+
 def _says_something(source: Source, fit: Fit, term: Term) -> bool:
     """Whether a component of an effect is known better than by what instruments have, or as larger than that."""
     evidence = source.evidence(fit, own_terms_only=True)
@@ -146,12 +158,20 @@ def _says_something(source: Source, fit: Fit, term: Term) -> bool:
     return bool(np.any(std < plausible))
 
 
-def _variance(r: StreamResidual, is_no_noise: bool, alpha: float) -> list[Remaining]:
+def _variance(r: StreamResidual, alpha: float) -> list[Remaining]:
     n, total = r.whitened.size, float(np.sum(r.whitened**2))
     p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
     if p >= alpha:
         return []
-    return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), is_no_noise and total / n > GROSS)]
+    return [Remaining(r.stream, "variance", total / n - 1.0, "time", min(p, 1.0), _is_gross(r, alpha))]
+
+
+def _is_gross(r: StreamResidual, alpha: float) -> bool:
+    """Whether a residual is far larger than the declared noise, and coloured or of two kinds of readings."""
+    if float(np.mean(r.whitened**2)) <= GROSS:
+        return False
+    colour = whiteness(r.whitened)
+    return (colour is not None and colour[1] < alpha) or _is_mixed(r, alpha)
 
 
 def _is_mixed(r: StreamResidual, alpha: float) -> bool:

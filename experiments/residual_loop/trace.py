@@ -12,7 +12,7 @@ from estimator.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
 from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
 from experiments.residual_loop.prove import Proof, prove, rolled_back
-from experiments.residual_loop.remaining import Remaining, remaining, stands_out
+from experiments.residual_loop.remaining import Remaining, patches, remaining, stands_out
 from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
@@ -75,7 +75,7 @@ def trace(
     if selection.findings:
         dropped = rolled_back(source, selection)
         if dropped:
-            selection = _without(source, selection, dropped)
+            selection = _without(source, selection, dropped, ROLLED_BACK)
             if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
                 selection = _of_what_is_left(source, selection)
     proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
@@ -125,7 +125,8 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         beside = _beside(source, alpha, suspects)
         selection = _better(beside, replace(selection, final=refitted(source, fit)))
     if not suspects:
-        return selection, suspects
+        cut_out = patches(source, selection.final, selection.findings, alpha)
+        return _without(source, selection, cut_out, BESIDE_ERROR) if cut_out else selection, suspects
     suspects, joint = _needed(source, selection, suspects, alpha)
     if not suspects:
         return _of_what_is_left(source, alone) if alone else select(source, alpha), []
@@ -295,9 +296,9 @@ def verdict_of(selection: Selection, left: list[Remaining]) -> str:
     return "effects" if selection.findings else "no_effect"
 
 
-def _without(source: Source, selection: Selection, dropped: tuple[Term, ...]) -> Selection:
+def _without(source: Source, selection: Selection, dropped: tuple[Term, ...], why: str) -> Selection:
     left = _with_final(selection, fit_without(source, selection.final, *dropped))
-    return replace(left, dropped=_dropped(selection, left.findings, ROLLED_BACK))
+    return replace(left, dropped=_dropped(selection, left.findings, why))
 
 
 def _dropped(selection: Selection, kept: Sequence[Finding], why: str) -> tuple[tuple[Finding, str], ...]:

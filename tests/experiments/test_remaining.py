@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 from scipy import stats
 
 from experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
-from experiments.residual_loop.remaining import _bursts, remaining
+from experiments.residual_loop.remaining import _bursts, patches, remaining
 from experiments.residual_loop.source import Fit, StreamResidual
+from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect
+from sensors.effects import CATALOGUE, Effect, effect
 from sensors.effects.streams import STREAMS
 from sensors.motion import Motion
 from tests.estimator.analytic_flight import analytic_motion
@@ -208,13 +210,16 @@ def test_burst_where_no_noise_is_declared_is_no_structure_of_the_mean() -> None:
 class OnlyResiduals:
     """A source of one stream with declared noise, and nothing else."""
 
-    def __init__(self, z: FloatArray) -> None:
-        self._one = residual(z)
-
     noise_known = True
 
+    def __init__(self, z: FloatArray, stream: str = "baro", *others: StreamResidual) -> None:
+        self._all = [residual(z, stream), *others]
+
     def residuals(self, fit: Fit) -> list[StreamResidual]:
-        return [self._one]
+        return self._all
+
+    def effect(self, term: Term) -> Effect:
+        return effect(term.name)
 
     def faults(self) -> list[tuple[str, str, float, float]]:
         return []
@@ -223,11 +228,33 @@ class OnlyResiduals:
         return []
 
 
+NOTHING = Fit((), {}, {}, 0.0, "all", None)
+
+
 def variance_left(z: FloatArray) -> list[bool]:
     """Whether what is left of kind `variance` is structure of the mean."""
     source: Any = OnlyResiduals(z)
-    left = remaining(source, Fit((), {}, {}, 0.0, "all", None), (), (), ALPHA)
+    left = remaining(source, NOTHING, (), (), ALPHA)
     return [item.in_mean for item in left if item.kind == "variance"]
+
+
+@pytest.mark.parametrize(
+    ("z", "stream", "dropped"),
+    [
+        (5.0 * coloured(16, 0.9), "baro", ["baro.step", "gyro.transient"]),
+        (5.0 * coloured(16, 0.9), "mag", ["gyro.transient"]),
+        (5.0 * coloured(16, 0.9), "level", []),
+        (coloured(16, 0.9), "baro", []),
+        (5.0 * white(16), "baro", []),
+    ],
+    ids=["its own stream", "another stream", "level", "as large as the noise", "white"],
+)
+def test_an_interval_is_not_named_beside_a_gross_error(z: FloatArray, stream: str, dropped: list[str]) -> None:
+    others = [] if stream == "baro" else [residual(white(17))]
+    source: Any = OnlyResiduals(z, stream, *others)
+    terms = [Term("baro.step", (10.0, 20.0)), Term("gyro.transient", (10.0, 20.0)), Term("baro.scale")]
+    findings: Any = [SimpleNamespace(term=term) for term in terms]
+    assert [term.name for term in patches(source, NOTHING, findings, ALPHA)] == dropped
 
 
 def test_noise_five_times_the_declared_is_no_structure() -> None:
