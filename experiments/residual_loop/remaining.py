@@ -137,15 +137,13 @@ def stands_out(
 
 
 def patches(source: Source, fit: Fit, findings: Sequence[Finding], alpha: float) -> tuple[Term, ...]:
-    """Intervals that show in a stream which the fit leaves with an error far larger than its noise: what has no name
-    takes any shape in time, and its largest piece is cut out as an interval. The level is none: every acceleration
-    breaks it.
+    """The intervals, where the fit leaves a stream with an error far larger than its noise: what has no name takes any
+    shape in time, through the filter in other streams too, and its largest piece is cut out as an interval. Not of the
+    level, which every acceleration breaks.
     """
-    residuals = source.residuals(fit)
-    gross = {r.stream for r in residuals if source.noise_known and r.stream != "level" and _is_gross(r, alpha)}
-    own = {r.stream for r in residuals}
-    local = [(finding.term, source.effect(finding.term).stream) for finding in findings if finding.term.interval]
-    return tuple(term for term, stream in local if (stream in gross if stream in own else bool(gross)))
+    if not source.noise_known or not any(r.stream != "level" and _is_gross(r, alpha) for r in source.residuals(fit)):
+        return ()
+    return tuple(finding.term for finding in findings if finding.term.interval is not None)
 
 
 def _says_something(source: Source, fit: Fit, term: Term) -> bool:

@@ -124,6 +124,19 @@ def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
     assert not any(name.startswith("mag.") for name in result.selection.names)
 
 
+def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
+    """A magnet of 0.1 of the field that turns about the body's z axis: 0.3 turns a second, noise 0.005."""
+    recording, _ = flown("no_aiding", 1)
+    mag = recording.streams["mag"]
+    angle = 2.0 * np.pi * 0.3 * mag.t
+    off = {"mag_x": mag.columns["mag_x"] + 0.1 * np.cos(angle), "mag_y": mag.columns["mag_y"] + 0.1 * np.sin(angle)}
+    turning = replace(mag, columns={**mag.columns, **off})
+    disturbed = recording.replace(streams={**recording.streams, "mag": turning})
+    result = trace(FlightSource(disturbed, flight_model(disturbed)))
+    assert result.verdict == "unexplained"
+    assert [finding.term.interval for finding in result.selection.findings if finding.term.interval] == []
+
+
 def test_wrong_readings_that_a_strong_effect_hides_are_no_transients() -> None:
     """Over a steep slope single readings nine sigma off do not leave their neighbours in the plain model."""
     recording, _ = flown("yaw_turns", 25, "laser.terrain_slope=0.3,-0.2")

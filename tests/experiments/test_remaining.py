@@ -242,7 +242,7 @@ def variance_left(z: FloatArray) -> list[bool]:
     ("z", "stream", "dropped"),
     [
         (5.0 * coloured(16, 0.9), "baro", ["baro.step", "gyro.transient"]),
-        (5.0 * coloured(16, 0.9), "mag", ["gyro.transient"]),
+        (5.0 * coloured(16, 0.9), "mag", ["baro.step", "gyro.transient"]),
         (5.0 * coloured(16, 0.9), "level", []),
         (coloured(16, 0.9), "baro", []),
         (5.0 * white(16), "baro", []),
