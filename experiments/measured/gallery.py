@@ -16,7 +16,7 @@ import numpy as np
 
 from experiments.datasets import reference_of, resolve
 from experiments.measured.arguments import usage
-from experiments.measured.published import PARAMETERS, published
+from experiments.measured.published import PARAMETERS, SETTINGS, published
 from experiments.measured.reference import QUATERNION, gyro_error, mounted
 from experiments.measured.scoring import AttitudeScore, withheld_errors
 from experiments.report.words import number
@@ -125,7 +125,7 @@ def find(name: str) -> Finding:
         return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
-    beside = published_words(entry, document) or gyro_words(entry, source)
+    beside = published_words(entry, document) or settings_words(entry, document) or gyro_words(entry, source)
     return Finding(entry, name, document, notes, references, undecided, beside, seconds, not_finite(document))
 
 
@@ -151,6 +151,14 @@ def published_words(entry: Entry, document: Mapping[str, Any]) -> str:
             told = ", ".join(f"{a:+.1f}" if np.isfinite(a) else "undetermined" for a in apart)
             return f"{name} {shown} ({whose}): found {told} sigma from it"
     return f"{name} {shown} ({whose}): not found"
+
+
+def settings_words(entry: Entry, document: Mapping[str, Any]) -> str:
+    """Delays to which an author set his own filter, and what was found."""
+    found = {effect["name"]: number(effect["beta"][0]) for effect in document["effects"]}
+    settings = SETTINGS.get(entry.input, {})
+    told = [f"{name} {number(value)} s (found: {found.get(name, 'none')})" for name, value in settings.items()]
+    return f"delays that the log's author had set in his own filter: {', '.join(told)}" if told else ""
 
 
 def not_finite(document: Mapping[str, Any]) -> str:

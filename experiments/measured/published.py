@@ -90,6 +90,14 @@ PARAMETERS: Mapping[tuple[str, str], tuple[str, FloatArray, str]] = {
 }  # fmt: skip
 
 
+#: Delays [s] to which the author of logs had set his own filter (`timing.txt` in each log): settings, not certified.
+#: That of the GPS is the one of positions; of velocities it is 0.23 s.
+SETTINGS: Mapping[str, Mapping[str, float]] = {
+    f"inertialnav_quads/{log}.zip": {"gps.latency": 0.21, "mag.time_offset": 0.03, "baro.time_offset": 0.35}
+    for log in ("f450_glitch_log", "quad106", "quad123", "quadOptFlowLogData")
+}
+
+
 def published(name: str, sensor: str) -> tuple[Published, ...]:
     """What is published for a log's sensor; none for most."""
     return PUBLISHED.get((name, sensor), ())
