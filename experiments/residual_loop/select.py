@@ -9,6 +9,7 @@ import numpy as np
 
 from estimator.score import Evidence, Statistic, log_p_of_deviance, log_p_value, predicted_lambda, statistic_of
 from experiments.residual_loop.options import Offered, Option
+from experiments.residual_loop.shared_ends import told_as_one
 from experiments.residual_loop.source import Fit, LocalFinding, Part, Source, log_p_needed
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import (
@@ -103,7 +104,8 @@ def select(
     3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
        accepted, an interval only where it is likelier than none, and readings that it had hidden and that are wrong are
        set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
-    4. An effect that another has made superfluous is dropped.
+    4. An effect that another has made superfluous is dropped, and two offsets of one stream that share an end are told
+       as one where the data do not notice.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
     6. Where the noise is another one beside what was found, all of it is done again with that; readings that were set
@@ -192,7 +194,15 @@ class _Path:
         if fit.part == "all" and self._source.set_aside(fit):  # readings that the effect had hidden
             self._refit()
         self._fit, self.findings = _prune(self._source, self._fit, self.findings, self._threshold)
+        self._tell_as_one()
         self._offered = self._offer()
+
+    def _tell_as_one(self) -> None:
+        """Put one offset in the place of two that share an end, as often as that can be."""
+        while (one := told_as_one(self._source, self._fit, self.findings, self._threshold)) is not None:
+            without, self._fit, finding, both = one
+            self._steps.append(Step(without, finding.term))
+            self.findings = [other for other in self.findings if other.term not in both] + [finding]
 
     def add_pair(self, fit: Fit, both: Sequence[tuple[Fit, Finding]]) -> None:
         """Take two effects, each with the fit without it."""

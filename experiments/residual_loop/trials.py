@@ -65,6 +65,7 @@ class Finding:
     confused_with : names of effects that are as likely
     spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
     at_least : whether `beta` is the least of all that do as well: larger, it changes no reading
+    search : what the search over intervals adds to the logarithm of the p-value
     """
 
     term: Term
@@ -78,6 +79,7 @@ class Finding:
     confused_with: tuple[str, ...]
     spread: float = 1.0
     at_least: bool = False
+    search: float = 0.0
 
 
 def best_of(
@@ -110,14 +112,14 @@ def best_of(
         shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
     to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
-    tried = {o.term.key: _trial(source, fit, o) for o in to_try}
-    trials = [trial for trial in tried.values() if trial is not None and trial[1].log_p < threshold]
+    tried = {o.term.key: trial(source, fit, o) for o in to_try}
+    trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
     if not trials:
         for option in shortlist:
             key = option.term.key
             refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
         return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
-    trials.sort(key=lambda trial: -trial[1].log_odds)
+    trials.sort(key=lambda one: -one[1].log_odds)
     chosen, finding = trials[0]
     confused_with = tuple(
         other.term.name
@@ -130,11 +132,11 @@ def best_of(
     return chosen, replace(finding, confused_with=confused_with)
 
 
-def _why(option: Option, trial: tuple[Fit, Finding] | None, threshold: float) -> str:
+def _why(option: Option, tried: tuple[Fit, Finding] | None, threshold: float) -> str:
     """Why an option that was tried did not stand."""
-    if trial is None:
+    if tried is None:
         return IMPOSSIBLE
-    if trial[1].term.interval is not None and trial[1].log_odds < 0.0 and trial[1].log_p_raw < threshold:
+    if tried[1].term.interval is not None and tried[1].log_odds < 0.0 and tried[1].log_p_raw < threshold:
         return UNLIKELY
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
 
@@ -170,16 +172,16 @@ def best_pair(
         for term, rest in (terms, terms[::-1]):
             without = fit_without(source, both, term)
             s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
-            trial = _trial(source, without, option_of(s))
-            if trial is None or trial[1].log_p + searched > threshold:
+            alone = trial(source, without, option_of(s))
+            if alone is None or alone[1].log_p + searched > threshold:
                 return None
-            found.append((without, trial[1]))
+            found.append((without, alone[1]))
     except InputError:  # no model follows from the two
         return None
     return both, found
 
 
-def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
+def trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
     """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
     outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
     """
@@ -229,7 +231,7 @@ def _trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | No
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
     if is_local and log_odds < 0.0:
         log_p = 0.0
-    return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, ())
+    return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, (), search=option.search_raw)
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:

@@ -10,8 +10,11 @@ import pytest
 from calibration.gyro import read_turns
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.report import report
+from experiments.residual_loop.shared_ends import told_as_one
+from experiments.residual_loop.source import log_p_needed
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
+from experiments.residual_loop.trials import Finding
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
 from tests.calibration.test_gyro import turned_log
@@ -34,6 +37,30 @@ def test_a_step_is_found_where_it_begins(start: float) -> None:
     assert interval is not None
     assert interval[0] == pytest.approx(start, abs=0.25)
     assert np.all(np.abs(found[0].beta - OFFSET) < 4.0 * found[0].std)
+
+
+def told_as_two(source: LeastSquaresSource, ends: tuple[float, float]) -> tuple[Finding, ...] | None:
+    """What `told_as_one` makes of a step from the first end on and a transient between the two."""
+    terms = Term("gyro.step", (ends[0], 1e3)), Term("gyro.transient", ends)
+    fit = source.fit(terms)
+    findings = [Finding(t, fit.beta[t], fit.std[t], -50.0, -50.0, 50.0, 100.0, 100.0, (), search=5.0) for t in terms]
+    one = told_as_one(source, fit, findings, log_p_needed(source, 0.01))
+    return None if one is None else (one[2],)
+
+
+def test_a_step_is_not_told_as_a_step_and_a_transient_that_takes_back_its_beginning() -> None:
+    found = told_as_two(source_with(OFFSET, 21.3, np.inf), (12.3, 21.3))
+    assert found is not None
+    assert found[0].term.name == "gyro.step"
+    assert found[0].term.interval == pytest.approx((21.3, 1e3), abs=0.25)
+    assert np.all(np.abs(found[0].beta - OFFSET) < 4.0 * found[0].std)
+
+
+def test_offsets_that_share_an_end_and_differ_stay_two() -> None:
+    t, accel, gyro = turned_log(np.random.default_rng(41), 16)
+    gyro = gyro + OFFSET * (t >= 12.3)[:, None] + OFFSET[::-1] * ((t >= 12.3) & (t < 30.0))[:, None]
+    source = LeastSquaresSource(GyroTurns("simulated", read_turns(t, accel, gyro, 9.8), True))
+    assert told_as_two(source, (12.3, 30.0)) is None
 
 
 def test_share_of_a_rest() -> None:
