@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calibration.compass import LEAST_READINGS, compass_of
-from calibration.noise_start import columns_of, datum, imu_density, reading_noise, rounding, scatter, within_imu
+from calibration.noise_start import datum, imu_density, reading_noise, readings_of, rounding, scatter, within_imu
 from estimator.alignment import first_state
 from estimator.effect_forms import declared_terms, inputs_with, reference_motion, run_with_effects, taken_off
 from estimator.events import Events, collect
@@ -195,11 +195,10 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)
     for name in ("mag", "baro", "sonar", "laser", "gps", "base"):
-        columns = columns_of(name, "noise_std")
-        if name in streams and streams[name].has(columns):
-            found[name, "noise_std"] = reading_noise(streams[name].array(columns))
+        if name in streams:
+            found[name, "noise_std"] = reading_noise(readings_of(recording, name))
     if "gps" in streams and streams["gps"].has(VELOCITY):
-        found["gps", "velocity_noise_std"] = reading_noise(streams["gps"].array(VELOCITY))
+        found["gps", "velocity_noise_std"] = reading_noise(readings_of(recording, "gps", "velocity_noise_std"))
     believed: dict[Key, float] = {}
     for name in ("accel", "gyro"):
         believed[name, "bias_std"] = BIAS_STD[name]

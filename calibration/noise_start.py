@@ -7,6 +7,7 @@ import numpy as np
 from calibration.allan import white_density
 from calibration.segments import still_rows
 from sensors.arrays import FloatArray, runs_of
+from sensors.atmosphere import height_from_pressure
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 
@@ -104,11 +105,7 @@ def resolution(values: FloatArray) -> float:
 
 def scatter(recording: Recording, name: str, key: str) -> float:
     """Root mean square of what a sensor reads about its mean: no noise is larger. A density for the IMU."""
-    if name in ("accel", "gyro"):
-        imu = recording.streams["imu"]
-        rate = 1.0 / float(np.median(np.diff(imu.t)))
-        return float(np.sqrt(np.mean(np.var(imu.array(columns_of(name, key)), axis=0)) / rate))
-    return float(np.sqrt(np.mean(np.var(recording.streams[name].array(columns_of(name, key)), axis=0))))
+    return float(np.sqrt(np.mean(np.var(readings_of(recording, name, key), axis=0)))) * _of_density(recording, name)
 
 
 def datum(recording: Recording, name: str) -> float:
@@ -119,25 +116,30 @@ def datum(recording: Recording, name: str) -> float:
     if "gps" not in recording.streams or not recording.streams["gps"].has(("down",)):
         return 0.0
     down = float(recording.streams["gps"]["down"][0])
-    stream = recording.streams[name]
+    first = float(np.min(readings_of(recording, name)[0]))  # of a scan the beam nearest to the vertical
     if name == "baro":
-        return abs(float(stream["height"][0]) + down) if "height" in stream else 0.0
-    ranges = stream["range" if "range" in stream else "range_0"]
-    return abs(float(ranges[0]) - (recording.environment.ground_down - down))
+        return abs(first + down)
+    return abs(first - (recording.environment.ground_down - down))
 
 
 def rounding(recording: Recording, name: str, key: str) -> float:
     """Noise of rounding of a sensor's readings, which no level is below; a density for the IMU."""
-    if name in ("accel", "gyro"):
-        imu = recording.streams["imu"]
-        rate = 1.0 / float(np.median(np.diff(imu.t)))
-        return resolution(imu.array(columns_of(name, key))) * ROUNDING / np.sqrt(rate)
-    return resolution(recording.streams[name].array(columns_of(name, key))) * ROUNDING
+    return resolution(readings_of(recording, name, key)) * ROUNDING * _of_density(recording, name)
 
 
-def columns_of(name: str, key: str) -> tuple[str, ...]:
-    """Columns of a sensor whose noise a key of its specs is."""
+def _of_density(recording: Recording, name: str) -> float:
+    """Density over the standard deviation of a reading; 1 but for the IMU, whose noise is given as one [s^0.5]."""
+    return float(np.sqrt(np.median(np.diff(recording.streams["imu"].t)))) if name in ("accel", "gyro") else 1.0
+
+
+def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:
+    """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
+    stream = recording.streams["imu" if name in ("accel", "gyro") else name]
+    if name == "baro" and "height" not in stream:
+        return height_from_pressure(stream["pressure"], float(stream["pressure"][0]))[:, None]
+    if name == "laser" and "range" not in stream:
+        return stream.array([column for column in stream.columns if column.startswith("range_")])
     if key == "velocity_noise_std":
-        return VELOCITY
+        return stream.array(VELOCITY)
     triads = {"accel": ACCEL, "gyro": GYRO, "mag": MAG, "gps": POSITION, "base": POSITION, "baro": ("height",)}
-    return triads.get(name, ("range",))
+    return stream.array(triads.get(name, ("range",)))

@@ -22,6 +22,7 @@ _THERMOMETERS: dict[str, tuple[str, ...]] = {
 #: Covariates that power and air carry, and their columns
 _ABOARD: dict[str, tuple[str, ...]] = {
     "current": ("current",),
+    "voltage": ("voltage",),
     "airspeed": ("airspeed",),
     "wind": ("wind_north", "wind_east"),
 }
@@ -41,18 +42,15 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
     Returns
     -------
     by the names in `Motion.covariates`:
-    `temperature` [degC] of the sensor's own chip (a magnetometer without one: the IMU's), `current` [A] of `power`,
-    `throttle` = mean of the columns of `motors`, `airspeed` [m/s] and `wind` (n, 2) [m/s] of `air`, `vibration` (n, 3)
-    [(m/s^2)^2] of the IMU, `rotor_drag` [1/s] where it is declared, `angles` (n, beams) [rad] of a laser scan.
+    `temperature` [degC] of the sensor's own chip (a magnetometer without one: the IMU's), `current` [A] and
+    `voltage` [V] of `power`, `throttle` = mean of the columns of `motors`, `airspeed` [m/s] and `wind` (n, 2) [m/s] of
+    `air`, `vibration` (n, 3) [(m/s^2)^2] of the IMU, `rotor_drag` [1/s] where it is declared, `angles` (n, beams) [rad]
+    of a laser scan.
     Columns of `poses` or of the stream itself go before those of the other streams.
     """
     found: dict[str, FloatArray] = {}
     own = recording.streams.get("poses") or recording.streams.get(stream)
-    for name, columns in (
-        ("current", ("current",)),
-        ("airspeed", ("airspeed",)),
-        ("wind", ("wind_north", "wind_east")),
-    ):
+    for name, columns in _ABOARD.items():
         source = _with_columns(columns, own, recording.streams.get("power"), recording.streams.get("air"))
         if source is not None:
             values = _at(t, source, columns)

@@ -123,15 +123,21 @@ def _centres(track: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _of_covariate(stream: str, name: str, values: FloatArray) -> Effect:
-    """Second and third power of what the catalogue has linear."""
+    """First to third power; without the first where an effect of the catalogue is that."""
     middle, half = 0.5 * (np.max(values) + np.min(values)), 0.5 * np.ptp(values)
-    size = len(STREAMS[stream].components)
+    size, powers = len(STREAMS[stream].components), range(2 if has_effect(stream, name) else 1, 4)
 
     def shape(motion: Motion) -> FloatArray:
         x = (motion.covariates[name] - middle) / half
-        return offsets(np.stack([x**2, x**3], axis=1), size)
+        return offsets(np.stack([x**power for power in powers], axis=1), size)
 
-    return probe(stream, name, 2 * size, shape, needs=(name,))
+    return probe(stream, name, len(powers) * size, shape, needs=(name,))
+
+
+def has_effect(stream: str, name: str) -> bool:
+    """Whether an effect of the catalogue follows a covariate on a stream; for a current, throttle may stand."""
+    names = {name, "current"} if name == "throttle" else {name}
+    return any(entry.stream == stream and names & set(entry.needs) for entry in CATALOGUE.values())
 
 
 def _of_itself(stream: str) -> Effect:

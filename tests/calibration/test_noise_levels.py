@@ -14,6 +14,7 @@ from calibration.noise_start import reading_noise, resolution
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
 from experiments.scenarios import load_scenario, parse_effect
+from sensors.atmosphere import pressure_from_height
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
@@ -184,6 +185,28 @@ def test_dip_of_the_place_separates_hard_iron_from_field_near_level() -> None:
     assert np.all(np.abs(compass.offset - offset) < 4.0 * np.maximum(compass.std, 1e-3))
     assert compass.norm == pytest.approx(0.5, rel=0.01)
     assert (compass.dip, compass.declination) == (dip, east)
+
+
+def test_a_scan_of_the_laser_has_the_noise_of_a_beam(flight: tuple[Recording, Stream]) -> None:
+    recording, laser = flight[0], flight[0].streams["laser"]
+    noise = recording.spec("laser").noise_std
+    assert noise is not None
+    rng = np.random.default_rng(3)
+    beams = {f"range_{k}": laser["range"] + 0.5 * k + noise * rng.standard_normal(len(laser)) for k in range(3)}
+    scan = bare(recording).replace(
+        streams={**recording.streams, "laser": Stream(laser.t, beams)},
+        sensors={"laser": SensorSpec(angles=np.array([-0.2, 0.0, 0.2]))},
+    )
+    specs, _, _ = first_guess(scan)
+    assert specs["laser"].noise_std == pytest.approx(np.sqrt(2.0) * noise, rel=0.1)  # a beam's and the range's own
+
+
+def test_a_barometer_that_gives_pressure_alone_has_the_noise_of_its_height(flight: tuple[Recording, Stream]) -> None:
+    recording, baro = flight[0], flight[0].streams["baro"]
+    pressure = Stream(baro.t, {"pressure": pressure_from_height(baro["height"])})
+    bare_specs, _, _ = first_guess(bare(recording))
+    specs, _, _ = first_guess(bare(recording).replace(streams={**recording.streams, "baro": pressure}))
+    assert specs["baro"].noise_std == pytest.approx(bare_specs["baro"].noise_std, rel=0.01)
 
 
 def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:

@@ -33,7 +33,13 @@ KNOWN = ("mag", "baro", "sonar", "laser", "gps")
 def covariates(t: FloatArray) -> dict[str, dict[str, FloatArray]]:
     """What a recording may know beside its readings."""
     warming, still = 20.0 + 15.0 * (1.0 - np.exp(-t / 10.0)), np.full(len(t), 21.0)
-    return {"accel": {"temperature": warming}, "baro": {"temperature": still}, "mag": {"current": 5.0 + np.sin(t)}}
+    falling = 16.0 - 0.05 * t + 0.3 * np.sin(t)
+    return {
+        "accel": {"temperature": warming},
+        "gyro": {"voltage": falling},
+        "baro": {"temperature": still},
+        "mag": {"current": 5.0 + np.sin(t)},
+    }
 
 
 def flight() -> Motion:
@@ -79,6 +85,19 @@ def test_stream_without_readings_has_no_probe() -> None:
 
 def test_covariate_that_does_not_change_has_no_probe() -> None:
     assert "temperature" not in [what_it_follows(probe.name) for probe in probes() if probe.stream == "baro"]
+
+
+@pytest.mark.parametrize(("stream", "name", "linear"), [("gyro", "voltage", True), ("accel", "temperature", False)])
+def test_a_covariate_is_linear_in_a_probe_where_no_effect_is(stream: str, name: str, linear: bool) -> None:
+    motion = flight()
+    values = covariates(motion.t)[stream][name]
+    probe = next(p for p in probes() if p.name == f"unexplained.{stream}.{name}")
+    G = probe.regressor(motion.with_covariates(**{name: values}))[:, 0]
+    left = values - G @ np.linalg.lstsq(G, values, rcond=None)[0]
+    middle = 0.5 * (np.max(values) + np.min(values))
+    left_of_offset = values - middle - G @ np.linalg.lstsq(G, values - middle, rcond=None)[0]
+    assert (np.std(left_of_offset) < 1e-9) == linear
+    assert np.std(left) > 1e-3  # the offset is no part of it: that is the bias
 
 
 def test_no_effect_of_the_catalogue_is_a_probe() -> None:
