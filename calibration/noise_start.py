@@ -6,10 +6,10 @@ import numpy as np
 
 from calibration.allan import white_density
 from calibration.segments import still_rows
+from estimator.events import height_of, position_of
 from sensors.arrays import FloatArray, runs_of
-from sensors.atmosphere import height_from_pressure
 from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
 LEAST_STILL = 1.0
@@ -105,7 +105,7 @@ def resolution(values: FloatArray) -> float:
 
 def scatter(recording: Recording, name: str, key: str) -> float:
     """Root mean square of what a sensor reads about its mean: no noise is larger. A density for the IMU."""
-    return float(np.sqrt(np.mean(np.var(readings_of(recording, name, key), axis=0)))) * _of_density(recording, name)
+    return float(np.sqrt(np.mean(np.var(readings_of(recording, name, key), axis=0)))) * _density_factor(recording, name)
 
 
 def datum(recording: Recording, name: str) -> float:
@@ -113,9 +113,9 @@ def datum(recording: Recording, name: str) -> float:
 
     0 without a GPS: then the sensor itself says where the flight begins.
     """
-    if "gps" not in recording.streams or not recording.streams["gps"].has(("down",)):
+    if "gps" not in recording.streams:
         return 0.0
-    down = float(recording.streams["gps"]["down"][0])
+    down = float(position_of(recording, "gps")[0, 2])
     first = float(np.min(readings_of(recording, name)[0]))  # of a scan the beam nearest to the vertical
     if name == "baro":
         return abs(first + down)
@@ -124,22 +124,23 @@ def datum(recording: Recording, name: str) -> float:
 
 def rounding(recording: Recording, name: str, key: str) -> float:
     """Noise of rounding of a sensor's readings, which no level is below; a density for the IMU."""
-    return resolution(readings_of(recording, name, key)) * ROUNDING * _of_density(recording, name)
+    return resolution(readings_of(recording, name, key)) * ROUNDING * _density_factor(recording, name)
 
 
-def _of_density(recording: Recording, name: str) -> float:
-    """Density over the standard deviation of a reading; 1 but for the IMU, whose noise is given as one [s^0.5]."""
+def _density_factor(recording: Recording, name: str) -> float:
+    """Density of the noise of the IMU over its standard deviation [s^0.5]; 1 of other sensors."""
     return float(np.sqrt(np.median(np.diff(recording.streams["imu"].t)))) if name in ("accel", "gyro") else 1.0
 
 
 def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:
     """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
     stream = recording.streams["imu" if name in ("accel", "gyro") else name]
-    if name == "baro" and "height" not in stream:
-        return height_from_pressure(stream["pressure"], float(stream["pressure"][0]))[:, None]
+    if name == "baro":
+        return height_of(stream)[:, None]
     if name == "laser" and "range" not in stream:
         return stream.array([column for column in stream.columns if column.startswith("range_")])
     if key == "velocity_noise_std":
         return stream.array(VELOCITY)
-    triads = {"accel": ACCEL, "gyro": GYRO, "mag": MAG, "gps": POSITION, "base": POSITION, "baro": ("height",)}
-    return stream.array(triads.get(name, ("range",)))
+    if name in ("gps", "base"):
+        return position_of(recording, name)
+    return stream.array({"accel": ACCEL, "gyro": GYRO, "mag": MAG}.get(name, ("range",)))

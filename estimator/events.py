@@ -12,7 +12,7 @@ from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray, IntArray
 from sensors.atmosphere import height_from_pressure
 from sensors.errors import InputError
-from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
+from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording, Stream
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
@@ -87,23 +87,31 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "mag":
         return stream.array(MAG), t
     if name == "baro":
-        if "height" in stream:
-            return stream["height"][:, None], t
-        pressure = stream["pressure"]
-        return height_from_pressure(pressure, reference=float(pressure[0]))[:, None], t
+        return height_of(stream)[:, None], t
     if name in ("sonar", "laser"):
         columns = ["range"] if "range" in stream else [f"range_{i}" for i in range(size)]
         if len(columns) != size or not stream.has(columns):
             found = f"columns {', '.join(stream.columns)}"
             raise InputError(recording.where, found, f"{size} ranges, as `angles` declares", f"stream {name}")
         return stream.array(columns), t
-    position = stream.array(POSITION) if stream.has(POSITION) else _ned(recording, name)
+    position = position_of(recording, name)
     if name == "base":
         return position - _base_position(recording), t
     return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
 
 
-def _ned(recording: Recording, name: str) -> FloatArray:
+def height_of(baro: Stream) -> FloatArray:
+    """(n,) height of a barometer's readings [m]; of one that gives pressure alone, above its first reading."""
+    if "height" in baro:
+        return baro["height"]
+    pressure = baro["pressure"]
+    return height_from_pressure(pressure, reference=float(pressure[0]))
+
+
+def position_of(recording: Recording, name: str) -> FloatArray:
+    """(n, 3) NED [m] of a receiver's fixes, `gps` or `base`."""
+    if recording.streams[name].has(POSITION):
+        return recording.streams[name].array(POSITION)
     from sensors.formats.geodetic import to_ned
 
     streams, _, _ = to_ned(recording.where, recording.streams, recording.origin)

@@ -8,11 +8,11 @@ readings and stay as they are: a generic function has no exact form that would b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.residual_loop.probes import has_effect, offsets, probe
+from experiments.residual_loop.probes import offsets, powers_from, probe
 from experiments.residual_loop.term import varies
 from sensors.arrays import FloatArray
 from sensors.effects.declaration import Effect
@@ -46,7 +46,7 @@ def probes_of_a_triad(stream: str, motion: Motion, still: bool, most: int) -> tu
         ("its own size", (what,), _powers(along, (lambda x: x**3, lambda x: x * np.abs(x), lambda x: x**2))),
         ("direction", (what,), [(16, lambda m: _radial(along(m), 4)), (7, lambda m: _radial(along(m), 3))]),
         ("the reading before", (what,), _powers(lambda m: _before(along(m)), (lambda x: x, lambda x: x**3))),
-        *_of_time_and_covariates(stream, motion.t, motion.covariates, still),
+        *_of_time_and_covariates(stream, motion, still),
     ]
     return _probes(stream, blocks, motion, most)
 
@@ -70,7 +70,7 @@ def probes_of_turns(gravity: float, motion: Motion, still: bool, most: int) -> t
     blocks: list[_Block] = [
         ("its own size", ("w_ib_b",), _powers(lambda m: m.w_ib_b / fastest, (lambda x: x * np.abs(x), lambda x: x**3))),
         ("the squared specific force", ("f_b",), [(9, of_force)]),
-        *_of_time_and_covariates("gyro", motion.t, motion.covariates, still),
+        *_of_time_and_covariates("gyro", motion, still),
     ]
     return _probes("gyro", blocks, motion, most)
 
@@ -89,20 +89,17 @@ def _constant(G: FloatArray) -> Shape:
     return lambda motion: G
 
 
-def _of_time_and_covariates(
-    stream: str, t: FloatArray, covariates: Mapping[str, FloatArray], still: bool
-) -> list[_Block]:  # fmt: skip
-    """A slow drift as Legendre polynomials of the time; powers of covariates, of those that the catalogue has linear
-    from the second on.
-    """
+def _of_time_and_covariates(stream: str, motion: Motion, still: bool) -> list[_Block]:
+    """A slow drift as Legendre polynomials of the time; powers of covariates that no effect of the catalogue has."""
+    t = motion.t
     blocks: list[_Block] = []
     if still and varies(t):
         begin, half = float(np.min(t)), 0.5 * float(np.ptp(t))
         blocks.append(("time", (), _polynomials(lambda m: (m.t - begin) / half - 1.0, (1, 2, 3), (3, 2, 1))))
-    for name, values in covariates.items():
-        if values.ndim == 1 and varies(values):
-            orders = (2, 3) if has_effect(stream, name) else (1, 2, 3)
-            blocks.append((name, (name,), _polynomials(_share(name, values), orders, range(len(orders), 0, -1))))
+    for name, first in powers_from(stream, motion).items():
+        orders = range(first, 4)
+        share = _share(name, motion.covariates[name])
+        blocks.append((name, (name,), _polynomials(share, orders, range(len(orders), 0, -1))))
     return blocks
 
 

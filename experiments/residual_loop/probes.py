@@ -24,6 +24,9 @@ from sensors.rotation import matrix_from_quaternion, rotate_back
 PREFIX = "unexplained"
 #: Bumps over the horizontal track.
 _PLACES = 10
+#: Rows on which it is found out how an effect follows a covariate, and the correlation with the time from which on a
+#: covariate is told from a drift by a seventh of its size or less.
+_FEW, _AS_TIME = 20, 0.99
 #: Half widths of the play of a sticking instrument: shares of the range of what it measures.
 _PLAYS = (0.05, 0.15, 0.4)
 
@@ -43,9 +46,9 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
     for stream in streams:
         if stream not in STREAMS or stream == "base":
             continue
-        for name, values in covariates.get(stream, {}).items():
-            if values.ndim == 1 and varies(values):
-                found.append(_of_covariate(stream, name, values))
+        along = motion.with_covariates(**covariates.get(stream, {}))
+        for name, first in powers_from(stream, along).items():
+            found.append(_of_covariate(stream, name, along.covariates[name], first))
         if stream in DRIVERS:
             found.append(_of_itself(stream))
             continue
@@ -122,22 +125,46 @@ def _centres(track: FloatArray) -> tuple[FloatArray, float]:
     return np.array(chosen), gap if len(chosen) > 1 else 1.0
 
 
-def _of_covariate(stream: str, name: str, values: FloatArray) -> Effect:
-    """First to third power; without the first where an effect of the catalogue is that."""
+def powers_from(stream: str, along: Motion) -> dict[str, int]:
+    """Covariates that an error of a stream could follow, and from which power on no effect of the catalogue does.
+
+    Left out is what does not vary, and what nobody could tell from the time: unless the catalogue has it, that is a
+    drift, which the bias has.
+    """
+    few = along.rows(np.unique(np.linspace(0, len(along) - 1, _FEW).astype(int)))
+    found = {}
+    for name, values in along.covariates.items():
+        if values.ndim != 1 or not varies(values):
+            continue
+        if _is_linear_in(stream, name, few):
+            found[name] = 2
+        elif abs(np.corrcoef(values, along.t)[0, 1]) < _AS_TIME:
+            found[name] = 1
+    return found
+
+
+def _is_linear_in(stream: str, name: str, along: Motion) -> bool:
+    """Whether an effect of the catalogue is an offset of the stream that goes with a covariate."""
+    more = along.with_covariates(**{name: along.covariates[name] + 1.0})
+    for entry in CATALOGUE.values():
+        if entry.stream != stream or entry.localised is not None or entry.missing(along):
+            continue
+        rise = entry.regressor(more) - entry.regressor(along)
+        if np.any(rise) and np.allclose(rise, rise[0]):
+            return True
+    return False
+
+
+def _of_covariate(stream: str, name: str, values: FloatArray, first: int) -> Effect:
+    """Powers from the first that is wanted up to the third."""
     middle, half = 0.5 * (np.max(values) + np.min(values)), 0.5 * np.ptp(values)
-    size, powers = len(STREAMS[stream].components), range(2 if has_effect(stream, name) else 1, 4)
+    size, powers = len(STREAMS[stream].components), range(first, 4)
 
     def shape(motion: Motion) -> FloatArray:
         x = (motion.covariates[name] - middle) / half
         return offsets(np.stack([x**power for power in powers], axis=1), size)
 
     return probe(stream, name, len(powers) * size, shape, needs=(name,))
-
-
-def has_effect(stream: str, name: str) -> bool:
-    """Whether an effect of the catalogue follows a covariate on a stream; for a current, throttle may stand."""
-    names = {name, "current"} if name == "throttle" else {name}
-    return any(entry.stream == stream and names & set(entry.needs) for entry in CATALOGUE.values())
 
 
 def _of_itself(stream: str) -> Effect:

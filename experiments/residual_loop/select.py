@@ -160,7 +160,7 @@ class _Path:
         self.findings: list[Finding] = []
         self._steps: list[Step] = []
         self._refused: dict[str, str] = {}  # by key what did not stand, and why
-        self._rounds = 0
+        self._rounds = self._unions = 0
         self._first = self._offered = self._offer()
 
     def _offer(self) -> Offered:
@@ -198,11 +198,15 @@ class _Path:
         self._offered = self._offer()
 
     def _tell_as_one(self) -> None:
-        """Put one offset in the place of two that share an end, as often as that can be."""
-        while (one := told_as_one(self._source, self._fit, self.findings, self._threshold)) is not None:
-            without, self._fit, finding, both = one
-            self._steps.append(Step(without, finding.term))
-            self.findings = [other for other in self.findings if other.term not in both] + [finding]
+        """Put one offset in the place of two that share an end; not without end, as more may be found again."""
+        while self._unions < MOST_LOCAL:
+            one = told_as_one(self._source, self._fit, self.findings, self._threshold)
+            if one is None:
+                break
+            self._unions += 1
+            self._fit = one.fit
+            self._steps.append(Step(one.without, one.finding.term))
+            self.findings = [one.finding if f is one.parts[0] else f for f in self.findings if f is not one.parts[1]]
 
     def add_pair(self, fit: Fit, both: Sequence[tuple[Fit, Finding]]) -> None:
         """Take two effects, each with the fit without it."""

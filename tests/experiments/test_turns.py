@@ -22,11 +22,15 @@ from tests.calibration.test_gyro import turned_log
 OFFSET = np.array([0.004, -0.003, 0.005])
 
 
-def source_with(offset: FloatArray, start: float, end: float, poses: int = 16) -> LeastSquaresSource:
-    """A rest of 2 s and a turn of 1 s each, at 100 Hz, with an offset of the gyroscope in an interval."""
+def source_with(
+    offset: FloatArray, start: float, end: float, poses: int = 16, declared: bool = True
+) -> LeastSquaresSource:
+    """A rest of 2 s and a turn of 1 s each, at 100 Hz, with an offset of the gyroscope in an interval; the noise is
+    declared or not.
+    """
     t, accel, gyro = turned_log(np.random.default_rng(41), poses)
     gyro = gyro + offset * ((t >= start) & (t < end))[:, None]
-    return LeastSquaresSource(GyroTurns("simulated", read_turns(t, accel, gyro, 9.8), True))
+    return LeastSquaresSource(GyroTurns("simulated", read_turns(t, accel, gyro, 9.8), declared))
 
 
 @pytest.mark.parametrize("start", [20.5, 21.3], ids=["in a turn", "in a rest"])
@@ -39,28 +43,53 @@ def test_a_step_is_found_where_it_begins(start: float) -> None:
     assert np.all(np.abs(found[0].beta - OFFSET) < 4.0 * found[0].std)
 
 
-def told_as_two(source: LeastSquaresSource, ends: tuple[float, float]) -> tuple[Finding, ...] | None:
-    """What `told_as_one` makes of a step from the first end on and a transient between the two."""
-    terms = Term("gyro.step", (ends[0], 1e3)), Term("gyro.transient", ends)
+LAST = 48.0  # s: after the last reading
+
+
+def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) -> Finding | None:
+    """What `told_as_one` puts in the place of offsets in two intervals."""
+    terms = [Term("gyro.step" if end == LAST else "gyro.transient", (begin, end)) for begin, end in intervals]
     fit = source.fit(terms)
-    findings = [Finding(t, fit.beta[t], fit.std[t], -50.0, -50.0, 50.0, 100.0, 100.0, (), search=5.0) for t in terms]
+    others = (("gyro.temperature",), ("gyro.step", "accel.step"))
+    findings = [
+        Finding(t, fit.beta[t], fit.std[t], -50.0, -50.0, 50.0, 100.0, 100.0, other, search=5.0)
+        for t, other in zip(terms, others, strict=True)
+    ]
     one = told_as_one(source, fit, findings, log_p_needed(source, 0.01))
-    return None if one is None else (one[2],)
+    return None if one is None else one.finding
 
 
-def test_a_step_is_not_told_as_a_step_and_a_transient_that_takes_back_its_beginning() -> None:
-    found = told_as_two(source_with(OFFSET, 21.3, np.inf), (12.3, 21.3))
+@pytest.mark.parametrize(
+    ("two", "one"),
+    [
+        (((12.3, LAST), (12.3, 21.3)), (21.3, LAST)),  # the transient takes back the beginning of the step
+        (((12.3, LAST), (21.3, LAST)), (12.3, 21.3)),
+        (((12.3, 21.3), (21.3, LAST)), (12.3, LAST)),
+        (((12.3, 21.3), (21.3, 30.3)), (12.3, 30.3)),
+        (((12.3, 30.3), (21.3, 30.3)), (12.3, 21.3)),
+    ],
+)
+@pytest.mark.parametrize("declared", [True, False], ids=["noise declared", "noise estimated"])
+def test_offsets_that_share_an_end_are_told_as_one(
+    two: tuple[tuple[float, float], tuple[float, float]], one: tuple[float, float], declared: bool
+) -> None:
+    found = one_in_place(source_with(OFFSET, *one, declared=declared), *two)
     assert found is not None
-    assert found[0].term.name == "gyro.step"
-    assert found[0].term.interval == pytest.approx((21.3, 1e3), abs=0.25)
-    assert np.all(np.abs(found[0].beta - OFFSET) < 4.0 * found[0].std)
+    assert found.term.name == ("gyro.step" if one[1] == LAST else "gyro.transient")
+    assert found.term.interval == pytest.approx(one, abs=0.25)
+    assert np.all(np.abs(found.beta - OFFSET) < 4.0 * found.std)
+    assert set(found.confused_with) == {"gyro.temperature", "gyro.step", "accel.step"} - {found.term.name}
 
 
 def test_offsets_that_share_an_end_and_differ_stay_two() -> None:
     t, accel, gyro = turned_log(np.random.default_rng(41), 16)
     gyro = gyro + OFFSET * (t >= 12.3)[:, None] + OFFSET[::-1] * ((t >= 12.3) & (t < 30.0))[:, None]
     source = LeastSquaresSource(GyroTurns("simulated", read_turns(t, accel, gyro, 9.8), True))
-    assert told_as_two(source, (12.3, 30.0)) is None
+    assert one_in_place(source, (12.3, LAST), (12.3, 30.0)) is None
+
+
+def test_offsets_that_share_no_end_stay_two() -> None:
+    assert one_in_place(source_with(OFFSET, 21.3, LAST), (12.3, 30.0), (21.3, LAST)) is None
 
 
 def test_share_of_a_rest() -> None:
