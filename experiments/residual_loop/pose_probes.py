@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.residual_loop.probes import offsets, powers_from, probe
+from experiments.residual_loop.probes import goes_with_time, offsets, powers_from, probe
 from experiments.residual_loop.term import varies
 from sensors.arrays import FloatArray
 from sensors.effects.declaration import Effect
@@ -90,13 +90,17 @@ def _constant(G: FloatArray) -> Shape:
 
 
 def _of_time_and_covariates(stream: str, motion: Motion, still: bool) -> list[_Block]:
-    """A slow drift as Legendre polynomials of the time; powers of covariates that no effect of the catalogue has."""
+    """A slow drift as Legendre polynomials of the time; powers of covariates that no effect of the catalogue has, but
+    for a drift in disguise where a drift is the bias.
+    """
     t = motion.t
     blocks: list[_Block] = []
     if still and varies(t):
         begin, half = float(np.min(t)), 0.5 * float(np.ptp(t))
         blocks.append(("time", (), _polynomials(lambda m: (m.t - begin) / half - 1.0, (1, 2, 3), (3, 2, 1))))
     for name, first in powers_from(stream, motion).items():
+        if first == 1 and not still and goes_with_time(motion.covariates[name], t):
+            continue
         orders = range(first, 4)
         share = _share(name, motion.covariates[name])
         blocks.append((name, (name,), _polynomials(share, orders, range(len(orders), 0, -1))))

@@ -48,7 +48,7 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
             continue
         along = motion.with_covariates(**covariates.get(stream, {}))
         for name, first in powers_from(stream, along).items():
-            found.append(_of_covariate(stream, name, along.covariates[name], first))
+            found.append(_of_covariate(stream, name, along, first))
         if stream in DRIVERS:
             found.append(_of_itself(stream))
             continue
@@ -126,21 +126,18 @@ def _centres(track: FloatArray) -> tuple[FloatArray, float]:
 
 
 def powers_from(stream: str, along: Motion) -> dict[str, int]:
-    """Covariates that an error of a stream could follow, and from which power on no effect of the catalogue does.
-
-    Left out is what does not vary, and what nobody could tell from the time: unless the catalogue has it, that is a
-    drift, which the bias has.
-    """
+    """Covariates that vary, and from which power on no effect of the catalogue follows them."""
     few = along.rows(np.unique(np.linspace(0, len(along) - 1, _FEW).astype(int)))
     found = {}
     for name, values in along.covariates.items():
-        if values.ndim != 1 or not varies(values):
-            continue
-        if _is_linear_in(stream, name, few):
-            found[name] = 2
-        elif abs(np.corrcoef(values, along.t)[0, 1]) < _AS_TIME:
-            found[name] = 1
+        if values.ndim == 1 and varies(values):
+            found[name] = 2 if _is_linear_in(stream, name, few) else 1
     return found
+
+
+def goes_with_time(values: FloatArray, t: FloatArray) -> bool:
+    """Whether what follows a covariate might as well be a drift."""
+    return bool(abs(np.corrcoef(values, t)[0, 1]) > _AS_TIME)
 
 
 def _is_linear_in(stream: str, name: str, along: Motion) -> bool:
@@ -155,8 +152,10 @@ def _is_linear_in(stream: str, name: str, along: Motion) -> bool:
     return False
 
 
-def _of_covariate(stream: str, name: str, values: FloatArray, first: int) -> Effect:
+def _of_covariate(stream: str, name: str, along: Motion, first: int) -> Effect:
     """Powers from the first that is wanted up to the third."""
+    values = along.covariates[name]
+    follows = f"{name} or the time" if goes_with_time(values, along.t) else name
     middle, half = 0.5 * (np.max(values) + np.min(values)), 0.5 * np.ptp(values)
     size, powers = len(STREAMS[stream].components), range(first, 4)
 
@@ -164,7 +163,7 @@ def _of_covariate(stream: str, name: str, values: FloatArray, first: int) -> Eff
         x = (motion.covariates[name] - middle) / half
         return offsets(np.stack([x**power for power in powers], axis=1), size)
 
-    return probe(stream, name, len(powers) * size, shape, needs=(name,))
+    return probe(stream, follows, len(powers) * size, shape, needs=(name,))
 
 
 def _of_itself(stream: str) -> Effect:

@@ -100,6 +100,13 @@ def test_a_covariate_is_linear_in_a_probe_where_no_effect_is(stream: str, name: 
     assert np.std(left) > 1e-3  # the offset is no part of it: that is the bias
 
 
+def test_a_covariate_that_might_be_a_drift_is_called_so() -> None:
+    motion = flight()
+    falling = {"voltage": 16.0 - 0.05 * motion.t, "current": 5.0 + np.sin(motion.t)}
+    names = {what_it_follows(p.name) for p in probes_for(("gyro",), motion, {"gyro": falling}, ())}
+    assert {"voltage or the time", "current"} <= names
+
+
 def test_no_effect_of_the_catalogue_is_a_probe() -> None:
     assert not any(is_probe(name) for name in CATALOGUE)
 
