@@ -161,6 +161,7 @@ class _Path:
         self._steps: list[Step] = []
         self._refused: dict[str, str] = {}  # by key what did not stand, and why
         self._rounds = self._unions = 0
+        self._apart: set[frozenset[Term]] = set()  # offsets that one does not explain
         self._first = self._offered = self._offer()
 
     def _offer(self) -> Offered:
@@ -200,7 +201,7 @@ class _Path:
     def _tell_as_one(self) -> None:
         """Put one offset in the place of two that share an end; not without end, as more may be found again."""
         while self._unions < MOST_LOCAL:
-            one = told_as_one(self._source, self._fit, self.findings, self._threshold)
+            one = told_as_one(self._source, self._fit, self.findings, self._threshold, self._apart)
             if one is None:
                 break
             self._unions += 1

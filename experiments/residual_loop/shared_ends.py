@@ -38,12 +38,15 @@ class OneOffset:
     parts: tuple[Finding, Finding]
 
 
-def told_as_one(source: Source, fit: Fit, findings: Sequence[Finding], threshold: float) -> OneOffset | None:
+def told_as_one(
+    source: Source, fit: Fit, findings: Sequence[Finding], threshold: float, apart: set[frozenset[Term]]
+) -> OneOffset | None:
     """The first two offsets that one explains as well: with it in their place a second would not be found.
 
     Parameters
     ----------
     threshold : logarithm of the p-value below which an effect is found
+    apart : pairs that are two, which are not tried again; those found so are added
 
     Returns
     -------
@@ -51,9 +54,10 @@ def told_as_one(source: Source, fit: Fit, findings: Sequence[Finding], threshold
     """
     local = [finding for finding in findings if finding.term.interval is not None]
     for first, second in combinations(local, 2):
-        term = _between(first.term, second.term)
-        if term is None:
+        term, pair = _between(first.term, second.term), frozenset((first.term, second.term))
+        if term is None or pair in apart:
             continue
+        apart.add(pair)
         without = fit_without(source, fit, first.term, second.term)
         longer = max(first, second, key=lambda finding: _length(finding.term))
         searches = first.search, second.search

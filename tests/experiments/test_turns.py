@@ -55,7 +55,7 @@ def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) ->
         Finding(t, fit.beta[t], fit.std[t], -50.0, -50.0, 50.0, 100.0, 100.0, other, search=5.0)
         for t, other in zip(terms, others, strict=True)
     ]
-    one = told_as_one(source, fit, findings, log_p_needed(source, 0.01))
+    one = told_as_one(source, fit, findings, log_p_needed(source, 0.01), set())
     return None if one is None else one.finding
 
 
