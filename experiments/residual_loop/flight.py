@@ -19,7 +19,7 @@ from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
 from estimator.whiteness import whiteness
-from experiments.residual_loop.flight_candidates import best_starts, flight_candidates
+from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from experiments.residual_loop.known_fits import KnownFits, Question
@@ -357,6 +357,10 @@ class FlightSource:
             for term, rows in self._rows_of_terms(fit, on_imu):
                 found[term] = max(found[term], log_p_beside_turning(rows, turning))
         return [float(found[term]) for term in terms]
+
+    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
+        """Whether a term of that size would do what its derivative foretells, along the motion of the fit."""
+        return is_first_order(self.recording, self.model, declaration(term), beta, _state(fit).motion)
 
     def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
         span = self._span_of(fit)

@@ -237,6 +237,9 @@ class Source(Protocol):
         first order.
         """
 
+    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
+        """Whether a term that is not in the fit would do, at that size, what its derivative foretells, about."""
+
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """What the errors might follow that is in no catalogue, and the evidence for each about the fit."""
 

@@ -66,6 +66,23 @@ def test_the_right_effect_alone(scenario: str, effect: str) -> None:
         np.testing.assert_allclose(finding.term.interval, (present.t0, present.t1), atol=0.5)
 
 
+@pytest.mark.parametrize(
+    ("effect", "first_order"),
+    [
+        ("sonar.beam_cone=0.02", True),
+        ("sonar.beam_cone=0.5", False),  # wider than any tilt
+        ("accel.scale=0.02,0.01,-0.03", True),
+        ("accel.scale_nonlinearity=0.002,0.001,0.001", True),
+        ("laser.boresight=0.03,0.02", True),
+        ("baro.lag=1.5", True),  # by declaration
+    ],
+)
+def test_first_order_holds_for_what_is_small(effect: str, first_order: bool) -> None:
+    recording, _ = flown("aerobatics", 21)
+    source, present = FlightSource(recording, flight_model(recording)), parse_effect(effect)
+    assert source.is_first_order(source.fit(()), Term(present.effect.name), present.beta) == first_order
+
+
 @pytest.mark.parametrize("scenario", ["figure_eight", "square"])
 def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
     recording, _ = flown(scenario, 22)
