@@ -12,7 +12,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calibration.compass import LEAST_READINGS, compass_of
-from calibration.noise_start import datum, imu_density, reading_noise, readings_of, rounding, scatter, within_imu
+from calibration.noise_start import (
+    READINGS,
+    datum,
+    imu_density,
+    reading_noise,
+    readings_of,
+    rounding,
+    scatter,
+    within_imu,
+)
 from estimator.alignment import first_state
 from estimator.effect_forms import declared_terms, inputs_with, reference_motion, run_with_effects, taken_off
 from estimator.events import Events, collect
@@ -194,11 +203,14 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     found: dict[Key, float] = {}
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)
-    for name in ("mag", "baro", "sonar", "laser", "gps", "base"):
-        if name in streams:
-            found[name, "noise_std"] = reading_noise(readings_of(recording, name))
+    keys = [(name, "noise_std") for name in READINGS if name in streams]
     if "gps" in streams and streams["gps"].has(VELOCITY):
-        found["gps", "velocity_noise_std"] = reading_noise(readings_of(recording, "gps", "velocity_noise_std"))
+        keys.append(("gps", "velocity_noise_std"))
+    for name, key in keys:
+        if len(streams[name]) < 2 and getattr(recording.spec(name), key) is None:
+            wanted = f"{key} declared, or readings to find it in"
+            raise InputError(recording.where, f"{len(streams[name])} reading and no {key}", wanted, f"stream {name}")
+        found[name, key] = reading_noise(readings_of(recording, name, key))
     believed: dict[Key, float] = {}
     for name in ("accel", "gyro"):
         believed[name, "bias_std"] = BIAS_STD[name]

@@ -95,7 +95,7 @@ def resolution(values: FloatArray) -> float:
     of a float, or the turn of the grid from degrees to metres).
     """
     coarse = [float(np.finfo(float).tiny)]
-    for column in values.T:
+    for column in values.T if len(values) > 1 else ():
         step = np.abs(np.diff(column))
         moved = step > SAME * max(float(np.std(column)), coarse[0])
         if np.mean(~moved) > OFTEN and np.any(moved):  # noise finer than the step repeats readings

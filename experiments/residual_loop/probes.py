@@ -13,7 +13,7 @@ import numpy as np
 
 from estimator.flight_model import DRIVERS
 from experiments.residual_loop.term import varies
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, zero_unless_finite
 from sensors.effects import CATALOGUE
 from sensors.effects.declaration import Effect, Parameter
 from sensors.effects.streams import STREAMS
@@ -146,7 +146,7 @@ def _is_linear_in(stream: str, name: str, along: Motion) -> bool:
     for entry in CATALOGUE.values():
         if entry.stream != stream or entry.localised is not None or entry.missing(along):
             continue
-        rise = entry.regressor(more) - entry.regressor(along)
+        rise = zero_unless_finite(entry.regressor(more)) - zero_unless_finite(entry.regressor(along))
         if np.any(rise) and np.allclose(rise, rise[0]):
             return True
     return False

@@ -298,3 +298,22 @@ def test_heading_is_found_without_a_magnetometer(flight: tuple[Recording, Stream
     assert found.initial.quaternion is not None
     error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), found.initial.quaternion))
     assert np.linalg.norm(error) < np.deg2rad(15.0)
+
+
+@pytest.mark.parametrize("sensor", ["baro", "gps"])
+def test_one_reading_of_undeclared_noise_is_an_error(flight: tuple[Recording, Stream], sensor: str) -> None:
+    recording = bare(flight[0])
+    one = recording.replace(streams={**recording.streams, sensor: recording.streams[sensor].rows(slice(0, 1))})
+    with pytest.raises(InputError, match="1 reading and no noise_std"):
+        first_guess(one)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_one_reading_of_declared_noise_is_none(flight: tuple[Recording, Stream]) -> None:
+    recording = flight[0]
+    one = recording.replace(
+        streams={**recording.streams, "baro": recording.streams["baro"].rows(slice(0, 1))},
+        sensors={"baro": recording.spec("baro")},
+    )
+    specs, _, _ = first_guess(one)
+    assert specs["baro"].noise_std == recording.spec("baro").noise_std
