@@ -136,7 +136,7 @@ def readings_of(recording: Recording, name: str, key: str = "noise_std") -> Floa
     """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
     stream = recording.streams["imu" if name in ("accel", "gyro") else name]
     if name == "baro":
-        return height_of(stream)[:, None]
+        return height_of(recording)[:, None]
     if name == "laser" and "range" not in stream:
         return stream.array([column for column in stream.columns if column.startswith("range_")])
     if key == "velocity_noise_std":

@@ -12,7 +12,7 @@ from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray, IntArray
 from sensors.atmosphere import height_from_pressure
 from sensors.errors import InputError
-from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording, Stream
+from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
@@ -87,7 +87,7 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "mag":
         return stream.array(MAG), t
     if name == "baro":
-        return height_of(stream)[:, None], t
+        return height_of(recording)[:, None], t
     if name in ("sonar", "laser"):
         columns = ["range"] if "range" in stream else [f"range_{i}" for i in range(size)]
         if len(columns) != size or not stream.has(columns):
@@ -100,11 +100,20 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
 
 
-def height_of(baro: Stream) -> FloatArray:
-    """(n,) height of a barometer's readings [m]; of one that gives pressure alone, above its first reading."""
+def height_of(recording: Recording) -> FloatArray:
+    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first reading.
+
+    Raises
+    ------
+    InputError : a pressure of zero or less
+    """
+    baro = recording.streams["baro"]
     if "height" in baro:
         return baro["height"]
     pressure = baro["pressure"]
+    if np.any(pressure <= 0.0):
+        row = int(np.argmax(pressure <= 0.0))
+        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
     return height_from_pressure(pressure, reference=float(pressure[0]))
 
 

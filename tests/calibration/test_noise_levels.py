@@ -209,6 +209,15 @@ def test_a_barometer_that_gives_pressure_alone_has_the_noise_of_its_height(fligh
     assert specs["baro"].noise_std == pytest.approx(bare_specs["baro"].noise_std, rel=0.01)
 
 
+def test_no_pressure_is_an_error(flight: tuple[Recording, Stream]) -> None:
+    baro = flight[0].streams["baro"]
+    pressure = pressure_from_height(baro["height"])
+    pressure[3] = 0.0
+    streams = {**flight[0].streams, "baro": Stream(baro.t, {"pressure": pressure})}
+    with pytest.raises(InputError, match="row 4: pressure 0 Pa; expected above 0"):
+        first_guess(flight[0].replace(streams=streams))
+
+
 def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
     """A GPS that was logged for as long again before and after, at rest elsewhere."""
     recording = bare(flight[0])
