@@ -88,7 +88,7 @@ def compass_of(recording: Recording) -> Compass:
 
     Raises
     ------
-    InputError : no `mag` or `imu`, or hardly a reading of it
+    InputError : no `mag` or `imu`, hardly a reading of it, or no field in them
     """
     for name in ("mag", "imu"):
         if name not in recording.streams:
@@ -99,6 +99,8 @@ def compass_of(recording: Recording) -> Compass:
         raise InputError(recording.where, f"{len(mag)} magnetometer readings", expected, "stream mag")
     f = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
     m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
+    if np.median(np.linalg.norm(m, axis=1)) == 0.0:
+        raise InputError(recording.where, "no field in the readings", "readings of a magnetometer", "stream mag")
     dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
     disturbed = np.zeros(len(m), dtype=bool)
     for _ in range(2):

@@ -34,6 +34,8 @@ from sensors.errors import InputError
 from sensors.geomagnetism import declination, field_along, inclination
 from sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
 
+#: Noise below this, in SI units, is that of numbers which nobody has measured.
+NO_NOISE = 1e-15
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
 #: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
 #: 0.6 m/s^2 and 0.09 rad/s before it.
@@ -203,14 +205,17 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     found: dict[Key, float] = {}
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)
-    keys = [(name, "noise_std") for name in READINGS if name in streams]
+    for name in READINGS:
+        if name in streams:
+            found[name, "noise_std"] = reading_noise(readings_of(recording, name))
     if "gps" in streams and streams["gps"].has(VELOCITY):
-        keys.append(("gps", "velocity_noise_std"))
-    for name, key in keys:
-        if len(streams[name]) < 2 and getattr(recording.spec(name), key) is None:
+        found["gps", "velocity_noise_std"] = reading_noise(readings_of(recording, "gps", "velocity_noise_std"))
+    for (name, key), noise in found.items():
+        if noise < NO_NOISE and getattr(recording.spec(name), key) is None:
+            n = len(streams["imu" if name in ("accel", "gyro") else name])
+            what = "1 reading" if n == 1 else f"{n} readings without any noise"
             wanted = f"{key} declared, or readings to find it in"
-            raise InputError(recording.where, f"{len(streams[name])} reading and no {key}", wanted, f"stream {name}")
-        found[name, key] = reading_noise(readings_of(recording, name, key))
+            raise InputError(recording.where, f"{what} and no {key}", wanted, f"sensor {name}")
     believed: dict[Key, float] = {}
     for name in ("accel", "gyro"):
         believed[name, "bias_std"] = BIAS_STD[name]

@@ -81,7 +81,7 @@ def reading_noise(values: FloatArray) -> float:
     """
     floor = resolution(values) * ROUNDING
     if len(values) < 8:
-        return max(float(np.std(values)), floor)
+        return max(float(np.sqrt(np.mean(np.var(values, axis=0)))), floor)
     third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
     spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
     spread = np.where(spread > 0.0, spread, np.std(third, axis=0))

@@ -326,3 +326,21 @@ def test_one_reading_of_declared_noise_is_none(flight: tuple[Recording, Stream])
     )
     specs, _, _ = first_guess(one)
     assert specs["baro"].noise_std == recording.spec("baro").noise_std
+
+
+@pytest.mark.parametrize(("sensor", "columns"), [("baro", ("height",)), ("mag", MAG)])
+def test_readings_that_nobody_measured_are_an_error(
+    flight: tuple[Recording, Stream], sensor: str, columns: tuple[str, ...]
+) -> None:
+    stream = flight[0].streams[sensor]
+    zeros = Stream(stream.t, {**stream.columns, **{name: np.zeros(len(stream)) for name in columns}})
+    recording = bare(flight[0]).replace(streams={**flight[0].streams, sensor: zeros})
+    with pytest.raises(InputError, match="without any noise and no noise_std"):
+        first_guess(recording)
+
+
+def test_a_magnetometer_that_reads_no_field_is_an_error(handheld: tuple[Recording, Stream]) -> None:
+    mag = handheld[0].streams["mag"]
+    zeros = Stream(mag.t, {name: np.zeros(len(mag)) for name in MAG})
+    with pytest.raises(InputError, match="no field in the readings"):
+        compass_of(handheld[0].replace(streams={**handheld[0].streams, "mag": zeros}))
