@@ -10,6 +10,7 @@ from datetime import date
 
 import numpy as np
 
+from calibration.noise_start import reading_noise
 from sensors.arrays import BoolArray, FloatArray, runs_of
 from sensors.errors import InputError
 from sensors.geomagnetism import declination, earth_field, field_along, inclination
@@ -17,6 +18,9 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: A recording has no date: dip and declination of most places move by 0.1 deg a year.
 EPOCH = date(2020, 1, 1)
+#: 1-sigma of declination and dip of a place so found [rad]: five years of that, and what the crust and the model leave
+#: (0.38 and 0.2 deg; error model of the World Magnetic Model, technical report of its 2020 release, section 3).
+DIRECTION_STD = (np.deg2rad(0.63), np.deg2rad(0.54))
 #: Specific force within this of gravity counts as showing where down is [m/s^2]; a tenth of gravity, 6 deg.
 STEADY = 1.0
 #: Passes of the robust fit, and the residual, in robust sigmas, from which a row loses weight (Cauchy).
@@ -29,6 +33,13 @@ BLOCK, LEAST_BLOCKS = 30.0, 4
 DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
 #: Hard iron, norm and dip are five unknowns, and each reading gives two lines.
 LEAST_READINGS = 10
+#: A direction in which the readings spread by less than this many of their white noises shows no turns: of noise alone
+#: the likeliest sphere is one of the noise's own size, about the mean reading. From here on that takes 4 % of b.
+TURNED = 5.0
+#: 1-sigma of a hard iron before the log is read, over the readings' norm: what the log does not show is taken as none.
+HARD_IRON = 1.0
+#: Fits: the first says which stretches are disturbed and how large the errors that last are, the others use it.
+FITS = 3
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
 #: A stretch has another hard iron where that leaves the norm undisturbed in this share of it, and where the stretch
@@ -84,7 +95,7 @@ def compass_of(recording: Recording) -> Compass:
 
     are linear in b and the two constants; a known dip ties the constants to each other and to b (Newton's steps).
     down = -f / |f| where |f| is near gravity. Cauchy weights, because either line has outliers (accelerations,
-    steel). Directions of b that the log's turns do not show keep a large `std`.
+    steel). Directions of b that the log's turns do not show stay near 0, with a large `std`.
 
     Raises
     ------
@@ -102,20 +113,20 @@ def compass_of(recording: Recording) -> Compass:
     if np.median(np.linalg.norm(m, axis=1)) == 0.0:
         raise InputError(recording.where, "no field in the readings", "readings of a magnetometer", "stream mag")
     dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
-    disturbed = np.zeros(len(m), dtype=bool)
-    for _ in range(2):
-        fit = _fit(m, f, ~disturbed, dip)
+    disturbed, noise = np.zeros(len(m), dtype=bool), 0.0
+    for _ in range(FITS):
+        fit = _fit(m, f, ~disturbed, dip, noise)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
         average = _averaged(error, rate)
         usual = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * fit.norm)
         disturbed = _disturbed(average, usual, rate)
-    clean = error[~disturbed]
-    scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
+        clean = error[~disturbed]
+        scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
+        # the scatter averages out over the rows, what lasts does not
+        noise = float(np.hypot(scatter, lasting * np.sqrt(len(clean))))
     shifted = _shifted(m, f, disturbed, fit, rate, scatter, usual)
-    noise = np.hypot(scatter, lasting * np.sqrt(len(clean)))
-    # the scatter averages out over the rows, what lasts does not
     std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
-    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, float(noise), east)
+    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, noise, east)
 
 
 def corrected(recording: Recording, compass: Compass, keep_shifted: bool = False) -> Recording:
@@ -156,37 +167,52 @@ class _Fit:
     cofactor: FloatArray
 
 
-def _fit(m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None) -> _Fit:
+def _fit(m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None, noise: float = 0.0) -> _Fit:
     """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings.
 
+    `noise` [unit] is that of one reading with what does not average out; at least the scatter of the lines is.
     A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
     """
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
-    down = -f / np.maximum(force, 1e-9)[:, None]
-    zero, one = np.zeros((len(m), 1)), np.ones((len(m), 1))
-    A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
+    down = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
     y = np.concatenate([np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
+    m = _turned(m, used)
+    zero, one, nothing = np.zeros((len(m), 1)), np.ones((len(m), 1)), np.zeros(3)
+    A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
     # an error of one reading enters the norm's line twice its size
     size = np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)])
-    x, J, w = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y))
+    x, J, w, sigma = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y)), 1e-3
     if dip is not None:
         x[4] = np.sin(dip)
     for _ in range(PASSES):
+        prior = np.eye(3, 5) * max(sigma, noise / unit) / HARD_IRON
         if dip is None:
-            x = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
+            lines, right = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing])
+            x = np.linalg.lstsq(lines, right, rcond=None)[0]
         else:
-            x, J = _with_dip(A, y, w / size, x, dip)
+            lines, right = np.concatenate([A, prior]), np.concatenate([y, nothing])
+            x, J = _with_dip(lines, right, np.concatenate([w / size, np.ones(3)]), x, dip)
         residual = (y - A @ x) if dip is None else (y - A @ x) / size
         sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
         w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
     b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
     found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
-    weighted = (A * (w / size)[:, None]) @ J
-    cofactor = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
+    weighted = np.concatenate([A * (w / size)[:, None], prior]) @ J
+    cofactor = np.asarray(np.linalg.pinv(weighted.T @ weighted, hermitian=True), dtype=np.float64)
     return _Fit(np.asarray(b * unit), norm * unit, found, cofactor)
+
+
+def _turned(vectors: FloatArray, used: BoolArray) -> FloatArray:
+    """(n, 3) the vectors, at their mean along directions in which those used spread no more than noise does."""
+    if np.sum(used) < LEAST_READINGS:
+        return vectors
+    mean, least = np.mean(vectors[used], axis=0), TURNED * reading_noise(vectors[used])
+    spread, axes = np.linalg.eigh(np.cov(vectors[used], rowvar=False))
+    seen = axes[:, spread > least**2]
+    return np.asarray(mean + (vectors - mean) @ seen @ seen.T)
 
 
 def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:

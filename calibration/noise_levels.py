@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.compass import LEAST_READINGS, compass_of
+from calibration.compass import DIRECTION_STD, LEAST_READINGS, compass_of
 from calibration.noise_start import (
     READINGS,
     datum,
@@ -65,11 +65,11 @@ FAR = 1.25
 #: The fit ends when an iteration gains less than this in log L over log L.
 GAIN = 1e-7
 MOST_ITERATIONS = 40
-#: How far the field's declination and dip may be off what the compass alone shows [rad], and the unit in which they are
-#: sought: a few sigmas of a flight.
-FIELD_RANGE, FIELD_UNIT = (0.6, 0.3), 0.02
-#: What the two angles have to gain of 2 log L: the 5 % point of chi-square.
-FIELD_GAIN = 6.0
+#: How far the field's declination and dip [rad] and the logarithm of its norm may be off what the compass alone shows,
+#: and the unit in which they are sought: a few sigmas of a flight.
+FIELD_RANGE, FIELD_UNIT = (0.6, 0.3, 0.3), 0.02
+#: What the three have to gain of 2 log L: the 5 % point of chi-square.
+FIELD_GAIN = 7.8
 #: Passes that bring the NIS of each stream to one, and how near.
 POLISH_PASSES, POLISHED = 20, 0.02
 
@@ -98,7 +98,7 @@ class NoiseFit:
     log_likelihood : of the innovations at these levels
     runs : of the filter
     by_rule : of `estimated`, what a rule gives and not the likelihood
-    m_n : (3,) the field at which they were found, where its direction was sought as well
+    m_n : (3,) the field at which they were found, where it was sought as well
     """
 
     specs: Mapping[str, SensorSpec]
@@ -161,31 +161,32 @@ def noise_levels(recording: Recording) -> Mapping[str, SensorSpec]:
     return fit_noise_levels(recording).specs
 
 
-def fit_noise_levels(recording: Recording, turn_field: bool = False) -> NoiseFit:
+def fit_noise_levels(recording: Recording, seek_field: bool = False) -> NoiseFit:
     """Noise levels of a flight by maximum likelihood of its innovations; see `noise_levels`.
 
     Readings outside the IMU's time have no part in it.
 
     Parameters
     ----------
-    turn_field : seek declination and dip of the magnetic field as well: where neither the recording nor its place says
-        them. A compass alone does not know true north, and a body that stays near level shows of vertical field and
-        vertical hard iron only the sum; GPS and gravity see both. What is off there would count as a walk of the bias
+    seek_field : seek the magnetic field as well, where the recording does not say it: its norm, and its declination and
+        dip, which a place says as well as they are known there. A compass alone does not know true north, and a body
+        that stays near level shows of vertical field and vertical hard iron only the sum; GPS and gravity see both.
+        What is off there would count as a walk of the bias, or as crooked axes
     """
     specs, missing, assumed = first_guess(recording)
-    if not missing and not turn_field:
+    if not missing and not seek_field:
         return NoiseFit(specs, (), assumed)
     recording = within_imu(recording)
     specs, missing, assumed = first_guess(recording)
     sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
     ruled = tuple(key for key in missing if key not in sought)
-    if not sought and not turn_field:
+    if not sought and not seek_field:
         model = flight_model(recording, specs=specs)
         journal = _Ready.of(recording, model).run(model)
         return NoiseFit(specs, tuple(missing), assumed, journal.nis_per_dof(), journal.log_likelihood, 1, ruled)
-    problem = _Problem(recording, specs, sought, turn_field)
+    problem = _Problem(recording, specs, sought, seek_field)
     theta = problem.maximise(problem.first)
-    if turn_field and not problem.field_gains(theta):
+    if seek_field and not problem.field_gains(theta):
         problem = _Problem(recording, specs, sought)
         theta = problem.maximise(theta[: len(sought)])
     theta = problem.upper_walks(theta)
@@ -193,7 +194,7 @@ def fit_noise_levels(recording: Recording, turn_field: bool = False) -> NoiseFit
     journal = problem.journal(theta, gate_level=GATE_LEVEL, robust_level=None)
     return NoiseFit(
         problem.specs_of(theta), tuple(missing), assumed, journal.nis_per_dof(), problem.log_likelihood(theta),
-        problem.runs, ruled, problem.field_of(theta) if problem.turn_field else None,
+        problem.runs, ruled, problem.field_of(theta) if problem.seek_field else None,
     )  # fmt: skip
 
 
@@ -264,9 +265,11 @@ def _without_position(
     innovations would there mean a gyroscope so noisy that it follows them. So the IMU's noise is that at rest, the
     magnetometer's what leaves its averages as uncertain as they are (its NIS is then far below one), and the likelihood
     finds the height sensors' alone. A bias of the accelerometer cannot be told from the mean acceleration in the body,
-    which a circling hand makes: it counts as known, and `level` bears it.
+    which a circling hand makes: it counts as known, and `level` bears it, unless a height sensor shows it.
     """
-    given: dict[Key, float] = {("accel", key): 0.0 for key in ("bias_std", "bias_walk")}
+    given: dict[Key, float] = {}
+    if not any(name in recording.streams for name in HEIGHTS):
+        given |= {("accel", key): 0.0 for key in ("bias_std", "bias_walk")}
     given["gyro", "bias_walk"] = UNWATCHED_WALK
     rate_rms = float(np.sqrt(np.mean(np.square(recording.streams["imu"].array(GYRO)))))
     white = specs["gyro"].noise_density or 0.0
@@ -328,21 +331,21 @@ class _Ready:
 @dataclass
 class _Problem:
     """Log-likelihood over theta: the logarithms of the levels over their first guess and, where the field is sought
-    too, how far its declination and dip are off the model's, in `FIELD_UNIT`.
+    too, how far its declination, dip and logarithm of the norm are off the model's, in `FIELD_UNIT`.
     """
 
     recording: Recording
     start: Mapping[str, SensorSpec]
     keys: tuple[Key, ...]
-    turn_field: bool = False
+    seek_field: bool = False
     runs: int = 0
 
     def __post_init__(self) -> None:
         self.model = flight_model(self.recording, specs=self.start, gate_level=None, robust_level=OUTLIER_LEVEL)
         self._ready = _Ready.of(self.recording, self.model)
         levels = np.log(np.array([self._range(*key) for key in self.keys]).reshape(-1, 2))
-        angles = np.array([(-most / FIELD_UNIT, most / FIELD_UNIT) for most in FIELD_RANGE if self.turn_field])
-        self.bounds = np.concatenate([levels, angles.reshape(-1, 2)])
+        fields = np.array([(-most / FIELD_UNIT, most / FIELD_UNIT) for most in FIELD_RANGE if self.seek_field])
+        self.bounds = np.concatenate([levels, fields.reshape(-1, 2)])
 
     @property
     def first(self) -> FloatArray:
@@ -351,11 +354,19 @@ class _Problem:
 
     def field_of(self, theta: FloatArray) -> FloatArray:
         """(3,) field at theta."""
-        if not self.turn_field:
+        if not self.seek_field:
             return self.model.m_n
-        east, down = FIELD_UNIT * theta[len(self.keys) :]
+        east, down, larger = FIELD_UNIT * theta[len(self.keys) :]
         m_n = self.model.m_n
-        return field_along(float(np.linalg.norm(m_n)), inclination(m_n) + down, declination(m_n) + east)
+        norm = float(np.linalg.norm(m_n) * np.exp(larger))
+        return field_along(norm, inclination(m_n) + down, declination(m_n) + east)
+
+    def _said_by_the_place(self, theta: FloatArray) -> float:
+        """Logarithm of what is believed of the field's direction before the readings, over its largest value."""
+        if not self.seek_field or self.recording.origin is None:
+            return 0.0
+        off = FIELD_UNIT * theta[len(self.keys) :][:2]
+        return -0.5 * float(np.sum((off / DIRECTION_STD) ** 2))
 
     def field_gains(self, theta: FloatArray) -> bool:
         """Whether the data call for another field than the first."""
@@ -395,7 +406,7 @@ class _Problem:
         limit = np.array([journal.model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
         over = np.maximum(journal.nis / limit, 1.0)
         bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
-        return float(np.sum((journal.loglik + 0.5 * (journal.nis - bounded))[used]))
+        return float(np.sum((journal.loglik + 0.5 * (journal.nis - bounded))[used])) + self._said_by_the_place(theta)
 
     def maximise(self, theta: FloatArray) -> FloatArray:
         """Quasi-Newton from the first guess; slopes by forward differences, since a pass is cheap."""

@@ -46,7 +46,7 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
 
     1. No magnetic field declared: hard iron, field and disturbed stretches from the log (`calibration.compass`).
     2. No magnetometer, but GPS: the first heading (`calibration.heading`).
-    3. No noise declared: noise levels (`calibration.noise_levels`); no place either: declination and dip with them.
+    3. No noise declared: noise levels (`calibration.noise_levels`); no field, but GPS: the field with them.
 
     What is declared stays: a recording that declares all of it comes back as it is.
 
@@ -73,7 +73,7 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     specs, _, _ = first_guess(recording)
     headed = with_heading(recording, specs)
     heading = headed.notes[len(recording.notes) :]
-    noise = fit_noise_levels(headed, turn_field=_is_field_open(declared))
+    noise = fit_noise_levels(headed, seek_field=_is_field_open(declared))
     model = flight_model(headed, specs=noise.specs, magnetic_field=noise.m_n)
     if compass is not None:
         notes.append(field_note(compass, recording.origin is not None, noise.m_n))
@@ -86,28 +86,29 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
 
 
 def _is_field_open(recording: Recording) -> bool:
-    """Whether nothing says the direction of the field, but GPS can tell it."""
-    said = recording.environment.magnetic_field is not None or recording.origin is not None
-    return not said and {"mag", "gps"} <= set(recording.streams)
+    """Whether the recording does not say the field, but GPS can tell it."""
+    return recording.environment.magnetic_field is None and {"mag", "gps"} <= set(recording.streams)
 
 
-def field_note(compass: Compass, placed: bool, turned: FloatArray | None = None) -> str:
+def field_note(compass: Compass, placed: bool, sought: FloatArray | None = None) -> str:
     """The field that a log shows, in words.
 
     Parameters
     ----------
     placed : its direction is that of the Earth's field at its place
-    turned : (3,) the field in NED where GPS and gravity have shown its direction
+    sought : (3,) the field in NED where GPS and gravity have shown it
     """
-    m_n = compass.m_n if turned is None else turned
-    norm, dip = f"{compass.norm:.4g}", np.rad2deg(inclination(m_n))
+    m_n = compass.m_n if sought is None else sought
+    norm, dip = f"{np.linalg.norm(m_n):.4g}", np.rad2deg(inclination(m_n))
     east = np.rad2deg(declination(m_n))
-    if placed:
-        return f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
-    if turned is not None:
+    if sought is not None:
+        near = ", near those of the place" if placed else ""
         return (
             f"mag: field of norm {norm}, dip {dip:.1f} and declination {east:.1f} deg found from the log, with its GPS"
+            + near
         )
+    if placed:
+        return f"mag: field of norm {norm} found from the log; dip {dip:.0f}, declination {east:.1f} deg of the place"
     return f"mag: field of norm {norm} and dip {dip:.0f} deg found from the log; north is magnetic north"
 
 

@@ -69,13 +69,38 @@ def test_nis_is_one(flight: tuple[Recording, Stream], fit: NoiseFit) -> None:
 
 def test_a_field_alone_is_sought(flight: tuple[Recording, Stream]) -> None:
     """Every noise is declared: either the field gains, and its direction is said, or nothing is left to seek."""
-    assert fit_noise_levels(flight[0], turn_field=True).m_n is None
+    assert fit_noise_levels(flight[0], seek_field=True).m_n is None
     north, _, down = flight[0].environment.magnetic_field  # type: ignore[misc]
     elsewhere = replace(flight[0].environment, magnetic_field=(north, 0.3 * north, down))
-    found = fit_noise_levels(flight[0].replace(environment=elsewhere), turn_field=True).m_n
+    found = fit_noise_levels(flight[0].replace(environment=elsewhere), seek_field=True).m_n
     assert found is not None
     true = np.asarray(flight[0].environment.magnetic_field)
     assert abs(np.arctan2(found[1], found[0]) - np.arctan2(true[1], true[0])) < np.deg2rad(2.0)
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_norm_of_the_field_is_sought_and_the_place_says_its_direction(
+    flight: tuple[Recording, Stream], placed: bool
+) -> None:
+    recording = flight[0]
+    true = np.asarray(recording.environment.magnetic_field)
+    environment = replace(recording.environment, magnetic_field=0.97 * true)
+    asked = recording.replace(environment=environment, origin=recording.origin if placed else None)
+    found = fit_noise_levels(asked, seek_field=True).m_n
+    assert found is not None
+    assert np.linalg.norm(found) == pytest.approx(float(np.linalg.norm(true)), rel=0.01)
+    turned = np.rad2deg(np.arccos(found @ true / np.linalg.norm(found) / np.linalg.norm(true)))
+    assert turned < 0.5
+
+
+def test_a_bias_of_the_accelerometer_is_known_only_where_nothing_shows_it(handheld: tuple[Recording, Stream]) -> None:
+    """A height sensor shows its vertical part."""
+    recording = bare(handheld[0])
+    height = Stream(np.arange(0.0, 10.0, 0.1), {"height": np.random.default_rng(1).standard_normal(100)})
+    for streams, least in ((recording.streams, 0.0), ({**recording.streams, "baro": height}, 0.1)):
+        specs, _, _ = first_guess(recording.replace(streams=streams))
+        assert (specs["accel"].bias_std == 0.0) == (least == 0.0)
+        assert (specs["accel"].bias_walk == 0.0) == (least == 0.0)
 
 
 def test_what_is_declared_stays(flight: tuple[Recording, Stream]) -> None:
@@ -185,6 +210,18 @@ def test_dip_of_the_place_separates_hard_iron_from_field_near_level() -> None:
     assert np.all(np.abs(compass.offset - offset) < 4.0 * np.maximum(compass.std, 1e-3))
     assert compass.norm == pytest.approx(0.5, rel=0.01)
     assert (compass.dip, compass.declination) == (dip, east)
+
+
+@pytest.mark.parametrize("scenario", ["hover", "figure_eight"])
+@pytest.mark.parametrize("placed", [True, False])
+def test_what_the_turns_do_not_show_of_the_hard_iron_is_not_invented(scenario: str, placed: bool) -> None:
+    """A hover shows hardly any of it: the sphere of the noise about the mean reading is no field."""
+    recording, _ = simulate(load_scenario(scenario), np.random.default_rng(12))
+    undeclared = shifted(recording, np.zeros(3)).replace(origin=recording.origin if placed else None)
+    compass = compass_of(undeclared)
+    true = np.linalg.norm(recording.environment.magnetic_field)  # type: ignore[arg-type]
+    assert compass.norm == pytest.approx(float(true), rel=0.1)
+    assert np.all(np.abs(compass.offset) < 0.1 * true)
 
 
 def test_a_scan_of_the_laser_has_the_noise_of_a_beam(flight: tuple[Recording, Stream]) -> None:
