@@ -37,9 +37,9 @@ LEAST_READINGS = 10
 #: the likeliest sphere is one of the noise's own size, about the mean reading. From here on that takes 4 % of b.
 TURNED = 5.0
 #: 1-sigma of a hard iron before the log is read, over the readings' norm: what the log does not show is taken as none.
-HARD_IRON = 1.0
-#: Fits: the first says which stretches are disturbed and how large the errors that last are, the others use it.
-FITS = 3
+HARD_IRON = 0.5
+#: No line is believed to better than this share of the field.
+LEAST_ERROR = 1e-6
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
 #: A stretch has another hard iron where that leaves the norm undisturbed in this share of it, and where the stretch
@@ -113,20 +113,16 @@ def compass_of(recording: Recording) -> Compass:
     if np.median(np.linalg.norm(m, axis=1)) == 0.0:
         raise InputError(recording.where, "no field in the readings", "readings of a magnetometer", "stream mag")
     dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
-    disturbed, noise = np.zeros(len(m), dtype=bool), 0.0
-    for _ in range(FITS):
-        fit = _fit(m, f, ~disturbed, dip, noise)
+    disturbed = np.zeros(len(m), dtype=bool)
+    for _ in range(2):
+        fit = _fit(mag.t, m, f, ~disturbed, dip)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
         average = _averaged(error, rate)
         usual = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * fit.norm)
         disturbed = _disturbed(average, usual, rate)
-        clean = error[~disturbed]
-        scatter, lasting = float(np.sqrt(np.mean(clean**2))), _lasting(mag.t[~disturbed], clean)
-        # the scatter averages out over the rows, what lasts does not
-        noise = float(np.hypot(scatter, lasting * np.sqrt(len(clean))))
-    shifted = _shifted(m, f, disturbed, fit, rate, scatter, usual)
-    std = np.sqrt(np.diag(fit.cofactor)[:3]) * noise
-    return Compass(fit.offset, std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, noise, east)
+    clean, shifted = error[~disturbed], _shifted(mag.t, m, f, disturbed, fit, rate, usual)
+    scatter, noise = float(np.sqrt(np.mean(clean**2))), _error(mag.t[~disturbed], clean)
+    return Compass(fit.offset, fit.std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, noise, east)
 
 
 def corrected(recording: Recording, compass: Compass, keep_shifted: bool = False) -> Recording:
@@ -159,50 +155,66 @@ def corrected(recording: Recording, compass: Compass, keep_shifted: bool = False
 
 @dataclass(frozen=True)
 class _Fit:
-    """Hard iron, norm and dip; `cofactor` (5, 5) times the variance of a reading is the covariance of the solution."""
+    """Hard iron, norm and dip; `std` (3,) 1-sigma of the hard iron, with errors that last [unit]."""
 
     offset: FloatArray
     norm: float
     dip: float
-    cofactor: FloatArray
+    std: FloatArray
 
 
-def _fit(m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None, noise: float = 0.0) -> _Fit:
+def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None) -> _Fit:
     """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings.
 
-    `noise` [unit] is that of one reading with what does not average out; at least the scatter of the lines is.
+    Each kind of line weighs by its own error, what does not average out with it: in flight the second shows the
+    accelerations, which last, and the first the noise of a reading.
     A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
     """
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
     down = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
-    y = np.concatenate([np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    m = _turned(m, used)
-    zero, one, nothing = np.zeros((len(m), 1)), np.ones((len(m), 1)), np.zeros(3)
-    A = np.concatenate([np.hstack([2.0 * m, one, zero])[used], np.hstack([down, zero, one])[steady]])
     # an error of one reading enters the norm's line twice its size
-    size = np.repeat([2.0, 1.0], [np.sum(used), np.sum(steady)])
-    x, J, w, sigma = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y)), 1e-3
+    y = np.concatenate([0.5 * np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
+    m = _turned(m, used)
+    half, zero, one = np.full((len(m), 1), 0.5), np.zeros((len(m), 1)), np.ones((len(m), 1))
+    A = np.concatenate([np.hstack([m, half, zero])[used], np.hstack([down, zero, one])[steady]])
+    kinds = [(slice(0, np.sum(used)), t[used]), (slice(np.sum(used), len(y)), t[steady])]
+    prior, nothing = np.eye(3, 5) / HARD_IRON, np.zeros(3)
+    x, J, w = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y)) / LEAST_ERROR
     if dip is not None:
         x[4] = np.sin(dip)
     for _ in range(PASSES):
-        prior = np.eye(3, 5) * max(sigma, noise / unit) / HARD_IRON
+        lines, right = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing])
         if dip is None:
-            lines, right = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing])
             x = np.linalg.lstsq(lines, right, rcond=None)[0]
         else:
-            lines, right = np.concatenate([A, prior]), np.concatenate([y, nothing])
-            x, J = _with_dip(lines, right, np.concatenate([w / size, np.ones(3)]), x, dip)
-        residual = (y - A @ x) if dip is None else (y - A @ x) / size
-        sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
-        w = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
+            x, J = _with_dip(lines, right, x, dip)
+        residual = y - A @ x
+        for rows, at in kinds:
+            w[rows] = _weights(at, residual[rows])
     b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
     found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
-    weighted = np.concatenate([A * (w / size)[:, None], prior]) @ J
-    cofactor = np.asarray(np.linalg.pinv(weighted.T @ weighted, hermitian=True), dtype=np.float64)
-    return _Fit(np.asarray(b * unit), norm * unit, found, cofactor)
+    lines = np.concatenate([A * w[:, None], prior]) @ J
+    std = np.sqrt(np.diag(np.linalg.pinv(lines.T @ lines, hermitian=True))[:3])
+    return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
+
+
+def _weights(t: FloatArray, residual: FloatArray) -> FloatArray:
+    """(n,) of the lines of one kind: one over their error, of which a part lasts; less for outliers (Cauchy)."""
+    if len(residual) < LEAST_READINGS:
+        return np.zeros(len(residual))
+    sigma = max(1.4826 * float(np.median(np.abs(residual))), LEAST_ERROR)
+    share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
+    return share / max(_error(t, residual * share), LEAST_ERROR)
+
+
+def _error(t: FloatArray, residual: FloatArray) -> float:
+    """White noise of one row that leaves the mean of all as uncertain as it is: the scatter averages out, what lasts
+    does not.
+    """
+    return float(np.hypot(np.sqrt(np.mean(residual**2)), _lasting(t, residual) * np.sqrt(len(residual))))
 
 
 def _turned(vectors: FloatArray, used: BoolArray) -> FloatArray:
@@ -215,12 +227,12 @@ def _turned(vectors: FloatArray, used: BoolArray) -> FloatArray:
     return np.asarray(mean + (vectors - mean) @ seen @ seen.T)
 
 
-def _with_dip(A: FloatArray, y: FloatArray, w: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:
+def _with_dip(lines: FloatArray, right: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:
     """One Newton step of (b, |B|), and the derivative (5, 4) of the five unknowns of the lines by them."""
     b, norm = x[:3], float(np.sqrt(max(x[3] + x[:3] @ x[:3], 1e-6)))
     J = np.zeros((5, 4))
     J[:3, :3], J[3, :3], J[3, 3], J[4, 3] = np.eye(3), -2.0 * b, 2.0 * norm, np.sin(dip)
-    step = np.linalg.lstsq((A @ J) * w[:, None], (y - A @ x) * w, rcond=None)[0]
+    step = np.linalg.lstsq(lines @ J, right - lines @ x, rcond=None)[0]
     b, norm = b + step[:3], max(norm + step[3], 1e-3)
     return np.array([*b, norm**2 - b @ b, norm * np.sin(dip)]), J
 
@@ -245,7 +257,7 @@ def _averaged(error: FloatArray, rate: float) -> FloatArray:
 
 
 def _shifted(
-    m: FloatArray, f: FloatArray, disturbed: BoolArray, fit: _Fit, rate: float, scatter: float, usual: float
+    t: FloatArray, m: FloatArray, f: FloatArray, disturbed: BoolArray, fit: _Fit, rate: float, usual: float
 ) -> BoolArray:
     """(n,) rows of the disturbed stretches that a hard iron of their own explains: one that the turns of the stretch
     tell, and about which the norm is the field's. Another field about the old one is a place and no magnet.
@@ -257,9 +269,8 @@ def _shifted(
         core[start + inside : max(stop - inside, 0)] = True
         if np.sum(core) < LEAST_READINGS:
             continue
-        there = _fit(m, f, core, fit.dip)
-        told = scatter * np.sqrt(float(np.max(np.diag(there.cofactor)[:3])) * np.sum(core))
-        alike = max(told, abs(there.norm - fit.norm)) < TOLD * fit.norm
+        there = _fit(t, m, f, core, fit.dip)
+        alike = max(float(np.max(there.std)), abs(there.norm - fit.norm)) < TOLD * fit.norm
         of_its_own, of_the_rest = (_is_steady(m[core], at.offset, rate, usual) for at in (there, fit))
         found[start:stop] = alike and of_its_own and not of_the_rest
     return found

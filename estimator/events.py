@@ -89,10 +89,12 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "baro":
         return height_of(recording)[:, None], t
     if name in ("sonar", "laser"):
+        beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
         columns = ["range"] if "range" in stream else [f"range_{i}" for i in range(size)]
-        if len(columns) != size or not stream.has(columns):
+        if len(columns) != size or (columns != ["range"] and sorted(beams) != sorted(columns)):
             found = f"columns {', '.join(stream.columns)}"
-            raise InputError(recording.where, found, f"{size} ranges, as `angles` declares", f"stream {name}")
+            expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
+            raise InputError(recording.where, found, expected, f"stream {name}")
         return stream.array(columns), t
     position = position_of(recording, name)
     if name == "base":
