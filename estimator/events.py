@@ -103,7 +103,7 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
 
 
 def height_of(recording: Recording) -> FloatArray:
-    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first reading.
+    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
 
     Raises
     ------
@@ -116,7 +116,10 @@ def height_of(recording: Recording) -> FloatArray:
     if np.any(pressure <= 0.0):
         row = int(np.argmax(pressure <= 0.0))
         raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
-    return height_from_pressure(pressure, reference=float(pressure[0]))
+    first = 0
+    if "imu" in recording.streams and np.any(baro.t >= recording.streams["imu"].t[0]):
+        first = int(np.argmax(baro.t >= recording.streams["imu"].t[0]))
+    return height_from_pressure(pressure, reference=float(pressure[first]))
 
 
 def position_of(recording: Recording, name: str) -> FloatArray:

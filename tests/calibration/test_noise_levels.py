@@ -10,7 +10,8 @@ import pytest
 from calibration.compass import compass_of, corrected, direction_at
 from calibration.heading import with_heading
 from calibration.noise_levels import NoiseFit, _Problem, first_guess, fit_noise_levels, noise_levels
-from calibration.noise_start import reading_noise, resolution
+from calibration.noise_start import reading_noise, resolution, within_imu
+from estimator.events import height_of
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
 from experiments.scenarios import load_scenario, parse_effect
@@ -244,6 +245,31 @@ def test_a_barometer_that_gives_pressure_alone_has_the_noise_of_its_height(fligh
     bare_specs, _, _ = first_guess(bare(recording))
     specs, _, _ = first_guess(bare(recording).replace(streams={**recording.streams, "baro": pressure}))
     assert specs["baro"].noise_std == pytest.approx(bare_specs["baro"].noise_std, rel=0.01)
+
+
+def test_a_pressure_has_one_zero_with_or_without_what_lies_outside(flight: tuple[Recording, Stream]) -> None:
+    """A logger that was switched on at the foot of the mountain."""
+    recording = flight[0]
+    baro, start = recording.streams["baro"], recording.streams["imu"].t[0]
+    pressure = pressure_from_height(baro["height"])
+    early = Stream(
+        np.concatenate([start - np.array([20.0, 10.0]), baro.t]),
+        {"pressure": np.concatenate([pressure_from_height(np.array([-300.0, -200.0])), pressure])},
+    )
+    whole = recording.replace(streams={**recording.streams, "baro": early})
+    np.testing.assert_array_equal(height_of(whole)[2:], height_of(within_imu(whole)))
+
+
+def test_angles_and_beams_of_a_scan_must_agree(flight: tuple[Recording, Stream]) -> None:
+    recording, laser = flight[0], flight[0].streams["laser"]
+    beams = Stream(laser.t, {f"range_{k}": laser["range"] for k in range(3)})
+    for angles in (None, np.array([-0.2, 0.2])):
+        spec = replace(recording.spec("laser"), angles=angles)
+        scan = recording.replace(
+            streams={**recording.streams, "laser": beams}, sensors={**recording.sensors, "laser": spec}
+        )
+        with pytest.raises(InputError, match=r"range_2.*expected [12] range.*angles"):
+            run_filter(scan, flight_model(scan), engine="numba")
 
 
 def test_no_pressure_is_an_error(flight: tuple[Recording, Stream]) -> None:
