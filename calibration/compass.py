@@ -38,7 +38,7 @@ LEAST_READINGS = 10
 TURNED = 5.0
 #: 1-sigma of a hard iron before the log is read, over the readings' norm: what the log does not show is taken as none.
 HARD_IRON = 0.5
-#: No line is believed to better than this share of the field.
+#: No line is believed to better than this share of the field: numbers that nobody measured have no noise at all.
 LEAST_ERROR = 1e-6
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
@@ -176,10 +176,14 @@ def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: floa
     down = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
     # an error of one reading enters the norm's line twice its size
     y = np.concatenate([0.5 * np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    m = _turned(m, used)
+    moved = np.linalg.norm(np.gradient(m, axis=0), axis=1)
+    noise, m = reading_noise(m[used]), _turned(m, used)
     half, zero, one = np.full((len(m), 1), 0.5), np.zeros((len(m), 1)), np.ones((len(m), 1))
     A = np.concatenate([np.hstack([m, half, zero])[used], np.hstack([down, zero, one])[steady]])
-    kinds = [(slice(0, np.sum(used)), t[used]), (slice(np.sum(used), len(y)), t[steady])]
+    # no line is believed to better than a reading's noise, nor than the force is gravity's alone
+    least = (noise, float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))))
+    rows = (slice(0, np.sum(used)), slice(np.sum(used), len(y)))
+    kinds = tuple(zip(rows, (t[used], t[steady]), (moved[used], moved[steady]), least, strict=True))
     prior, nothing = np.eye(3, 5) / HARD_IRON, np.zeros(3)
     x, J, w = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y)) / LEAST_ERROR
     if dip is not None:
@@ -191,8 +195,8 @@ def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: floa
         else:
             x, J = _with_dip(lines, right, x, dip)
         residual = y - A @ x
-        for rows, at in kinds:
-            w[rows] = _weights(at, residual[rows])
+        for own, at, path, error in kinds:
+            w[own] = _weights(at, residual[own], path, max(error, LEAST_ERROR))
     b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
     found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
@@ -201,13 +205,18 @@ def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: floa
     return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
 
 
-def _weights(t: FloatArray, residual: FloatArray) -> FloatArray:
-    """(n,) of the lines of one kind: one over their error, of which a part lasts; less for outliers (Cauchy)."""
+def _weights(t: FloatArray, residual: FloatArray, moved: FloatArray, least: float) -> FloatArray:
+    """(n,) of the lines of one kind: one over their error, of which a part lasts; less for outliers (Cauchy).
+
+    What is usual is the median over the way that the readings go, not over time: a body at rest repeats one line.
+    """
     if len(residual) < LEAST_READINGS:
         return np.zeros(len(residual))
-    sigma = max(1.4826 * float(np.median(np.abs(residual))), LEAST_ERROR)
+    order = np.argsort(np.abs(residual))
+    way = np.cumsum(moved[order])
+    sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), least)
     share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    return share / max(_error(t, residual * share), LEAST_ERROR)
+    return share / max(_error(t, residual * share), least)
 
 
 def _error(t: FloatArray, residual: FloatArray) -> float:
