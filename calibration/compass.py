@@ -163,60 +163,85 @@ class _Fit:
     std: FloatArray
 
 
+@dataclass(frozen=True)
+class _Kind:
+    """One of the two kinds of lines: its rows, their instants, how far the readings moved there, its least error."""
+
+    rows: slice
+    t: FloatArray
+    moved: FloatArray
+    least: float
+
+
 def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None) -> _Fit:
     """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings.
 
     Each kind of line weighs by its own error, what does not average out with it: in flight the second shows the
-    accelerations, which last, and the first the noise of a reading.
-    A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
+    accelerations, which last, and the first the noise of a reading. Such weights may settle on the wrong kind: two
+    starts, both kinds alike and the norm alone, and the likelier end counts.
     """
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
     down = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
-    # an error of one reading enters the norm's line twice its size
+    # an error of one reading enters the norm's line its own size
     y = np.concatenate([0.5 * np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    moved = np.linalg.norm(np.gradient(m, axis=0), axis=1)
-    noise, m = reading_noise(m[used]), _turned(m, used)
+    moved, turned = np.linalg.norm(np.gradient(m, axis=0), axis=1), _turned(m, used)
     half, zero, one = np.full((len(m), 1), 0.5), np.zeros((len(m), 1)), np.ones((len(m), 1))
-    A = np.concatenate([np.hstack([m, half, zero])[used], np.hstack([down, zero, one])[steady]])
+    A = np.concatenate([np.hstack([turned, half, zero])[used], np.hstack([down, zero, one])[steady]])
     # no line is believed to better than a reading's noise, nor than the force is gravity's alone
-    least = (noise, float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))))
-    rows = (slice(0, np.sum(used)), slice(np.sum(used), len(y)))
-    kinds = tuple(zip(rows, (t[used], t[steady]), (moved[used], moved[steady]), least, strict=True))
-    prior, nothing = np.eye(3, 5) / HARD_IRON, np.zeros(3)
-    x, J, w = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.eye(5), np.ones(len(y)) / LEAST_ERROR
-    if dip is not None:
-        x[4] = np.sin(dip)
+    alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))) if np.any(steady) else 1.0
+    n = int(np.sum(used))
+    kinds = (
+        _Kind(slice(0, n), t[used], moved[used], max(reading_noise(m[used]), LEAST_ERROR)),
+        _Kind(slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR)),
+    )
+    _, x, lines = min((_solved(A, y, kinds, dip, trust) for trust in (1.0, 0.0)), key=lambda solution: solution[0])
+    b = np.asarray(x[:3], dtype=np.float64)
+    norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
+    found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
+    std = np.sqrt(np.diag(np.linalg.pinv(lines.T @ lines, hermitian=True))[:3])
+    return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
+
+
+def _solved(
+    A: FloatArray, y: FloatArray, kinds: tuple[_Kind, _Kind], dip: float | None, trust: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """How unlikely an end is, its five unknowns and the weighted lines there; `trust` [0, 1] in the second kind at
+    the start.
+
+    A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
+    """
+    x, J = np.array([0.0, 0.0, 0.0, 1.0, 0.0 if dip is None else np.sin(dip)]), np.eye(5)
+    w = np.full(len(y), 1.0 / LEAST_ERROR)
+    w[kinds[1].rows] *= trust
+    prior, nothing, unlikely = np.eye(3, 5) / HARD_IRON, np.zeros(3), 0.0
     for _ in range(PASSES):
         lines, right = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing])
         if dip is None:
             x = np.linalg.lstsq(lines, right, rcond=None)[0]
         else:
             x, J = _with_dip(lines, right, x, dip)
-        residual = y - A @ x
-        for own, at, path, error in kinds:
-            w[own] = _weights(at, residual[own], path, max(error, LEAST_ERROR))
-    b = np.asarray(x[:3], dtype=np.float64)
-    norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
-    found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
-    lines = np.concatenate([A * w[:, None], prior]) @ J
-    std = np.sqrt(np.diag(np.linalg.pinv(lines.T @ lines, hermitian=True))[:3])
-    return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
+        residual, unlikely = y - A @ x, 0.0
+        for kind in kinds:
+            share, error = _weights(kind, residual[kind.rows])
+            w[kind.rows] = share / error
+            unlikely += len(share) * float(np.log(error))
+    return unlikely, x, np.concatenate([A * w[:, None], prior]) @ J
 
 
-def _weights(t: FloatArray, residual: FloatArray, moved: FloatArray, least: float) -> FloatArray:
-    """(n,) of the lines of one kind: one over their error, of which a part lasts; less for outliers (Cauchy).
+def _weights(kind: _Kind, residual: FloatArray) -> tuple[FloatArray, float]:
+    """(n,) what an outlier keeps of its weight (Cauchy), and the error of a line, of which a part lasts.
 
     What is usual is the median over the way that the readings go, not over time: a body at rest repeats one line.
     """
     if len(residual) < LEAST_READINGS:
-        return np.zeros(len(residual))
+        return np.zeros(len(residual)), 1.0
     order = np.argsort(np.abs(residual))
-    way = np.cumsum(moved[order])
-    sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), least)
+    way = np.cumsum(kind.moved[order])
+    sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), kind.least)
     share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    return share / max(_error(t, residual * share), least)
+    return share, max(_error(kind.t, residual * share), kind.least)
 
 
 def _error(t: FloatArray, residual: FloatArray) -> float:

@@ -67,7 +67,7 @@ GAIN = 1e-7
 MOST_ITERATIONS = 40
 #: How far the field's declination and dip [rad] and the logarithm of its norm may be off what the compass alone shows,
 #: and the unit in which they are sought: a few sigmas of a flight.
-FIELD_RANGE, FIELD_UNIT = (0.6, 0.3, 0.3), 0.02
+FIELD_RANGE, FIELD_UNIT = (0.6, 0.6, 0.3), 0.02
 #: What the three have to gain of 2 log L: the 5 % point of chi-square.
 FIELD_GAIN = 7.8
 #: Passes that bring the NIS of each stream to one, and how near.
