@@ -14,7 +14,7 @@ from calibration.noise_start import reading_noise
 from sensors.arrays import BoolArray, FloatArray, runs_of
 from sensors.errors import InputError
 from sensors.geomagnetism import declination, earth_field, field_along, inclination
-from sensors.recording import ACCEL, MAG, Recording, Stream
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
 #: A recording has no date: dip and declination of most places move by 0.1 deg a year.
 EPOCH = date(2020, 1, 1)
@@ -33,13 +33,16 @@ BLOCK, LEAST_BLOCKS = 30.0, 4
 DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
 #: Hard iron, norm and dip are five unknowns, and each reading gives two lines.
 LEAST_READINGS = 10
-#: A direction in which the readings spread by less than this many of their white noises shows no turns: of noise alone
-#: the likeliest sphere is one of the noise's own size, about the mean reading. From here on that takes 4 % of b.
-TURNED = 5.0
+#: A direction in which vectors spread by less than this many of their white noises shows no turns: of noise alone the
+#: likeliest sphere is one of the noise's own size, about the mean reading. A spread of `CLEAR` of their length is turns
+#: whatever the noise: of few readings and quick turns the differences are no noise.
+TURNED, CLEAR = 5.0, 0.25
 #: 1-sigma of a hard iron before the log is read, over the readings' norm: what the log does not show is taken as none.
 HARD_IRON = 0.5
 #: No line is believed to better than this share of the field: numbers that nobody measured have no noise at all.
 LEAST_ERROR = 1e-6
+#: The passes end when no unknown moves by more, over the field.
+SETTLED = 1e-6
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01
 #: A stretch has another hard iron where that leaves the norm undisturbed in this share of it, and where the stretch
@@ -112,15 +115,19 @@ def compass_of(recording: Recording) -> Compass:
     m, rate = mag.array(MAG), 1.0 / float(np.median(np.diff(mag.t)))
     if np.median(np.linalg.norm(m, axis=1)) == 0.0:
         raise InputError(recording.where, "no field in the readings", "readings of a magnetometer", "stream mag")
+    if np.median(np.linalg.norm(f, axis=1)) == 0.0:
+        raise InputError(recording.where, "no force in the readings", "readings of an accelerometer", "stream imu")
+    turn = np.linalg.norm(imu.array(GYRO), axis=1)
+    moved = np.gradient(np.interp(mag.t, imu.t, np.concatenate([[0.0], np.cumsum(turn[1:] * np.diff(imu.t))])))
     dip, east = (None, 0.0) if recording.origin is None else direction_at(recording.origin)
     disturbed = np.zeros(len(m), dtype=bool)
     for _ in range(2):
-        fit = _fit(mag.t, m, f, ~disturbed, dip)
+        fit = _fit(mag.t, m, f, moved, ~disturbed, dip)
         error = np.linalg.norm(m - fit.offset, axis=1) - fit.norm
         average = _averaged(error, rate)
         usual = max(1.4826 * float(np.median(np.abs(average - np.median(average)))), HARMLESS * fit.norm)
         disturbed = _disturbed(average, usual, rate)
-    clean, shifted = error[~disturbed], _shifted(mag.t, m, f, disturbed, fit, rate, usual)
+    clean, shifted = error[~disturbed], _shifted(mag.t, m, f, moved, disturbed, fit, rate, usual)
     scatter, noise = float(np.sqrt(np.mean(clean**2))), _error(mag.t[~disturbed], clean)
     return Compass(fit.offset, fit.std, fit.norm, fit.dip, disturbed & ~shifted, shifted, scatter, noise, east)
 
@@ -165,100 +172,138 @@ class _Fit:
 
 @dataclass(frozen=True)
 class _Kind:
-    """One of the two kinds of lines: its rows, their instants, how far the readings moved there, its least error."""
+    """One of the two kinds of lines: its rows, their instants, how far the body turned there, its least error; whether
+    its error comes back with the motion, so that a block of time is worth one line.
+    """
 
     rows: slice
     t: FloatArray
     moved: FloatArray
     least: float
+    lasts: bool = False
 
 
-def _fit(t: FloatArray, m: FloatArray, f: FloatArray, used: BoolArray, dip: float | None = None) -> _Fit:
+def _fit(
+    t: FloatArray, m: FloatArray, f: FloatArray, moved: FloatArray, used: BoolArray, dip: float | None = None
+) -> _Fit:
     """The two lines of `compass_of`, by weighted least squares; lengths over the median norm of the readings.
 
     Each kind of line weighs by its own error, what does not average out with it: in flight the second shows the
-    accelerations, which last, and the first the noise of a reading. Such weights may settle on the wrong kind: two
-    starts, both kinds alike and the norm alone, and the likelier end counts.
+    accelerations, which come back with its turns, and the first the noise of a reading. Such weights may settle on the
+    wrong kind: two starts, both kinds alike and the norm alone, and the end with the smaller errors counts.
+
+    Parameters
+    ----------
+    moved : (n,) angle by which the body turned at each reading [rad]
     """
     unit = float(np.median(np.linalg.norm(m[used], axis=1)))
     m, force = m / unit, np.linalg.norm(f, axis=1)
     steady = used & (np.abs(force - np.median(force)) < STEADY)
-    down = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
+    down, _, _ = _turned(-f / np.maximum(force, 1e-9)[:, None], steady)
     # an error of one reading enters the norm's line its own size
     y = np.concatenate([0.5 * np.sum(m**2, axis=1)[used], np.sum(m * down, axis=1)[steady]])
-    moved, turned = np.linalg.norm(np.gradient(m, axis=0), axis=1), _turned(m, used)
+    turned, seen, noise = _turned(m, used)
     half, zero, one = np.full((len(m), 1), 0.5), np.zeros((len(m), 1)), np.ones((len(m), 1))
     A = np.concatenate([np.hstack([turned, half, zero])[used], np.hstack([down, zero, one])[steady]])
     # no line is believed to better than a reading's noise, nor than the force is gravity's alone
     alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))) if np.any(steady) else 1.0
     n = int(np.sum(used))
     kinds = (
-        _Kind(slice(0, n), t[used], moved[used], max(reading_noise(m[used]), LEAST_ERROR)),
-        _Kind(slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR)),
+        _Kind(slice(0, n), t[used], moved[used], max(noise, LEAST_ERROR)),
+        _Kind(slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR), lasts=True),
     )
-    _, x, lines = min((_solved(A, y, kinds, dip, trust) for trust in (1.0, 0.0)), key=lambda solution: solution[0])
+    ends = [_solved(A, y, kinds, dip, noise * seen, trust) for trust in (1.0, 0.0)]
+    _, x, lines = min(ends, key=lambda end: end[0])
     b = np.asarray(x[:3], dtype=np.float64)
     norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
     found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
-    std = np.sqrt(np.diag(np.linalg.pinv(lines.T @ lines, hermitian=True))[:3])
+    std = np.linalg.norm(np.linalg.pinv(np.linalg.qr(lines, mode="r"))[:3], axis=1)
     return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
 
 
 def _solved(
-    A: FloatArray, y: FloatArray, kinds: tuple[_Kind, _Kind], dip: float | None, trust: float
+    A: FloatArray, y: FloatArray, kinds: tuple[_Kind, _Kind], dip: float | None, noise: FloatArray, trust: float
 ) -> tuple[float, FloatArray, FloatArray]:
-    """How unlikely an end is, its five unknowns and the weighted lines there; `trust` [0, 1] in the second kind at
-    the start.
+    """The errors of all lines together, the five unknowns and the weighted lines.
 
     A known dip leaves b and |B|: the constants (|B|^2 - |b|^2, |B| sin dip) are followed from step to step.
+
+    Parameters
+    ----------
+    noise : (3, 3) square root of the covariance of the readings' noise in A, which pulls b towards their mean: that is
+        taken off at the end, as far as the norm's lines show as much
+    trust : [0, 1] in the second kind at the start
     """
     x, J = np.array([0.0, 0.0, 0.0, 1.0, 0.0 if dip is None else np.sin(dip)]), np.eye(5)
     w = np.full(len(y), 1.0 / LEAST_ERROR)
     w[kinds[1].rows] *= trust
-    prior, nothing, unlikely = np.eye(3, 5) / HARD_IRON, np.zeros(3), 0.0
+    prior, nothing, errors = np.eye(3, 5) / HARD_IRON, np.zeros(3), 0.0
     for _ in range(PASSES):
-        lines, right = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing])
+        lines, right, before = np.concatenate([A * w[:, None], prior]), np.concatenate([y * w, nothing]), x
         if dip is None:
             x = np.linalg.lstsq(lines, right, rcond=None)[0]
         else:
             x, J = _with_dip(lines, right, x, dip)
-        residual, unlikely = y - A @ x, 0.0
+        residual, errors = y - A @ x, 0.0
         for kind in kinds:
             share, error = _weights(kind, residual[kind.rows])
             w[kind.rows] = share / error
-            unlikely += len(share) * float(np.log(error))
-    return unlikely, x, np.concatenate([A * w[:, None], prior]) @ J
+            errors += len(share) * float(np.log(error))
+        if np.max(np.abs(x - before)) < SETTLED:
+            break
+    lines, own = np.concatenate([A * w[:, None], prior]) @ J, kinds[0].rows
+    shown = float(np.sqrt(np.mean((w[own] * residual[own]) ** 2) / np.max(w[own]) ** 2))
+    spread = noise @ noise * min(1.0, shown / kinds[0].least) ** 2
+    # E[sum w^2 m (y - m . b)] is sum w^2 spread (mean of m - b), and that of sum w^2 m m' more than of the true m
+    pull, H = np.zeros(lines.shape[1]), lines.T @ lines
+    pull[:3] = spread @ np.sum(w[own, None] ** 2 * (A[own, :3] - x[:3]), axis=0)
+    H[:3, :3] -= np.sum(w[own] ** 2) * spread
+    step = np.linalg.lstsq(H, pull, rcond=None)[0]
+    if dip is None:
+        x = x - step
+    else:
+        b, norm = x[:3] - step[:3], max(float(np.sqrt(max(x[3] + x[:3] @ x[:3], 1e-6))) - step[3], 1e-3)
+        x = np.array([*b, norm**2 - b @ b, norm * np.sin(dip)])
+    return errors, x, lines
 
 
 def _weights(kind: _Kind, residual: FloatArray) -> tuple[FloatArray, float]:
     """(n,) what an outlier keeps of its weight (Cauchy), and the error of a line, of which a part lasts.
 
-    What is usual is the median over the way that the readings go, not over time: a body at rest repeats one line.
+    What is usual is the median over the way that the body turns, not over time: at rest it repeats one line.
     """
     if len(residual) < LEAST_READINGS:
-        return np.zeros(len(residual)), 1.0
+        return np.ones(len(residual)), 1.0
     order = np.argsort(np.abs(residual))
-    way = np.cumsum(kind.moved[order])
+    way = np.cumsum(kind.moved[order]) if np.any(kind.moved) else np.arange(1.0, len(order) + 1.0)
     sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), kind.least)
     share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    return share, max(_error(kind.t, residual * share), kind.least)
+    error = _error(kind.t, residual * share)
+    if kind.lasts:
+        error = max(error, float(np.sqrt(np.mean((residual * share) ** 2) * len(residual) / _blocks(kind.t))))
+    return share, max(error, kind.least)
 
 
 def _error(t: FloatArray, residual: FloatArray) -> float:
-    """White noise of one row that leaves the mean of all as uncertain as it is: the scatter averages out, what lasts
-    does not.
+    """White noise of one row that leaves the mean of all as uncertain as it is, or more so: the scatter averages out,
+    what lasts does not.
     """
     return float(np.hypot(np.sqrt(np.mean(residual**2)), _lasting(t, residual) * np.sqrt(len(residual))))
 
 
-def _turned(vectors: FloatArray, used: BoolArray) -> FloatArray:
-    """(n, 3) the vectors, at their mean along directions in which those used spread no more than noise does."""
+def _turned(vectors: FloatArray, used: BoolArray) -> tuple[FloatArray, FloatArray, float]:
+    """(n, 3) the vectors, at their mean along directions in which those used spread no more than noise does; (3, 3) the
+    projector on the other directions; the noise.
+    """
     if np.sum(used) < LEAST_READINGS:
-        return vectors
-    mean, least = np.mean(vectors[used], axis=0), TURNED * reading_noise(vectors[used])
+        return vectors, np.eye(3), 0.0
+    # differences of rows that are no neighbours, or turns between them, are no noise
+    noise = min(reading_noise(vectors), reading_noise(vectors[used]), CLEAR / TURNED)
+    mean = np.mean(vectors[used], axis=0)
     spread, axes = np.linalg.eigh(np.cov(vectors[used], rowvar=False))
-    seen = axes[:, spread > least**2]
-    return np.asarray(mean + (vectors - mean) @ seen @ seen.T)
+    turned = axes[:, spread > (TURNED * noise) ** 2]
+    seen = np.asarray(turned @ turned.T)
+    return np.asarray(mean + (vectors - mean) @ seen), seen, noise
 
 
 def _with_dip(lines: FloatArray, right: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:
@@ -291,7 +336,14 @@ def _averaged(error: FloatArray, rate: float) -> FloatArray:
 
 
 def _shifted(
-    t: FloatArray, m: FloatArray, f: FloatArray, disturbed: BoolArray, fit: _Fit, rate: float, usual: float
+    t: FloatArray,
+    m: FloatArray,
+    f: FloatArray,
+    moved: FloatArray,
+    disturbed: BoolArray,
+    fit: _Fit,
+    rate: float,
+    usual: float,
 ) -> BoolArray:
     """(n,) rows of the disturbed stretches that a hard iron of their own explains: one that the turns of the stretch
     tell, and about which the norm is the field's. Another field about the old one is a place and no magnet.
@@ -299,11 +351,11 @@ def _shifted(
     found = np.zeros(len(m), dtype=bool)
     inside = _reach(len(m), rate) + round(SMOOTH * rate)
     for start, stop in runs_of(disturbed):
-        core = np.zeros(len(m), dtype=bool)
-        core[start + inside : max(stop - inside, 0)] = True
-        if np.sum(core) < LEAST_READINGS:
+        core = slice(start + inside, max(stop - inside, 0))
+        rows = len(t[core])
+        if rows < LEAST_READINGS or np.median(np.linalg.norm(m[core], axis=1)) == 0.0:
             continue
-        there = _fit(t, m, f, core, fit.dip)
+        there = _fit(t[core], m[core], f[core], moved[core], np.ones(rows, dtype=bool), fit.dip)
         alike = max(float(np.max(there.std)), abs(there.norm - fit.norm)) < TOLD * fit.norm
         of_its_own, of_the_rest = (_is_steady(m[core], at.offset, rate, usual) for at in (there, fit))
         found[start:stop] = alike and of_its_own and not of_the_rest
@@ -322,8 +374,12 @@ def _lasting(t: FloatArray, error: FloatArray) -> float:
 
     The norm shows one component of three, which turns about with the body: the others are as large.
     """
-    length = min(BLOCK, (t[-1] - t[0]) / LEAST_BLOCKS)
-    block = ((t - t[0]) / length).astype(int)
+    blocks = _blocks(t)
+    block = np.minimum(((t - t[0]) * blocks / (t[-1] - t[0])).astype(int), blocks - 1)
     count, total = np.bincount(block), np.bincount(block, error)
-    mean = total[count > 0] / count[count > 0]
-    return float(np.sqrt(np.mean(mean**2)))
+    return float(np.sqrt(np.sum(total[count > 0] ** 2 / count[count > 0]) / len(t)))
+
+
+def _blocks(t: FloatArray) -> int:
+    """How many blocks of time a log has; all are as long, so that the last reading alone is none."""
+    return max(int((t[-1] - t[0]) / BLOCK), LEAST_BLOCKS)
