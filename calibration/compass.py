@@ -172,15 +172,15 @@ class _Fit:
 
 @dataclass(frozen=True)
 class _Kind:
-    """One of the two kinds of lines: its rows, their instants, how far the body turned there, its least error; whether
-    its error comes back with the motion, so that a block of time is worth one line.
+    """One of the two kinds of lines: its rows, their instants, how far the body turned there, its least error; the share
+    of its error that comes back with the motion, and of which a block of time is worth one line.
     """
 
     rows: slice
     t: FloatArray
     moved: FloatArray
     least: float
-    lasts: bool = False
+    lasts: float = 0.0
 
 
 def _fit(
@@ -207,10 +207,13 @@ def _fit(
     A = np.concatenate([np.hstack([turned, half, zero])[used], np.hstack([down, zero, one])[steady]])
     # no line is believed to better than a reading's noise, nor than the force is gravity's alone
     alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))) if np.any(steady) else 1.0
+    tilts = max(float(np.sum(np.var(down[steady], axis=0))), alone**2) if np.any(steady) else 1.0
     n = int(np.sum(used))
     kinds = (
         _Kind(slice(0, n), t[used], moved[used], max(noise, LEAST_ERROR)),
-        _Kind(slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR), lasts=True),
+        _Kind(
+            slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR), lasts=min(1.0, 2.0 * alone**2 / tilts)
+        ),
     )
     ends = [_solved(A, y, kinds, dip, noise * seen, trust) for trust in (1.0, 0.0)]
     _, x, lines = min(ends, key=lambda end: end[0])
@@ -279,8 +282,8 @@ def _weights(kind: _Kind, residual: FloatArray) -> tuple[FloatArray, float]:
     sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), kind.least)
     share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
     error = _error(kind.t, residual * share)
-    if kind.lasts:
-        error = max(error, float(np.sqrt(np.mean((residual * share) ** 2) * len(residual) / _blocks(kind.t))))
+    block = len(residual) / _blocks(kind.t)
+    error = max(error, float(np.sqrt(np.mean((residual * share) ** 2) * (1.0 + kind.lasts * (block - 1.0)))))
     return share, max(error, kind.least)
 
 
