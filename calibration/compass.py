@@ -172,8 +172,8 @@ class _Fit:
 
 @dataclass(frozen=True)
 class _Kind:
-    """One of the two kinds of lines: its rows, their instants, how far the body turned there, its least error; the share
-    of its error that comes back with the motion, and of which a block of time is worth one line.
+    """One of the two kinds of lines: its rows, their instants, how far the body turned there, its least error, and the
+    share of its error that comes back with the motion: of that a block of time is worth one line.
     """
 
     rows: slice
@@ -207,13 +207,13 @@ def _fit(
     A = np.concatenate([np.hstack([turned, half, zero])[used], np.hstack([down, zero, one])[steady]])
     # no line is believed to better than a reading's noise, nor than the force is gravity's alone
     alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))) if np.any(steady) else 1.0
-    tilts = max(float(np.sum(np.var(down[steady], axis=0))), alone**2) if np.any(steady) else 1.0
+    # accelerations tilt what the accelerometer shows with every turn of a flight: the smaller the tilts, the more
+    tilts = float(np.sum(np.var(down[steady], axis=0))) if np.any(steady) else 0.0
+    lasts = min(1.0, 2.0 * alone**2 / max(tilts, LEAST_ERROR))
     n = int(np.sum(used))
     kinds = (
         _Kind(slice(0, n), t[used], moved[used], max(noise, LEAST_ERROR)),
-        _Kind(
-            slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR), lasts=min(1.0, 2.0 * alone**2 / tilts)
-        ),
+        _Kind(slice(n, len(y)), t[steady], moved[steady], max(alone, LEAST_ERROR), lasts),
     )
     ends = [_solved(A, y, kinds, dip, noise * seen, trust) for trust in (1.0, 0.0)]
     _, x, lines = min(ends, key=lambda end: end[0])
