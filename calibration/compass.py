@@ -41,6 +41,8 @@ TURNED, CLEAR = 5.0, 0.25
 HARD_IRON = 0.5
 #: No line is believed to better than this share of the field: numbers that nobody measured have no noise at all.
 LEAST_ERROR = 1e-6
+#: The least norm that a pass may come to, over that of the readings.
+LEAST_NORM = 1e-3
 #: The passes end when no unknown moves by more, over the field.
 SETTLED = 1e-6
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
@@ -206,9 +208,11 @@ def _fit(
     half, zero, one = np.full((len(m), 1), 0.5), np.zeros((len(m), 1)), np.ones((len(m), 1))
     A = np.concatenate([np.hstack([turned, half, zero])[used], np.hstack([down, zero, one])[steady]])
     # no line is believed to better than a reading's noise, nor than the force is gravity's alone
-    alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2))) if np.any(steady) else 1.0
+    alone, tilts = 1.0, 0.0
+    if np.any(steady):
+        alone = float(np.sqrt(np.mean((force[steady] / np.median(force) - 1.0) ** 2)))
+        tilts = float(np.sum(np.var(down[steady], axis=0)))
     # accelerations tilt what the accelerometer shows with every turn of a flight: the smaller the tilts, the more
-    tilts = float(np.sum(np.var(down[steady], axis=0))) if np.any(steady) else 0.0
     lasts = min(1.0, 2.0 * alone**2 / max(tilts, LEAST_ERROR))
     n = int(np.sum(used))
     kinds = (
@@ -217,11 +221,10 @@ def _fit(
     )
     ends = [_solved(A, y, kinds, dip, noise * seen, trust) for trust in (1.0, 0.0)]
     _, x, lines = min(ends, key=lambda end: end[0])
-    b = np.asarray(x[:3], dtype=np.float64)
-    norm = float(np.sqrt(max(x[3] + b @ b, 1e-12)))
+    b, norm = x[:3], _norm(x)
     found = float(np.arcsin(np.clip(x[4] / norm, -1.0, 1.0))) if dip is None else dip
     std = np.linalg.norm(np.linalg.pinv(np.linalg.qr(lines, mode="r"))[:3], axis=1)
-    return _Fit(np.asarray(b * unit), norm * unit, found, np.asarray(std * unit))
+    return _Fit(b * unit, norm * unit, found, np.asarray(std * unit))
 
 
 def _solved(
@@ -262,12 +265,7 @@ def _solved(
     pull[:3] = spread @ np.sum(w[own, None] ** 2 * (A[own, :3] - x[:3]), axis=0)
     H[:3, :3] -= np.sum(w[own] ** 2) * spread
     step = np.linalg.lstsq(H, pull, rcond=None)[0]
-    if dip is None:
-        x = x - step
-    else:
-        b, norm = x[:3] - step[:3], max(float(np.sqrt(max(x[3] + x[:3] @ x[:3], 1e-6))) - step[3], 1e-3)
-        x = np.array([*b, norm**2 - b @ b, norm * np.sin(dip)])
-    return errors, x, lines
+    return errors, x - step if dip is None else _stepped(x, -step, dip), lines
 
 
 def _weights(kind: _Kind, residual: FloatArray) -> tuple[FloatArray, float]:
@@ -281,10 +279,9 @@ def _weights(kind: _Kind, residual: FloatArray) -> tuple[FloatArray, float]:
     way = np.cumsum(kind.moved[order]) if np.any(kind.moved) else np.arange(1.0, len(order) + 1.0)
     sigma = max(1.4826 * float(np.abs(residual[order][np.searchsorted(way, 0.5 * way[-1])])), kind.least)
     share = 1.0 / np.sqrt(1.0 + (residual / (BEND * sigma)) ** 2)
-    error = _error(kind.t, residual * share)
-    block = len(residual) / _blocks(kind.t)
-    error = max(error, float(np.sqrt(np.mean((residual * share) ** 2) * (1.0 + kind.lasts * (block - 1.0)))))
-    return share, max(error, kind.least)
+    kept, block = residual * share, len(residual) / _blocks(kind.t)
+    coming_back = float(np.sqrt(np.mean(kept**2) * (1.0 + kind.lasts * (block - 1.0))))
+    return share, max(_error(kind.t, kept), coming_back, kind.least)
 
 
 def _error(t: FloatArray, residual: FloatArray) -> float:
@@ -311,12 +308,22 @@ def _turned(vectors: FloatArray, used: BoolArray) -> tuple[FloatArray, FloatArra
 
 def _with_dip(lines: FloatArray, right: FloatArray, x: FloatArray, dip: float) -> tuple[FloatArray, FloatArray]:
     """One Newton step of (b, |B|), and the derivative (5, 4) of the five unknowns of the lines by them."""
-    b, norm = x[:3], float(np.sqrt(max(x[3] + x[:3] @ x[:3], 1e-6)))
+    b, norm = x[:3], _norm(x)
     J = np.zeros((5, 4))
     J[:3, :3], J[3, :3], J[3, 3], J[4, 3] = np.eye(3), -2.0 * b, 2.0 * norm, np.sin(dip)
-    step = np.linalg.lstsq(lines @ J, right - lines @ x, rcond=None)[0]
-    b, norm = b + step[:3], max(norm + step[3], 1e-3)
-    return np.array([*b, norm**2 - b @ b, norm * np.sin(dip)]), J
+    step = np.asarray(np.linalg.lstsq(lines @ J, right - lines @ x, rcond=None)[0], dtype=np.float64)
+    return _stepped(x, step, dip), J
+
+
+def _stepped(x: FloatArray, step: FloatArray, dip: float) -> FloatArray:
+    """(5,) the unknowns of the lines after a step (4,) of (b, |B|), at a known dip."""
+    b, norm = x[:3] + step[:3], max(_norm(x) + step[3], LEAST_NORM)
+    return np.array([*b, norm**2 - b @ b, norm * np.sin(dip)])
+
+
+def _norm(x: FloatArray) -> float:
+    """|B| of the five unknowns."""
+    return float(np.sqrt(max(x[3] + x[:3] @ x[:3], LEAST_NORM**2)))
 
 
 def _disturbed(average: FloatArray, usual: float, rate: float) -> BoolArray:

@@ -95,7 +95,7 @@ class NoiseFit:
     estimated : (sensor, key) of what the log gave
     assumed : (sensor, key) of what neither the recording nor the log says and the class of instrument gives
     nis : mean NIS over dof by sensor at these levels
-    log_likelihood : of the innovations at these levels
+    log_likelihood : of the innovations at these levels, with what the place says of a field that was sought
     runs : of the filter
     by_rule : of `estimated`, what a rule gives and not the likelihood
     m_n : (3,) the field at which they were found, where it was sought as well
@@ -176,8 +176,10 @@ def fit_noise_levels(recording: Recording, seek_field: bool = False) -> NoiseFit
     specs, missing, assumed = first_guess(recording)
     if not missing and not seek_field:
         return NoiseFit(specs, (), assumed)
-    recording = within_imu(recording)
-    specs, missing, assumed = first_guess(recording)
+    inside = within_imu(recording)
+    if inside is not recording:
+        recording = inside
+        specs, missing, assumed = first_guess(recording)
     sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
     ruled = tuple(key for key in missing if key not in sought)
     if not sought and not seek_field:
@@ -400,7 +402,10 @@ class _Problem:
         return self._ready.run(model)
 
     def log_likelihood(self, theta: FloatArray) -> float:
-        """Of the innovations; an outlier counts with the logarithm of its NIS (the tail that its weight belongs to)."""
+        """Of the innovations and, where it is sought, of the field at its place.
+
+        An outlier counts with the logarithm of its NIS (the tail that its weight belongs to).
+        """
         journal = self.journal(theta)
         used = journal.accepted
         limit = np.array([journal.model.robust_threshold(name) for name in journal.sensors])[journal.sensor]

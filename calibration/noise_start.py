@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.allan import white_density
 from calibration.segments import still_rows
-from estimator.events import height_of, position_of
+from estimator.events import height_of, position_of, ranges_of
 from sensors.arrays import FloatArray, runs_of
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
@@ -137,10 +137,10 @@ def readings_of(recording: Recording, name: str, key: str = "noise_std") -> Floa
     stream = recording.streams["imu" if name in ("accel", "gyro") else name]
     if name == "baro":
         return height_of(recording)[:, None]
-    if name == "laser" and "range" not in stream:
-        return stream.array([column for column in stream.columns if column.startswith("range_")])
+    if name in ("sonar", "laser"):
+        return stream.array(ranges_of(stream))
     if key == "velocity_noise_std":
         return stream.array(VELOCITY)
     if name in ("gps", "base"):
         return position_of(recording, name)
-    return stream.array({"accel": ACCEL, "gyro": GYRO, "mag": MAG}.get(name, ("range",)))
+    return stream.array({"accel": ACCEL, "gyro": GYRO, "mag": MAG}[name])

@@ -12,7 +12,7 @@ from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray, IntArray
 from sensors.atmosphere import height_from_pressure
 from sensors.errors import InputError
-from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording
+from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording, Stream
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
@@ -89,9 +89,8 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "baro":
         return height_of(recording)[:, None], t
     if name in ("sonar", "laser"):
-        beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
-        columns = ["range"] if "range" in stream else [f"range_{i}" for i in range(size)]
-        if len(columns) != size or (columns != ["range"] and sorted(beams) != sorted(columns)):
+        columns = ranges_of(stream)
+        if columns != (("range",) if "range" in stream and size == 1 else tuple(f"range_{i}" for i in range(size))):
             found = f"columns {', '.join(stream.columns)}"
             expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
             raise InputError(recording.where, found, expected, f"stream {name}")
@@ -100,6 +99,14 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "base":
         return position - _base_position(recording), t
     return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+
+
+def ranges_of(stream: Stream) -> tuple[str, ...]:
+    """Columns of a range finder's readings: `range`, or `range_0`, `range_1`, ... of a scan, in this order."""
+    if "range" in stream:
+        return ("range",)
+    beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
+    return tuple(sorted(beams, key=lambda name: int(name.removeprefix("range_"))))
 
 
 def height_of(recording: Recording) -> FloatArray:
@@ -116,9 +123,8 @@ def height_of(recording: Recording) -> FloatArray:
     if np.any(pressure <= 0.0):
         row = int(np.argmax(pressure <= 0.0))
         raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
-    first = 0
-    if "imu" in recording.streams and np.any(baro.t >= recording.streams["imu"].t[0]):
-        first = int(np.argmax(baro.t >= recording.streams["imu"].t[0]))
+    start = recording.streams["imu"].t[0] if "imu" in recording.streams else -np.inf
+    first = int(np.argmax(baro.t >= start))  # its very first where all are earlier
     return height_from_pressure(pressure, reference=float(pressure[first]))
 
 
