@@ -14,7 +14,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from estimator.error_dynamics import process_noise, transition, walk_rates
-from estimator.events import ACCEPTED, GATED, NO_PREDICTION
+from estimator.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD
 from estimator.filter import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
 from estimator.strapdown import strapdown_step
 from sensors.arrays import FloatArray
@@ -52,7 +52,7 @@ class ReadableFilter:
         self._log_sample(0)
         while k < len(events) or i < last:
             if k < len(events) and (i >= last or events.t[k] < imu.t[i + 1]):
-                if self.outputs.status[k] == ACCEPTED:
+                if self.outputs.status[k] in (ACCEPTED, WITHHELD):
                     self.advance(i, float(events.t[k]))
                     self.read(k)
                 self.outputs.x_event[k, : len(self.x)] = self.x
@@ -112,6 +112,8 @@ class ReadableFilter:
         out.nu[rows], out.white[rows], out.nis[k] = nu, white, nis
         out.S[out.S_row[k] : out.S_row[k + 1]] = S.ravel()
         out.loglik[k] = -0.5 * (nis + 2.0 * float(np.sum(np.log(np.diag(L)))) + len(nu) * LOG_2_PI)
+        if out.status[k] == WITHHELD:
+            return
         if nis > self.model.threshold(name):
             out.status[k] = GATED
             return

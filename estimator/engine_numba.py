@@ -28,7 +28,7 @@ SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, w
 P_Z, T_X, T_Y, T_Z = np.uint64(32), np.uint64(96), np.uint64(112), np.uint64(128)  # rows 2, 6, 7, 8 of a tile
 MAX_H = 14  # non-zero columns of a row of H: position, velocity, attitude, bias
 GPS, BASE, MAG, BARO, RANGE, LEVEL = 0, 1, 2, 3, 4, 5
-ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
+ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -728,7 +728,7 @@ def run_chunk(
         t_next = clock[0]
         if not to_event:
             t_next = imu_t[i + 1]
-        elif ev_status[k] == ACCEPTED:
+        elif ev_status[k] == ACCEPTED or ev_status[k] == WITHHELD:
             t_next = ev_t[k]
         h = t_next - clock[0]
         if h > 0.0:
@@ -768,7 +768,7 @@ def run_chunk(
         m, at = size[s], ev_row[k]
         if record:
             step_of_event[k - k0] = n_steps
-        if ev_status[k] == ACCEPTED:
+        if ev_status[k] == ACCEPTED or ev_status[k] == WITHHELD:
             _matrix(x, C0)
             if not np.isfinite(C0[0] + x[2]):
                 return NOT_FINITE, k, rows
@@ -799,7 +799,9 @@ def run_chunk(
                 loglik[k] = -0.5 * (total + log_det + m * 1.8378770664093453)
                 if not np.isfinite(total):
                     return NOT_FINITE, k, rows
-                if total > gate[s]:
+                if ev_status[k] == WITHHELD:
+                    pass
+                elif total > gate[s]:
                     ev_status[k] = GATED
                 else:
                     if total > robust[s]:

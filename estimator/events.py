@@ -15,8 +15,8 @@ from sensors.errors import InputError
 from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording, Stream
 
 #: What became of a reading.
-ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY = 0, 1, 2, 3, 4
-STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty")
+ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
+STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty", "withheld")
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,8 @@ def collect(
     parts, notes = [], []
     for s, name in enumerate(names):
         z, t = readings(recording, model, name)
-        t = t - shifts.get(name, 0.0)
+        late = shifts.get(name, 0.0)
+        t = t - late
         status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
         outside = int(np.sum(status == OUTSIDE))
         if outside:
@@ -208,6 +209,7 @@ def collect(
             there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
             status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
             z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
+        status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
         parts.append((np.full(len(t), s), t, z, status, form))
     sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
     t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)

@@ -5,14 +5,14 @@ Nothing is guessed: a noise that neither the recording declares nor the caller p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from estimator.layout import StateLayout, layout_for
 from sensors.accelerometer import Accelerometer
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 from sensors.barometer import Barometer
 from sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sensors.errors import InputError
@@ -55,6 +55,7 @@ class FlightModel:
     gate_level : false-alarm rate of the chi-square gate on a whole reading; None: no gate
     robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
     relinearise : every reading is linear about the smoothed motion of the pass before; see `estimator.relinearise`
+    withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
     notes : what was decided while the model was made, for the report
     """
 
@@ -73,11 +74,19 @@ class FlightModel:
     gate_level: float | None = GATE_LEVEL
     robust_level: float | None = None
     relinearise: bool = False
+    withheld: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def replace(self, **changes: object) -> FlightModel:
         """A copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+    def withholds(self, sensor: str, t: FloatArray) -> BoolArray:
+        """(n,) which readings of a sensor, by their stamps [s], are predicted but not used."""
+        found = np.zeros(len(t), dtype=bool)
+        for begin, end in self.withheld.get(sensor, ()):
+            found |= (t >= begin) & (t < end)
+        return found
 
     def threshold(self, sensor: str) -> float:
         """NIS above which a reading of the sensor is refused."""

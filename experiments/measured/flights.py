@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from calibration.noise_levels import OUTLIER_LEVEL
-from estimator.filter import prepare, run, run_filter
+from estimator.filter import prepare, run
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
 from experiments.datasets import reference_of, resolve
 from experiments.measured.arguments import usage
 from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.reference import attitude_error, mounted
-from sensors.arrays import BoolArray, FloatArray
-from sensors.recording import POSITION, Recording, Stream
+from experiments.measured.withheld import Predicted, predicted, windows
+from sensors.arrays import FloatArray
+from sensors.recording import Recording, Stream
 
 LOGS = {
     "walk, RTK": "boulder_walk_imu_2025/gnss_1730.ubx",
@@ -64,34 +65,16 @@ class Prediction:
     count: int
 
 
-def withheld(t: FloatArray) -> BoolArray:
-    """(n,) which fixes are withheld."""
-    since = t - t[0] - FIRST
-    return np.asarray((since >= 0.0) & (since % EVERY < WITHHELD))
-
-
 def predictions(ready: Prepared) -> tuple[Prediction, ...]:
     """Withhold fixes and predict them. Levels come from the whole log, states only from the fixes that are left."""
-    recording, gps = ready.recording, ready.recording.streams["gps"]
-    hidden = withheld(gps.t)
-    imu = recording.streams["imu"]
-    hidden &= (gps.t > imu.t[0]) & (gps.t < imu.t[-1])
-    thinned = recording.replace(streams={**recording.streams, "gps": gps.rows(~hidden)})
-    journal = run_filter(thinned, ready.model, engine="numba")
-    asked, left = gps.rows(hidden), gps.t[~hidden]
-    age = asked.t - left[np.searchsorted(left, asked.t) - 1]
-    layout = ready.model.layout
-    predicted = np.stack([np.interp(asked.t, journal.imu_t, column) for column in journal.imu_x[:, :3].T], axis=-1)
-    if layout.has("b_gps"):
-        bias = journal.imu_x[:, layout.nominal("b_gps")]
-        predicted += np.stack([np.interp(asked.t, journal.imu_t, column) for column in bias.T], axis=-1)
-    error = np.linalg.norm(asked.array(POSITION) - predicted, axis=1)
-    found = []
-    for wanted in AGES:
-        near = np.abs(age - wanted) < 0.5 * min(1.0, wanted)
-        if np.any(near):
-            found.append(Prediction(wanted, rms(error[near]), int(np.sum(near))))
-    return tuple(found)
+    held = windows(ready.recording.streams["gps"].t, WITHHELD, EVERY, FIRST)
+    return by_age(predicted(ready.recording, ready.model, "gps", held))
+
+
+def by_age(found: Predicted) -> tuple[Prediction, ...]:
+    """RMS distance of fixes about each of `AGES`."""
+    near = {wanted: found.distance[np.abs(found.age - wanted) < 0.5 * min(1.0, wanted)] for wanted in AGES}
+    return tuple(Prediction(wanted, rms(missed), len(missed)) for wanted, missed in near.items() if len(missed))
 
 
 def rms(values: FloatArray) -> float:

@@ -6,18 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estimator.filter import run_filter
-from experiments.measured.flights import AGES, rms, withheld
+from experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age, rms
 from experiments.measured.reference import QUATERNION, Mounted, attitude_error, mounted
+from experiments.measured.withheld import predicted, windows
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.source import Fit
 from experiments.residual_loop.term import declaration
-from sensors.arrays import FloatArray
-from sensors.recording import POSITION, Recording, Stream
-
-#: A withheld fix is shown this far off [m], and only a gate that nothing else can meet refuses it: its innovation, less
-#: this, is what the model with all its effects would have missed it by.
-FAR, NOTHING_ELSE = 1e6, 1e-200
+from sensors.recording import Recording, Stream
 
 
 class AttitudeScore:
@@ -48,23 +43,7 @@ def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> M
     ----------
     held_out : only fixes of the held-out part count
     """
-    gps, imu = source.recording.streams["gps"], source.recording.streams["imu"].t
-    hidden = withheld(gps.t) & (gps.t > imu[0]) & (gps.t < imu[-1])
-    columns = {name: gps[name] + (FAR * hidden if name in POSITION else 0.0) for name in gps.columns}
-    shown = source.recording.replace(streams={**source.recording.streams, "gps": Stream(gps.t, columns)})
-    betas = {declaration(term): fit.beta[term] for term in fit.in_mean}
-    model = source.model.replace(gate_level=NOTHING_ELSE, relinearise=False)  # whose first pass has no gate for them
-    journal = run_filter(shown, model, betas, engine="numba", stride=0)
-    one = journal.stream("gps")
-    asked = hidden[one.index] & np.isfinite(one.nis)
-    if held_out:
-        asked &= one.t > source.held_out_from
-    missed = np.linalg.norm(one.nu[asked, :3] - FAR, axis=1)
-    given = np.sort(gps.t[~hidden])
-    age = gps.t[one.index[asked]] - given[np.searchsorted(given, gps.t[one.index[asked]]) - 1]
-    return _by_age(age, missed)
-
-
-def _by_age(age: FloatArray, missed: FloatArray) -> Mapping[float, float]:
-    near = {wanted: np.abs(age - wanted) < 0.5 * min(1.0, wanted) for wanted in AGES}
-    return {wanted: rms(missed[rows]) for wanted, rows in near.items() if np.any(rows)}
+    recording, betas = source.recording, {declaration(term): fit.beta[term] for term in fit.in_mean}
+    held = windows(recording.streams["gps"].t, WITHHELD, EVERY, FIRST)
+    found = predicted(recording, source.model, "gps", held, betas)
+    return {one.age: one.rms for one in by_age(found.rows(found.t > source.held_out_from) if held_out else found)}

@@ -74,7 +74,7 @@ def test_the_right_effect_predicts_withheld_fixes() -> None:
 
 
 def test_withheld_fixes_are_in_no_pass_of_a_coarse_start() -> None:
-    """A first pass without gate would believe them: biases of kilometres, and effects along such a motion."""
+    """A first pass that took them would follow them; readings linear about the smoothed motion predict as others do."""
     recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(9))
     term = Term("accel.scale_nonlinearity")
     by_start = []
@@ -82,7 +82,7 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start() -> None:
         source = FlightSource(recording, flight_model(recording, relinearise=coarse))
         fit = replace(source.fit(()), terms=(term,), beta={term: np.array([-0.0014, -0.0001, -0.0072])})
         by_start.append(withheld_errors(source, fit))
-    assert by_start[1] == pytest.approx(by_start[0], rel=PER_CENT)
+    assert by_start[1] == pytest.approx(by_start[0], rel=2.0 * PER_CENT)
 
 
 @pytest.mark.measured
