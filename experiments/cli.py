@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.labs import LABS
+
 # The matrices are small: more threads only get in each other's way, and the last bits would depend on their number.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
@@ -286,13 +288,11 @@ def montecarlo(
 
 @app.command()
 def lab(
-    name: Annotated[
-        str | None, typer.Argument(help="accelerometer, gravity, magnetometer or scan_height; none: the list")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help=f"{', '.join(LABS)}; none: the list")] = None,
     out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
 ) -> None:
     """The course's experiments."""
-    from experiments.labs import LABS, run
+    from experiments.labs import run
 
     if name is None:
         typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))

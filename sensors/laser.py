@@ -10,8 +10,8 @@ import numpy as np
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.noise import BiasProcess
-from sensors.ranging import slant_range, slant_range_jacobian
-from sensors.rotation import cos_tilt
+from sensors.ranging import descent, scan_beams, slant_range, slant_range_jacobian
+from sensors.rotation import rotate, tilted
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Laser:
     @property
     def beams_b(self) -> FloatArray:
         """(beams, 3) unit vectors in the body."""
-        return np.stack([np.zeros_like(self.angles), np.sin(self.angles), np.cos(self.angles)], axis=-1)
+        return scan_beams(self.angles)
 
     @property
     def R(self) -> FloatArray:
@@ -73,9 +73,9 @@ class Laser:
 def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
     """Height above flat ground [m] from a scan, exactly: least squares over the beams.
 
-    A beam at angle a in the right-down plane meets the ground at range_i = h / (cos(pitch) cos(roll + a_i)), so each
-    gives h_i = range_i cos(pitch) cos(roll + a_i). With equal noise on the ranges the best h minimises
-    sum (range_i - h / c_i)^2:  h = sum(range_i / c_i) / sum(1 / c_i^2),  c_i = cos(pitch) cos(roll + a_i).
+    A beam at angle a in the right-down plane goes down by c_i = cos(pitch) cos(roll - a_i) over one metre, the
+    `descent` that the model of the filter has too, so it meets the ground at range_i = h / c_i. With equal noise on the
+    ranges the best h minimises sum (range_i - h / c_i)^2:  h = sum(range_i / c_i) / sum(1 / c_i^2).
 
     Parameters
     ----------
@@ -83,15 +83,15 @@ def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch:
     angles : (beams,) rad
     roll, pitch : (n,) rad
     """
-    c = np.cos(pitch)[:, None] * np.cos(np.asarray(roll)[:, None] + angles)
+    c = descent(tilted(roll, pitch)[:, None, :], scan_beams(angles))
     return np.asarray(np.sum(ranges / c, axis=1) / np.sum(1.0 / c**2, axis=1))
 
 
 def scan_range_of_the_course(ranges: FloatArray, angles: FloatArray) -> FloatArray:
     """The course's d_laser = mean(range_i cos(a_i)), its stand-in for the slant range -p_z / (cos(pitch) cos(roll)).
 
-    Exact without roll in the scan's plane. With roll each term is range_i cos a_i = d cos(roll) cos(a_i) / cos(roll +
-    a_i) = d / (1 - tan(roll) tan(a_i)): for a symmetric scan the odd terms cancel and what is left is
+    Exact without roll in the scan's plane. With roll each term is range_i cos a_i = d cos(roll) cos(a_i) / cos(roll -
+    a_i) = d / (1 + tan(roll) tan(a_i)): for a symmetric scan the odd terms cancel and what is left is
     d (1 + tan(roll)^2 mean(tan(a_i)^2) + ...), too long by 1.4 % at 20 deg of roll and a +-30 deg scan.
     `course_scan_error` gives it in full; `scan_height` has no such error. Source: the course, section 6.
     """
@@ -99,19 +99,15 @@ def scan_range_of_the_course(ranges: FloatArray, angles: FloatArray) -> FloatArr
 
 
 def course_scan_error(angles: FloatArray, roll: FloatArray) -> FloatArray:
-    """(n,) relative error of the course's mean: mean(1 / (1 - tan(roll) tan(a_i))) - 1, independent of pitch."""
-    return np.asarray(np.mean(1.0 / (1.0 - np.tan(np.asarray(roll))[:, None] * np.tan(angles)), axis=1) - 1.0)
+    """(n,) relative error of the course's mean: mean(1 / (1 + tan(roll) tan(a_i))) - 1, independent of pitch."""
+    return np.asarray(np.mean(1.0 / (1.0 + np.tan(np.asarray(roll))[:, None] * np.tan(angles)), axis=1) - 1.0)
 
 
 def ground_points(motion: Motion, ranges: FloatArray, angles: FloatArray) -> FloatArray:
     """(n, beams, 3) where the beams meet the ground, NED [m]: p_n + range_i C_nb beam_i (the course's point cloud)."""
-    from sensors.rotation import rotate
-
-    beams = np.stack([np.zeros_like(angles), np.sin(angles), np.cos(angles)], axis=-1)
-    directions = rotate(motion.q_nb[:, None, :], np.broadcast_to(beams, (len(motion), *beams.shape)))
-    return motion.p_n[:, None, :] + ranges[..., None] * directions
+    return motion.p_n[:, None, :] + ranges[..., None] * rotate(motion.q_nb[:, None, :], scan_beams(angles))
 
 
 def slant_from_height(motion: Motion) -> FloatArray:
-    """(n,) height / (cos(pitch) cos(roll)) [m], what the course's scan mean stands for."""
-    return motion.height / cos_tilt(motion.q_nb)
+    """(n,) height / (cos(pitch) cos(roll)) [m], what the course's scan mean stands for: the range along body down."""
+    return slant_range(motion)

@@ -10,7 +10,7 @@ import numpy as np
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.noise import BiasProcess
-from sensors.rotation import rotate_back, skew
+from sensors.rotation import rotate, rotate_back, skew, tilted
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ def tilt_compensated_heading(m_b: FloatArray, roll: FloatArray, pitch: FloatArra
     m_y' = m_y cos(roll) - m_z sin(roll)
     heading = atan2(-m_y', m_x')
 
+    m' is the field turned back by roll and pitch, with the rotation that the model of the filter has too.
+
     Parameters
     ----------
     m_b : (n, 3) field in the body, forward-right-down, any unit
@@ -79,6 +81,5 @@ def tilt_compensated_heading(m_b: FloatArray, roll: FloatArray, pitch: FloatArra
     Neglects every mag.* effect. Source: the course, lecture 9 (attitude from magnetometer); M. J. Caruso, "Applications
     of magnetic sensors for low cost compass systems", IEEE PLANS 2000, eq. 4.
     """
-    x = m_b[..., 0] * np.cos(pitch) + (m_b[..., 1] * np.sin(roll) + m_b[..., 2] * np.cos(roll)) * np.sin(pitch)
-    y = m_b[..., 1] * np.cos(roll) - m_b[..., 2] * np.sin(roll)
-    return np.asarray(np.arctan2(-y, x))
+    level = rotate(tilted(roll, pitch), m_b)
+    return np.asarray(np.arctan2(-level[..., 1], level[..., 0]))

@@ -6,9 +6,22 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
-from sensors.rotation import rotate, rotate_back
+from sensors.rotation import rotate, rotate_back, tilted
 
 BODY_DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def scan_beams(angles: FloatArray) -> FloatArray:
+    """(beams, 3) unit vectors (0, sin a, cos a) in the body of a scan in its right-down plane; `angles` [rad]."""
+    return np.stack([np.zeros_like(angles), np.sin(angles), np.cos(angles)], axis=-1)
+
+
+def descent(q_nb: FloatArray, beam_b: FloatArray = BODY_DOWN) -> FloatArray:
+    """(C_nb beam)_down, by how much a beam goes down over one unit of its length; (..., 4), (..., 3) -> (...).
+
+    For the beam (0, sin a, cos a) of a body with roll and pitch: cos(pitch) cos(roll - a).
+    """
+    return rotate(q_nb, beam_b)[..., 2]
 
 
 def slant_range(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> FloatArray:
@@ -20,7 +33,7 @@ def slant_range(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> FloatArray:
     -------
     (n,) m; infinite where the beam does not point below the horizon
     """
-    down = rotate(motion.q_nb, np.broadcast_to(beam_b, (len(motion), 3)))[:, 2]
+    down = descent(motion.q_nb, beam_b)
     with np.errstate(divide="ignore"):
         return np.where(down > 0.0, motion.height / np.where(down > 0.0, down, 1.0), np.inf)
 
@@ -33,13 +46,12 @@ def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict
     where the beam does not point below the horizon.
     """
     n = len(motion)
-    beam = np.broadcast_to(beam_b, (n, 3))
-    c = rotate(motion.q_nb, beam)[:, 2]
+    c = descent(motion.q_nb, beam_b)
     d_b = rotate_back(motion.q_nb, np.broadcast_to(BODY_DOWN, (n, 3)))
     position = np.zeros((n, 1, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         position[:, 0, 2] = -1.0 / c
-        attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam)
+        attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam_b)
     return {"position": position, "attitude": attitude[:, None, :]}
 
 
@@ -54,4 +66,4 @@ def tilt_compensated_height(slant: FloatArray, roll: FloatArray, pitch: FloatArr
     Neglects sonar.beam_cone, sonar.mount_offset, sonar.terrain_slope and the laser's like. Source: the course, section
     4.
     """
-    return np.asarray(slant * np.cos(pitch) * np.cos(roll))
+    return np.asarray(slant * descent(tilted(roll, pitch)))

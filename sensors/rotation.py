@@ -137,6 +137,11 @@ def quaternion_from_rpy(rpy: FloatArray) -> FloatArray:
     )
 
 
+def tilted(roll: FloatArray, pitch: FloatArray) -> FloatArray:
+    """(..., 4) attitude with that roll and pitch [rad] and no yaw, which neither heights nor magnetic headings need."""
+    return quaternion_from_rpy(np.stack(np.broadcast_arrays(roll, pitch, 0.0), axis=-1))
+
+
 def cos_tilt(q: FloatArray) -> FloatArray:
     """Cosine of the angle between body down and down, cos(pitch) cos(roll); (..., 4) -> (...)."""
     x, y = q[..., 1], q[..., 2]

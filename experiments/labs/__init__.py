@@ -13,6 +13,8 @@ LABS = {
     "accelerometer": "ten poses of an accelerometer: scale and offset by the norm of gravity (basic experiment)",
     "gravity": "the same with g = 1: the scale changes, the offset and the pitch angle do not (analysis experiment)",
     "magnetometer": "240 readings of a magnetometer, and the sign of an offset decided by the data (design experiment)",
+    "heading": "heading from a magnetometer: without tilt, with that of the specific force, with the true one",
+    "sonar_height": "height from a sonar: time of flight, temperature, tilt, and how soft a ground may be",
     "scan_height": "height from a laser scan: the course's mean against the exact formula",
 }
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.arrays import FloatArray
+from sensors.laser import Laser, ground_points
 from sensors.motion import Motion
-from sensors.ranging import slant_range
+from sensors.ranging import descent, scan_beams
 from sensors.rotation import rotate
 
 BORESIGHT_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # a beam is turned about body forward, then right
 
 
+def angles_of(motion: Motion) -> FloatArray:
+    """(beams,) of the scan of the covariate `angles` (n, beams), else one zero: along body down [rad]."""
+    return motion.covariates["angles"][0] if motion.has("angles") else np.zeros(1)
+
+
 def beams_b(motion: Motion) -> FloatArray:
-    """(beams, 3) directions in the body: along body down, or the scan of the covariate `angles` (n, beams) [rad]."""
-    angles = motion.covariates["angles"][0] if motion.has("angles") else np.zeros(1)
-    return np.stack([np.zeros_like(angles), np.sin(angles), np.cos(angles)], axis=-1)
+    """(beams, 3) directions in the body."""
+    return scan_beams(angles_of(motion))
 
 
 def inclined_ground(motion: Motion, slope: FloatArray) -> FloatArray:
@@ -38,9 +43,6 @@ def inclined_ground(motion: Motion, slope: FloatArray) -> FloatArray:
 
 def inclined_ground_slope(motion: Motion) -> FloatArray:
     """(n, beams, 2) derivative of `inclined_ground` at slope 0: -(p + r d)_horizontal / d_down."""
-    rows = []
-    for beam in beams_b(motion):
-        d = rotate(motion.q_nb, np.broadcast_to(beam, (len(motion), 3)))
-        meets = motion.p_n[:, :2] + slant_range(motion, beam)[:, None] * d[:, :2]
-        rows.append(-meets / d[:, 2:3])
-    return np.stack(rows, axis=1)
+    angles = angles_of(motion)
+    meets = ground_points(motion, Laser(1.0, angles=angles).predict(motion), angles)[..., :2]
+    return -meets / descent(motion.q_nb[:, None, :], scan_beams(angles))[..., None]
