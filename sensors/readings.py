@@ -154,7 +154,9 @@ def read(world: World, name: str) -> Readings:
     motion, value = perfect(world, name, t, model)
     if name == "accel":
         value = value + world.vehicle.shaking(motion, world.rng("vibration"))
-    value = value + scale_of(world, name) * model.predict(motion)
+    scale = scale_of(world, name)
+    if np.any(scale):
+        value = value + scale * model.predict(motion)
     value = value + bias_at(world, "gps" if name == "base" else name, t, asked_by=name, size=model.size)
     sigma = np.sqrt(np.diag(model.R))
     value = value + sigma * world.rng(f"{name}.noise").standard_normal((len(t), model.size))
@@ -187,7 +189,7 @@ def perfect(world: World, name: str, t: FloatArray, model: SensorModel) -> tuple
     value = apply_effects(plain, always, motion, model)
     for p in present:
         if np.isfinite([p.t0, p.t1]).any():
-            value += (p.effect.apply(plain, p.beta, motion, model) - plain) * _acting(p, grid)[:, None]
+            value += np.where(_acting(p, grid)[:, None], p.effect.change(plain, p.beta, motion, model), 0.0)
     return motion.rows(rows), value[rows]
 
 

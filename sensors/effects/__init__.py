@@ -149,8 +149,7 @@ def apply_effects(
     reading = plain.copy()
     for entry, beta in pairs:
         if entry.name == "gps.lever_arm" and late != 0.0:
-            earlier = motion.at(motion.t - late)
-            reading += entry.apply(plain, beta, earlier, model) - plain
+            reading += entry.change(plain, beta, motion.at(motion.t - late), model)
         else:
-            reading += entry.apply(plain, beta, motion, model) - plain
+            reading += entry.change(plain, beta, motion, model)
     return reading

@@ -165,6 +165,15 @@ class Effect:
             return self.exact(plain, beta, motion, model)
         return plain + self.rows(motion, plain.shape[1]) @ beta
 
+    def change(
+        self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
+    ) -> FloatArray:
+        """(n, size) what the effect adds to the plain reading; a beam above the horizon reads nothing and keeps it."""
+        there = np.isfinite(plain)
+        with np.errstate(invalid="ignore"):
+            applied = self.apply(plain, beta, motion, model)
+        return np.where(there, applied, 0.0) - np.where(there, plain, 0.0)
+
 
 def _otherwise_known(name: str, motion: Motion) -> bool:
     """Whether what an effect needs can be had from something else that the motion has."""

@@ -346,3 +346,16 @@ def test_every_effect_names_a_scenario_that_can_show_it(name: str) -> None:
 def test_an_effect_that_does_not_fit_is_named(effects: dict[str, list[float]], said: str) -> None:
     with pytest.raises(InputError, match=said):
         run("hover", effects=effects)
+
+
+@pytest.mark.parametrize("name", [n for n in CATALOGUE if n.startswith("laser.")])
+def test_a_scan_that_looks_above_the_horizon_loses_rows_in_silence(name: str) -> None:
+    """Banked, the outer beam of a wide scan sees no ground: no reading, no warning, and the other rows as they are."""
+    scenario = load_scenario("aerobatics")
+    wide = replace(scenario.sensors["laser"].spec, angles=np.deg2rad([-60.0, 0.0, 50.0]))
+    sensors = {**scenario.sensors, "laser": replace(scenario.sensors["laser"], spec=wide)}
+    size = effect(name).size
+    there = Present(effect(name), np.full(size, 0.02), 10.0, 30.0)
+    scan = simulate(scenario.replace(sensors=sensors), np.random.default_rng(1), [there])[0].streams["laser"]
+    assert 0 < len(scan) < scenario.duration * scenario.sensors["laser"].rate
+    assert np.all(np.isfinite(scan.array(["range_0", "range_1", "range_2"])))
