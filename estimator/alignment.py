@@ -14,6 +14,8 @@ import numpy as np
 from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.laser import Laser, scan_height
+from sensors.ranging import tilt_compensated_height
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 from sensors.rotation import (
     quaternion_conjugate,
@@ -23,7 +25,9 @@ from sensors.rotation import (
     quaternion_log,
     quaternion_multiply,
     rotate,
+    rpy_from_quaternion,
 )
+from sensors.sonar import Sonar
 
 WINDOW = 1.0  # s, over which the first specific force and field are averaged
 WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
@@ -47,7 +51,13 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
         if process is not None:
             block = layout.slice(process.block)
             P[block, block] = np.eye(process.size) * process.std**2
-    position, velocity = _first_position(recording, model), _first_velocity(recording, model)
+    q, P_attitude, cross = _first_attitude(recording, model)
+    x[6:10], P[6:9, 6:9] = q, P_attitude
+    for name, block_cross in cross.items():
+        if layout.has(name):
+            P[6:9, layout.slice(name)] = block_cross
+            P[layout.slice(name), 6:9] = block_cross.T
+    position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
         ("velocity", initial.velocity, initial.velocity_std, velocity),
@@ -56,23 +66,20 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
         x[block] = found[0] if declared is None else declared
         if model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
-    if initial.quaternion is not None:
-        x[6:10] = initial.quaternion / np.linalg.norm(initial.quaternion)
-        if initial.attitude_std is not None:
-            P[6:9, 6:9] = np.eye(3) * initial.attitude_std**2
-            return x, P
-    x_aligned, P_attitude, cross = align(recording, model)
-    if initial.quaternion is None:
-        x[6:10] = x_aligned
-    if initial.attitude_std is not None:
-        P[6:9, 6:9] = np.eye(3) * initial.attitude_std**2
-        return x, P
-    P[6:9, 6:9] = P_attitude
-    for name, block_cross in cross.items():
-        if layout.has(name):
-            P[6:9, layout.slice(name)] = block_cross
-            P[layout.slice(name), 6:9] = block_cross.T
     return x, P
+
+
+def _first_attitude(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """q_nb, its covariance (3, 3) and that with the biases: what is declared, the rest as `align` finds it."""
+    initial, known = recording.initial, {}
+    if initial.quaternion is not None:
+        known["q"] = initial.quaternion / np.linalg.norm(initial.quaternion)
+    if initial.attitude_std is not None:
+        known["P"] = np.eye(3) * initial.attitude_std**2
+    if len(known) == 2:
+        return known["q"], known["P"], {}
+    q, P, cross = align(recording, model)
+    return known.get("q", q), known.get("P", P), {} if "P" in known else cross
 
 
 def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray) -> FloatArray:
@@ -201,8 +208,8 @@ def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q:
     return np.stack(columns, axis=1)
 
 
-def _first_position(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and its 1-sigma from the first GPS fix, else the first height."""
+def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and its 1-sigma from the first GPS fix, else the first height; a range's with the first tilt."""
     p, sigma = np.zeros(3), np.full(3, UNKNOWN_POSITION)
     if "gps" in model.sensors:
         stream, gps = recording.streams["gps"], model.sensors["gps"]
@@ -215,8 +222,15 @@ def _first_position(recording: Recording, model: FlightModel) -> tuple[FloatArra
         from estimator.events import readings
 
         sensor = model.sensors[name]
-        first = float(readings(recording, model, name)[0][0, 0])
-        p[2] = -first if name == "baro" else model.ground_down - first
+        first = readings(recording, model, name)[0][:1]
+        roll, pitch, _ = rpy_from_quaternion(q_nb[None]).T
+        if isinstance(sensor, Laser):
+            height = scan_height(first, sensor.angles, roll, pitch) - model.ground_down
+        elif isinstance(sensor, Sonar):
+            height = tilt_compensated_height(first[:, 0], roll, pitch) - model.ground_down
+        else:
+            height = first[:, 0]
+        p[2] = -float(height[0])
         sigma[2] = WIDE * np.hypot(np.sqrt(sensor.R[0, 0]), 0.0 if sensor.bias is None else sensor.bias.std)
         break
     return p, sigma
