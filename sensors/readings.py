@@ -244,7 +244,7 @@ def _arrives(world: World, name: str, motion: Motion, model: SensorModel) -> Boo
     for start, end in instrument.dropouts:
         heard &= (t < start) | (t >= end)
     if isinstance(model, Sonar):
-        heard &= model.echo(motion)
+        heard &= model.echo(motion, instrument.softness)
     elif isinstance(model, Laser):
         ranges = model.predict(motion)
         heard &= np.all((ranges >= instrument.minimum) & (ranges <= instrument.maximum) & np.isfinite(ranges), axis=1)

@@ -28,6 +28,7 @@ class Instrument:
     dropouts : (k, 2) intervals without readings [s]
     minimum, maximum : ranges between which an echo comes back [m]
     beam_angle : largest tilt at which the ground answers the sonar [rad]
+    softness : share of the sonar's sound that the ground swallows
     scale_std : poses: 1-sigma of the scale of each axis
     velocity : GPS: whether it gives velocity
     place : base receiver: north, east, down [m]
@@ -42,6 +43,7 @@ class Instrument:
     minimum: float = 0.0
     maximum: float = np.inf
     beam_angle: float = np.pi / 2
+    softness: float = 0.0
     scale_std: float = 0.0
     velocity: bool = True
     place: tuple[float, float, float] = (100.0, 50.0, 0.0)

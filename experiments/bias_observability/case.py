@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -86,7 +87,8 @@ def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
     for name in ("sonar", "laser"):
         if name in scenario.sensors:
             beam = scenario.sensors[name]
-            heard[name] = Sonar(1.0, 0.0, 0.0, beam.minimum, beam.maximum, beam.beam_angle).echo
+            echo = Sonar(1.0, 0.0, 0.0, beam.minimum, beam.maximum, beam.beam_angle).echo
+            heard[name] = partial(echo, softness=beam.softness)
     return _case(recording, model, None, motion, stretches.of_scenario(scenario), heard)
 
 

@@ -268,6 +268,7 @@ def _instrument(table: Table, name: str) -> Instrument:
         minimum=_or(table.number("minimum", at_least=0.0), 0.0),
         maximum=_or(table.number("maximum", above=0.0), np.inf),
         beam_angle=float(np.deg2rad(_or(table.number("beam_angle", above=0.0, at_most=90.0), 90.0))),
+        softness=_or(table.number("softness", at_least=0.0, at_most=1.0), 0.0),
         scale_std=_or(table.number("scale_std", at_least=0.0), 0.0),
         velocity=name != "gps" or "velocity_noise_std" in table,
         place=(100.0, 50.0, 0.0) if place is None else (place[0], place[1], place[2]),
