@@ -1,8 +1,9 @@
 """MATLAB files: numeric variables only, of version 5 and 7.3 (HDF5); nothing in them is run.
 
 Version 5 is read here and not by scipy, whose reader ends the process on some damaged files: every size must fit into
-what holds it, so that no header decides how much memory is taken. Objects, functions, cells and structures are passed
-over. Source: MAT-File Format, MathWorks, chapter 1.
+what holds it, so that no header decides how much memory is taken. The numeric fields of a structure are variables of
+their own, called `structure.field`; objects, functions, cells and arrays of structures are passed over. Source:
+MAT-File Format, MathWorks, chapter 1.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,10 @@ MAGIC_HDF5 = b"\x89HDF\r\n\x1a\n"
 UNFOLDED_LIMIT = 2**29
 
 _COMPRESSED, _MATRIX = 15, 14
+#: mxSTRUCT_CLASS. MAT-File Format, table 1-3.
+_STRUCTURE = 2
+#: Structures within structures are followed so far.
+_DEPTH = 8
 #: mxDOUBLE_CLASS to mxUINT64_CLASS: the array classes that hold plain numbers. MAT-File Format, MathWorks, table 1-3.
 _NUMERIC = range(6, 16)
 _COMPLEX_FLAG = 0x08
@@ -105,29 +111,62 @@ def _unfold(path: Path, body: bytes, limit: int, position: int) -> bytes:
     return unfolded
 
 
-def _matrix(path: Path, body: bytes, order: str, position: int) -> dict[str, FloatArray]:
-    """A numeric array by its name; nothing for any other class. Parts: flags, dimensions, name, numbers."""
-    parts: list[tuple[int, bytes]] = []
-    at = 0
-    while len(parts) < 4:
-        if at >= len(body) and not parts:
-            return {}  # an empty element stands for an empty array without a name
-        kind, part, end = _element(path, body, at, order, position)
-        if not parts and (len(part) < 4 or _array_class(part, order) not in _NUMERIC or _is_complex(part, order)):
-            return {}
-        parts.append((kind, part))
-        at += -(-(end - at) // 8) * 8
-    (_, _), (_, dimensions), (_, name), (kind, numbers) = parts
+def _matrix(
+    path: Path, body: bytes, order: str, position: int, called: str = "", depth: int = 0
+) -> dict[str, FloatArray]:
+    """A numeric array, or those of a structure, by name; nothing for any other class.
+
+    Parts: flags, dimensions, name, numbers. A field of a structure has no name of its own: it is `called` something.
+    """
+    if not body:
+        return {}  # an empty element stands for an empty array without a name
+    parts = _parts(path, body, order, position)
+    _, flags = next(parts)
+    kind = _array_class(flags, order) if len(flags) >= 4 else -1
+    if (kind not in _NUMERIC and kind != _STRUCTURE) or _is_complex(flags, order):
+        return {}
+    (_, dimensions), (_, own_name) = next(parts), next(parts)
     shape = [int(n) for n in np.frombuffer(dimensions[: len(dimensions) // 4 * 4], order + "i4")]
-    dtype = np.dtype(order + _TYPES.get(kind, "V1"))
-    count = math.prod(shape) if len(shape) >= 2 and min(shape) >= 0 else -1
-    if kind not in _TYPES or count * dtype.itemsize != len(numbers):
-        found = f"an array of {' x '.join(str(n) for n in shape)} in {len(numbers)} bytes of type {kind}"
-        raise InputError(path, found, "numbers for all of it", f"byte {position}")
+    name = called or own_name.decode("ascii", "replace")
     if not name:
         return {}  # what MATLAB keeps for its objects
-    array = np.frombuffer(numbers, dtype).astype(np.float64).reshape(shape, order="F")
-    return {name.decode("ascii", "replace"): array}
+    if kind == _STRUCTURE:
+        one = len(shape) >= 2 and set(shape) == {1} and depth < _DEPTH
+        return _fields(path, parts, order, position, name, depth) if one else {}
+    stored, numbers = next(parts)
+    dtype = np.dtype(order + _TYPES.get(stored, "V1"))
+    count = math.prod(shape) if len(shape) >= 2 and min(shape) >= 0 else -1
+    if stored not in _TYPES or count * dtype.itemsize != len(numbers):
+        found = f"an array of {' x '.join(str(n) for n in shape)} in {len(numbers)} bytes of type {stored}"
+        raise InputError(path, found, "numbers for all of it", f"byte {position}")
+    return {name: np.frombuffer(numbers, dtype).astype(np.float64).reshape(shape, order="F")}
+
+
+def _parts(path: Path, body: bytes, order: str, position: int) -> Iterator[tuple[int, bytes]]:
+    """Type and content of each element within an array, one after the other; an end that comes too early is an error."""
+    at = 0
+    while True:
+        kind, part, end = _element(path, body, at, order, position)
+        yield kind, part
+        at += -(-(end - at) // 8) * 8
+
+
+def _fields(
+    path: Path, parts: Iterator[tuple[int, bytes]], order: str, position: int, name: str, depth: int
+) -> dict[str, FloatArray]:
+    """The numeric fields of one structure. Parts: length of a field's name, the names, an array for each."""
+    (_, length), (_, names) = next(parts), next(parts)
+    width = int.from_bytes(length[:4], "little" if order == "<" else "big")
+    if not 0 < width <= max(len(names), 1) or len(names) % width:
+        found = f"names of fields in {len(names)} bytes, {width} each"
+        raise InputError(path, found, "whole names", f"byte {position}")
+    arrays: dict[str, FloatArray] = {}
+    for k in range(0, len(names), width):
+        field = names[k : k + width].split(b"\0")[0].decode("ascii", "replace")
+        kind, body = next(parts)
+        if kind == _MATRIX:
+            arrays.update(_matrix(path, body, order, position, f"{name}.{field}", depth + 1))
+    return arrays
 
 
 def _array_class(flags: bytes, order: str) -> int:

@@ -106,7 +106,9 @@ def test_matlab_poses(tmp_path: Path, name: str, array: np.ndarray) -> None:
         ({"acc": POSES * np.nan}, "nan"),
         ({"acc": "text"}, "no variable that holds numbers"),
         ({"acc": POSES + 1j}, "no variable that holds numbers"),
-        ({"acc": {"field": POSES}}, "no variable that holds numbers"),
+        ({"acc": {"field": "text"}}, "no variable that holds numbers"),
+        ({"acc": {"field": POSES}}, "variables acc.field"),
+        ({"acc": np.array([(POSES,), (POSES,)], dtype=[("field", object)])}, "no variable that holds numbers"),
         ({"acc": np.array([POSES, "x"], dtype=object)}, "no variable that holds numbers"),
         ({"acc": POSES / 9.8}, "looks like g"),
     ],
@@ -127,8 +129,31 @@ def test_matlab_numbers_are_those_of_scipy(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-def test_matlab_cut_off_anywhere(tmp_path: Path, compressed: bool) -> None:
-    scipy.io.savemat(tmp_path / "a.mat", {"mag": POSES}, do_compression=compressed)
+def test_matlab_fields_of_a_structure_are_variables(tmp_path: Path, compressed: bool) -> None:
+    inner = {"of_a_name_that_is_longer_than_most": np.arange(5.0)}
+    flight = {"lat": POSES[:, :1], "note": "text", "mode": np.array([1, 2], dtype="u1"), "inner": inner, "none": []}
+    scipy.io.savemat(tmp_path / "a.mat", {"flight": flight, "t": 3.0}, do_compression=compressed, long_field_names=True)
+    found = read_matlab(tmp_path / "a.mat")
+    assert set(found) == {
+        "flight.lat", "flight.mode", "flight.inner.of_a_name_that_is_longer_than_most", "flight.none", "t",
+    }  # fmt: skip
+    np.testing.assert_array_equal(found["flight.lat"], POSES[:, 0])
+    np.testing.assert_array_equal(found["flight.mode"], [1.0, 2.0])
+    np.testing.assert_array_equal(found["flight.inner.of_a_name_that_is_longer_than_most"], np.arange(5.0))
+
+
+def test_matlab_structures_within_one_another_end(tmp_path: Path) -> None:
+    nest: dict[str, object] = {"x": POSES}
+    for _ in range(30):
+        nest = {"s": nest}
+    scipy.io.savemat(tmp_path / "a.mat", {**nest, "y": POSES})
+    assert list(read_matlab(tmp_path / "a.mat")) == ["y"]
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("content", [POSES, {"x": POSES}])
+def test_matlab_cut_off_anywhere(tmp_path: Path, compressed: bool, content: object) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"mag": content}, do_compression=compressed)
     data = (tmp_path / "a.mat").read_bytes()
     for end in range(20, len(data), 7):
         (tmp_path / "b.mat").write_bytes(data[:end])
@@ -199,12 +224,12 @@ def test_hdf5_cut_off(tmp_path: Path) -> None:
 
 
 @settings(max_examples=80, deadline=None)
-@given(at=st.integers(128, 400), byte=st.integers(0, 255), compressed=st.booleans())
+@given(at=st.integers(128, 400), byte=st.integers(0, 255), compressed=st.booleans(), nested=st.booleans())
 def test_matlab_with_one_wrong_byte(
-    tmp_path_factory: pytest.TempPathFactory, at: int, byte: int, compressed: bool
+    tmp_path_factory: pytest.TempPathFactory, at: int, byte: int, compressed: bool, nested: bool
 ) -> None:
     path = tmp_path_factory.mktemp("mat") / "a.mat"
-    scipy.io.savemat(path, {"mag": POSES}, do_compression=compressed)
+    scipy.io.savemat(path, {"mag": {"x": POSES} if nested else POSES}, do_compression=compressed)
     data = bytearray(path.read_bytes())
     data[at % len(data)] = byte
     path.write_bytes(data)
