@@ -23,6 +23,9 @@ MAG = ("mag_x", "mag_y", "mag_z")
 POSITION = ("north", "east", "down")
 VELOCITY = ("vel_north", "vel_east", "vel_down")
 GEODETIC = ("latitude", "longitude", "height")
+#: What a receiver says of its own fix: 1-sigma of the position, horizontal and down [m], and of the velocity [m/s] (a
+#: standard deviation, whatever the name says: it is PX4's); dilutions of precision; satellites used.
+FIX_QUALITY = ("eph", "epv", "s_variance", "hdop", "vdop", "pdop", "satellites")
 
 #: The columns that a stream must have; where several alternatives exist, one of them.
 REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = {

@@ -11,8 +11,16 @@ import numpy as np
 from sensors.arrays import FloatArray
 from sensors.formats.columns import FileOptions
 from sensors.formats.header import Header
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Kind
+from sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, VELOCITY, Kind
 
+_PLACE: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "latitude": (("latitude",), "degrees"),
+    "longitude": (("longitude",), "degrees"),
+    "height": (("height",), "length"),
+    "position": (POSITION, "length"),
+    "velocity": (VELOCITY, "speed"),
+}
+_FIX_QUALITY_IS = {"eph": "length", "epv": "length", "s_variance": "speed"}
 #: What a stream may hold: the columns that a quantity becomes, and what it is (a key of `UNITS`).
 QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
     "imu": {"accel": (ACCEL, "acceleration"), "gyro": (GYRO, "rate"), "temperature": (("temperature",), "temperature")},
@@ -25,11 +33,8 @@ QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
     "sonar": {"range": (("range",), "length"), "temperature": (("temperature",), "temperature")},
     "laser": {"range": (("range",), "length")},
     "gps": {
-        "latitude": (("latitude",), "degrees"),
-        "longitude": (("longitude",), "degrees"),
-        "height": (("height",), "length"),
-        "position": (POSITION, "length"),
-        "velocity": (VELOCITY, "speed"),
+        **_PLACE,
+        **{name: ((name,), _FIX_QUALITY_IS.get(name, "number")) for name in FIX_QUALITY},
     },
     "power": {"current": (("current",), "current"), "voltage": (("voltage",), "voltage")},
     "motors": {"motor": ((), "ratio")},
@@ -45,12 +50,12 @@ QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
     },
 }
 REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
-    **QUANTITIES["gps"],
+    **_PLACE,
     "quaternion": (("qw", "qx", "qy", "qz"), "number"),
     "roll_pitch_yaw": (("roll", "pitch", "yaw"), "angle"),
     "roll_pitch": (("roll", "pitch"), "angle"),
 }
-DROPS = ("repeated time", "held value", "not finite", "zeros", "not unit")
+DROPS = ("repeated time", "held value", "interpolated", "not finite", "zeros", "not unit")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ Columns = Mapping[str, FloatArray]
 #: A quaternion whose norm is off one by more was interpolated, component by component, through its change of sign: from
 #: q to -q the norm falls to zero, where it may mean any attitude; between neighbours of one sign it stays nearer.
 _UNIT = 0.01
+#: A reading printed or stored to seven digits is the mean of its neighbours to within this part of the largest.
+_ROUNDING = 1e-7
 #: NED axes of a vector given in east, north, up.
 _ENU_TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -267,6 +269,8 @@ def _rows(
         leave_out(finite & np.isfinite(t), "not a number")
     if "zeros" in rules.drop:
         leave_out(np.any(raw != 0.0, axis=1), "all zeros")
+    if "interpolated" in rules.drop:
+        leave_out(~_is_between(raw), "the mean of the rows before and after")
     if "held value" in rules.drop:
         leave_out(_changes(raw, keep), "the value before is repeated")
     if "repeated time" in rules.drop:
@@ -290,6 +294,15 @@ def _changes(raw: FloatArray, keep: BoolArray) -> BoolArray:
     rows = np.flatnonzero(keep)
     mask = np.ones(len(raw), dtype=bool)
     mask[rows[1:]] = np.any(raw[rows[1:]] != raw[rows[:-1]], axis=1)
+    return mask
+
+
+def _is_between(raw: FloatArray) -> BoolArray:
+    """Mask: the row is the mean of the row before and the row after, to rounding, in every column."""
+    mask = np.zeros(len(raw), dtype=bool)
+    if len(raw) > 2:
+        miss = np.abs(raw[1:-1] - 0.5 * (raw[:-2] + raw[2:]))
+        mask[1:-1] = np.all(miss <= _ROUNDING * np.max(np.abs(raw), axis=0), axis=1)
     return mask
 
 

@@ -143,7 +143,7 @@ def _matrix(
 
 
 def _parts(path: Path, body: bytes, order: str, position: int) -> Iterator[tuple[int, bytes]]:
-    """Type and content of each element within an array, one after the other; an end that comes too early is an error."""
+    """Type and content of each element within an array, one after the other; too early an end is an error."""
     at = 0
     while True:
         kind, part, end = _element(path, body, at, order, position)

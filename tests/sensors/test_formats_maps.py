@@ -122,6 +122,40 @@ def test_rows_that_do_not_count(tmp_path: Path, extra: str, rows: int, note: str
     assert any(note in entry for entry in recording.notes) == bool(note)
 
 
+def test_rows_that_a_log_interpolated_are_left_out(tmp_path: Path) -> None:
+    """Readings a, b, b, c, d, held at 1 and at 2 of 3 rows, with the mean of two neighbours between every two rows."""
+    readings = np.array([[1.0, 7.0, 3.1], [4.3, 5.0, 2.2], [4.3, 5.0, 2.2], [0.7, 6.1, 9.4], [2.2, 8.8, 5.0]])
+    rows = np.empty((2 * len(readings) - 1, 3))
+    rows[::2], rows[1::2] = readings, 0.5 * (readings[1:] + readings[:-1])
+    text = "".join(f"{k} {x:.17g} {y:.17g} {z:.17g}\n" for k, (x, y, z) in enumerate(rows))
+    rules = 'kind = "poses"\n[streams.mag]\ntime = 1\nmag = [2, 3, 4]\ndrop = ["held value", "interpolated"]\n'
+    recording = read(tmp_path, rules, text)
+    np.testing.assert_array_equal(recording.streams["mag"].t, [0.0, 2.0, 6.0, 8.0])
+    np.testing.assert_array_equal(mag(recording), readings[[0, 1, 3, 4]])
+    assert recording.notes[0] == "mag: 4 rows left out: the mean of the rows before and after"
+
+
+def test_what_a_receiver_says_of_its_fix_is_kept_in_si_units(tmp_path: Path) -> None:
+    rules = """
+kind = "flight"
+[streams.imu]
+time = 1
+accel = [2, 3, 4]
+gyro = [5, 6, 7]
+[streams.gps]
+time = 1
+position = [2, 3, 4]
+eph = { columns = 8, unit = "mm" }
+epv = 9
+s_variance = { columns = 10, unit = "mm/s" }
+pdop = { columns = 11, counts = { per_unit = 100 } }
+satellites = 12
+"""
+    recording = read(tmp_path, rules, "0 0 0 -9.8 0 0 0 650 1.5 120 140 9\n1 0 0 -9.8 0 0 0 700 1.6 130 141 8\n")
+    said = recording.streams["gps"].array(("eph", "epv", "s_variance", "pdop", "satellites"))
+    np.testing.assert_allclose(said, [[0.65, 1.5, 0.12, 1.4, 9], [0.7, 1.6, 0.13, 1.41, 8]], rtol=ROUNDING)
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [
