@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from experiments.datasets.registry import Dataset, dataset_names, load_dataset
+from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
 from sensors.errors import InputError
 from sensors.recording import Recording, Stream
 
@@ -20,8 +20,9 @@ def resolve(text: str, map_file: Path | None = None) -> Recording:
 
     Parameters
     ----------
-    text : a path; else DATASET/FILE, looked for in $SINAN_DATA, in ../shared/data beside the checkout and beside the
-        current folder, and in the cache of `sinan fetch`; its kept map is applied
+    text : a path; else DATASET/FILE, or DATASET where all its files are one log, looked for in $SINAN_DATA, in
+        ../shared/data beside the checkout and beside the current folder, and in the cache of `sinan fetch`; its kept
+        map is applied
     map_file : the map of a log that is named by its path
 
     Raises
@@ -142,7 +143,7 @@ def locate(text: str) -> tuple[Path, Path | None]:
     for root in data_roots():
         path = root / dataset.folder / file
         if path.exists():
-            for part in dataset.files_of(file):
+            for part in dataset.files_of(log):
                 part.check(root / dataset.folder / part.name)
             return path, dataset.map_of(log)
     raise InputError(text, "not there", f"`sinan fetch {dataset.name}`, or {DATA_VARIABLE}=FOLDER of a local mirror")
@@ -165,6 +166,8 @@ def _log_name(text: str, dataset: Dataset, name: str) -> str:
     logs = dataset.logs()
     if name in logs:
         return name
+    if not name and WHOLE in logs:
+        return WHOLE
     ends = [log for log in logs if name and log.endswith("/" + name)]
     if len(ends) == 1:
         return ends[0]

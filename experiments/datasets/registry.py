@@ -8,13 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
 from sensors.errors import InputError
+from sensors.formats.map_file import read_map
 from sensors.formats.toml_table import Table, load_toml
 
 HERE = Path(__file__).parent
+#: Name of a log that is all files of a data set.
+WHOLE = "."
 _CHUNK = 2**20
 
 
@@ -66,7 +69,8 @@ class Dataset:
     title, licence, citation : as its makers want them
     repository, commit : public origin
     files : by name
-    maps : map file by pattern of log names; a name with `#variant` reads the same log in another way
+    maps : map file by pattern of log names; a name with `#variant` reads the same log in another way, `.` is the whole
+        folder as one log
     """
 
     name: str
@@ -94,13 +98,22 @@ class Dataset:
     def logs(self) -> tuple[str, ...]:
         """The names of everything that can be read: files, folders of one recording, variants."""
         folders = {name.rsplit("/", 1)[0] for name in self.files if "/" in name}
-        variants = {pattern for pattern in self.maps if "#" in pattern}
+        variants = {pattern for pattern in self.maps if "#" in pattern or pattern == WHOLE}
         names = {*self.files, *folders, *variants}
         return tuple(sorted(name for name in names if self.map_of(name) or name.endswith(".ulg")))
 
     def files_of(self, log: str) -> tuple[DataFile, ...]:
-        """The files that a log is or holds."""
-        return tuple(file for name, file in self.files.items() if name == log or name.startswith(log + "/"))
+        """The files that a log is, holds, or that its map reads beside it."""
+        kept, file = self.map_of(log), log.split("#")[0]
+        beside = set[str]()
+        if kept is not None:
+            read = {options.path for options in read_map(kept).files.values()}
+            beside = {str(PurePosixPath(file).parent / path) for path in read if path}
+        return tuple(
+            one
+            for name, one in self.files.items()
+            if name in (file, *beside) or file == WHOLE or name.startswith(file + "/")
+        )
 
 
 @cache

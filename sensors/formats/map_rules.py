@@ -141,7 +141,7 @@ class StreamMap:
     drop : what is left out, of `DROPS`
     skip_rows : at the beginning
     align : "rows" where quantities of several files share their rows, "interpolate" where they are brought to the rows
-        of the first
+        of `file`
     """
 
     name: str

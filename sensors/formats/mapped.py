@@ -143,9 +143,10 @@ def _wanted(rules: Map, file: str) -> set[str]:
 
 def _stream(log: _Log, rules: StreamMap) -> tuple[Stream, list[str]]:
     """One stream, and what was left out of it."""
+    files = dict.fromkeys(quantity.file or rules.file for quantity in rules.quantities.values())
     parts = {
         file: _part(log, rules, file, [q for q in rules.quantities.values() if (q.file or rules.file) == file])
-        for file in dict.fromkeys(quantity.file or rules.file for quantity in rules.quantities.values())
+        for file in sorted(files, key=lambda file: file != rules.file)  # the rows are those of the stream's own file
     }
     dropped = [entry for _, entries in parts.values() for entry in entries]
     first_file, *other_files = parts

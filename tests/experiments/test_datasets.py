@@ -105,6 +105,25 @@ def test_a_folder_is_called_by_its_name_and_a_log_by_its_own(tmp_path: Path, tex
     assert called(str(tmp_path / "run1" / "log.ulg"), recording) == "mag_poses"
 
 
+def test_what_a_map_reads_beside_a_log_belongs_to_it() -> None:
+    """So its checksum is looked at too: of the odometry's log, the seven further topics that its map names."""
+    log = "7c824ee5-cf25-4c19-8739-12455adfae23_vehicle_visual_odometry_0.csv"
+    dataset = load_dataset("px4_vio_quad")
+    topics = {file.name.split("_", 1)[1] for file in dataset.files_of(log)}
+    assert topics == {
+        "vehicle_visual_odometry_0.csv", "sensor_gyro_0.csv", "vehicle_acceleration_0.csv",
+        "vehicle_magnetometer_0.csv", "vehicle_air_data_0.csv", "distance_sensor_0.csv", "battery_status_0.csv",
+        "actuator_outputs_2.csv",
+    }  # fmt: skip
+    assert len(dataset.files_of(".")) == len(dataset.files)
+    assert [file.name for file in load_dataset("rfly_course").files_of("e_acc1_A.bin#log")] == ["e_acc1_A.bin"]
+
+
+@pytest.mark.measured
+def test_a_log_that_is_all_of_a_data_set_is_called_by_its_name(measured: Path) -> None:
+    assert resolve("px4_quad_64a").name == "px4_quad_64a"
+
+
 # --- fetching --------------------------------------------------------------------------------------------
 
 

@@ -205,6 +205,25 @@ gyro = { file = "g", columns = [2, 3, 4], unit = "deg/s" }
     assert len(read(tmp_path, rules).streams["imu"]) == 3
 
 
+def test_other_files_are_brought_to_the_rows_of_the_streams_own(tmp_path: Path) -> None:
+    """The gyroscope's file is the stream's: its two rows stay, whichever quantity the reader takes first."""
+    (tmp_path / "accel.txt").write_text("0 0 0 -9\n1 0 0 -10\n2 0 0 -11\n3 0 0 -9\n")
+    rules = """
+kind = "flight"
+[files.a]
+path = "accel.txt"
+[streams.imu]
+time = 1
+align = "interpolate"
+gyro = { columns = [2, 3, 4], unit = "deg/s" }
+accel = { file = "a", columns = [2, 3, 4] }
+"""
+    imu = read(tmp_path, rules, "0.5 1 2 3\n1.5 4 5 6\n").streams["imu"]
+    np.testing.assert_array_equal(imu.t, [0.5, 1.5])
+    np.testing.assert_array_equal(imu["accel_z"], [-9.5, -10.5])
+    np.testing.assert_allclose(np.degrees(imu["gyro_x"]), [1.0, 4.0])
+
+
 def test_folder_and_zip(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     (tmp_path / "log" / "m.txt").write_text(TEXT)
