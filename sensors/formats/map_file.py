@@ -125,7 +125,7 @@ def _stream(
             for key, (outputs, dimension) in quantities.items()
             if key in table
         }
-        | _covariates(table.table("covariates")),
+        | _covariates(table.table("covariates"), files),
         keep=tuple(_keep(entry) for entry in _tables(table, "keep")),
         drop=_drops(table),
         skip_rows=table.whole("skip_rows") or 0,
@@ -137,8 +137,8 @@ def _stream(
     return stream
 
 
-def _covariates(table: Table) -> dict[str, Quantity]:
-    found = {name: Quantity((name,), _names(table, name, 1)) for name in table.names()}
+def _covariates(table: Table, files: Mapping[str, FileOptions]) -> dict[str, Quantity]:
+    found = {name: _quantity(table, name, (name,), "number", files) for name in table.names()}
     table.done()
     return found
 
@@ -161,13 +161,13 @@ def _clock(table: Table, name: str) -> Clock:
             "time", "no such key", 'the column of the time, as "t" or {column = "t", unit = "ms"}, or {rate = 100}'
         )
     clock = table.table("time")
-    column = _names(clock, "column", 1)[0] if "column" in clock else ""
+    column, minus = (_names(clock, key, 1)[0] if key in clock else "" for key in ("column", "minus"))
     rate = clock.number("rate", above=0.0)
     unit = clock.text("unit", tuple(UNITS["time"])) or "s"
     zero, wrap, even = clock.number("zero") or 0.0, clock.number("wrap", above=0.0), clock.flag("even") or False
-    result = Clock(column, rate, unit, zero, wrap, even)
+    result = Clock(column, minus, rate, unit, zero, wrap, even)
     clock.done()
-    if not column and rate is None:
+    if not column and (rate is None or minus):
         raise table.wrong("time", "a column, or a rate [Hz] at which rows are counted")
     if rate is not None and "unit" in clock.data:
         raise table.wrong("time", "a unit, or a rate [Hz], not both")
@@ -192,6 +192,7 @@ def _quantity(
     result = Quantity(
         outputs=outputs or _numbered(key, columns),
         columns=columns,
+        minus=_names(entry, "minus", len(columns)) if "minus" in entry else (),
         file=_file_name(entry, files),
         factor=factor,
         shift=shift,

@@ -30,7 +30,11 @@ QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
         "pressure": (("pressure",), "pressure"),
         "temperature": (("temperature",), "temperature"),
     },
-    "sonar": {"range": (("range",), "length"), "temperature": (("temperature",), "temperature")},
+    "sonar": {
+        "range": (("range",), "length"),
+        "time_of_flight": (("time_of_flight",), "time"),
+        "temperature": (("temperature",), "temperature"),
+    },
     "laser": {"range": (("range",), "length")},
     "gps": {
         **_PLACE,
@@ -65,6 +69,7 @@ class Clock:
     Attributes
     ----------
     column : of the time; empty: the rows are counted
+    minus : a column that is taken off it, in the same unit; empty: none
     rate : of the rows that are counted, or that the column counts [Hz]; None: the column is a time
     unit : of the column, a key of `UNITS["time"]`
     zero : what the log's clock shows at t = 0, in its own unit
@@ -73,6 +78,7 @@ class Clock:
     """
 
     column: str = ""
+    minus: str = ""
     rate: float | None = None
     unit: str = "s"
     zero: float = 0.0
@@ -84,13 +90,14 @@ class Clock:
 class Quantity:
     """Some columns of a log that are one measured quantity, and the way to its SI value in the body's axes.
 
-    value = axes @ (unit * ((reading + offset) / scale - zero) / per_unit), with undo = {offset, scale}, counts =
+    value = axes @ (unit * ((column - minus + offset) / scale - zero) / per_unit), with undo = {offset, scale}, counts =
     {zero, per_unit}.
 
     Attributes
     ----------
     outputs : the columns of the stream that it becomes
     columns : of the log, as many as outputs
+    minus : columns of the log that are taken off them, as many again; empty: none
     file : of the map that holds them; empty: the stream's
     factor, shift : to SI
     unit : as the map names it; empty: none
@@ -103,6 +110,7 @@ class Quantity:
 
     outputs: tuple[str, ...]
     columns: tuple[str, ...]
+    minus: tuple[str, ...] = ()
     file: str = ""
     factor: float = 1.0
     shift: float = 0.0

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sensors.arrays import BoolArray, FloatArray
+from sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
 from sensors.errors import InputError
 from sensors.formats.columns import read_columns
 from sensors.formats.geodetic import ned_columns, to_ned
@@ -47,7 +48,7 @@ def read_mapped(path: Path, rules: Map) -> Recording:
     streams: dict[str, Stream] = {}
     for stream_map in rules.streams:
         stream, dropped = _stream(log, stream_map)
-        streams[stream_map.name] = _with_height(stream) if stream_map.name == "baro" else stream
+        streams[stream_map.name] = _with_derived(stream_map.name, stream)
         notes += [f"{stream_map.name}: {entry}" for entry in dropped]
     header = rules.header
     streams, origin, chosen = to_ned(path, streams, header.origin)
@@ -135,9 +136,9 @@ def _wanted(rules: Map, file: str) -> set[str]:
     for stream in (*rules.streams, *([rules.reference] if rules.reference else [])):
         for quantity in stream.quantities.values():
             if (quantity.file or stream.file) == file:
-                names |= {*quantity.columns, stream.clock.column}
+                names |= {*quantity.columns, *quantity.minus, stream.clock.column, stream.clock.minus}
         if stream.file == file:
-            names |= {*(keep.column for keep in stream.keep), stream.clock.column}
+            names |= {*(keep.column for keep in stream.keep), stream.clock.column, stream.clock.minus}
     return names
 
 
@@ -187,12 +188,15 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
 
 
 def _table(log: _Log, file: str, quantity: Quantity, key: str) -> FloatArray:
-    """(n, columns) the readings of a quantity."""
-    columns = [log.column(file, name, key) for name in quantity.columns]
+    """(n, columns) the readings of a quantity, less what is taken off them."""
+    names = (*quantity.columns, *quantity.minus)
+    columns = [log.column(file, name, key) for name in names]
     if len({len(column) for column in columns}) > 1:
-        lengths = ", ".join(f"{name}: {len(c)}" for name, c in zip(quantity.columns, columns, strict=True))
+        lengths = ", ".join(f"{name}: {len(c)}" for name, c in zip(names, columns, strict=True))
         raise InputError(log.rules.path, f"columns of different length ({lengths})", "one length", key)
-    return np.stack(columns, axis=-1)
+    size = len(quantity.columns)
+    readings = np.stack(columns[:size], axis=-1)
+    return readings - np.stack(columns[size:], axis=-1) if quantity.minus else readings
 
 
 def _value(quantity: Quantity, readings: FloatArray) -> FloatArray:
@@ -231,12 +235,13 @@ def _time(log: _Log, clock: Clock, file: str, n: int, place: str) -> FloatArray:
     factor = UNITS["time"][clock.unit][0] if clock.rate is None else 1.0 / clock.rate
     if not clock.column:
         return (np.arange(n, dtype=np.float64) - clock.zero) * factor
-    shown = log.column(file, clock.column, f"{place} time")
-    if len(shown) != n:
-        raise InputError(log.rules.path, f"{len(shown)} times for {n} rows", "one length", f"{place} time")
+    shown, *taken_off = (log.column(file, name, f"{place} time") for name in (clock.column, clock.minus) if name)
+    for column in (shown, *taken_off):
+        if len(column) != n:
+            raise InputError(log.rules.path, f"{len(column)} times for {n} rows", "one length", f"{place} time")
     if clock.wrap is not None:
         shown = shown + clock.wrap * np.concatenate([[0.0], np.cumsum(np.diff(shown) < -0.5 * clock.wrap)])
-    t = (shown - clock.zero) * factor
+    t = (shown - sum(taken_off) - clock.zero) * factor
     return _evenly(t) if clock.even and n > 1 and np.all(np.isfinite(t)) else t
 
 
@@ -328,10 +333,18 @@ def _aligned(log: _Log, rules: StreamMap, first: Stream, part: Stream, file: str
     return Stream(first.t, {name: np.interp(first.t, part.t, values) for name, values in part.columns.items()})
 
 
-def _with_height(stream: Stream) -> Stream:
-    """A barometer that gives pressure alone: its height by the standard atmosphere."""
-    if "height" in stream or "pressure" not in stream or np.any(stream["pressure"] <= 0.0):
-        return stream
+def _with_derived(name: str, stream: Stream) -> Stream:
+    """A barometer that gives pressure alone: its height by the standard atmosphere. A sonar that gives the time of
+    flight alone: its range in air of its thermometer's temperature, else of the standard atmosphere at sea level.
+    """
     from sensors.atmosphere import height_from_pressure
+    from sensors.sonar import range_from_time_of_flight
 
-    return Stream(stream.t, {"height": height_from_pressure(stream["pressure"]), **stream.columns})
+    if name == "baro" and "height" not in stream and "pressure" in stream and not np.any(stream["pressure"] <= 0.0):
+        return Stream(stream.t, {"height": height_from_pressure(stream["pressure"]), **stream.columns})
+    if name == "sonar" and "range" not in stream and "time_of_flight" in stream:
+        degrees = stream["temperature"] if "temperature" in stream else SEA_LEVEL_TEMPERATURE - ZERO_CELSIUS
+        return Stream(
+            stream.t, {"range": range_from_time_of_flight(stream["time_of_flight"], degrees), **stream.columns}
+        )
+    return stream

@@ -65,6 +65,9 @@ def test_time_units_and_axes(tmp_path: Path) -> None:
         ("{ columns = [5, 6, 7], axes = [[0, 1, 0], [0, 0, 1], [2, 0, 0]] }", [2, 3, 2]),
         ("{ columns = [5, 6, 7], undo = { offset = [1, 1, 1], scale = [2, 1, 0.5] } }", [1, 3, 8]),
         ("{ columns = [5, 6, 7], counts = { zero = 1, per_unit = [2, 4, 8] } }", [0, 0.25, 0.25]),
+        ("{ columns = [5, 6, 7], minus = [4, 5, 5] }", [0, 1, 2]),
+        ("{ columns = [5, 6, 7], minus = [4, 5, 5], undo = { offset = 3, scale = 2 } }", [1.5, 2, 2.5]),
+        ('{ columns = [5, 6, 7], minus = [4, 5, 5], unit = "mGauss", axes = ["-x", "z", "y"] }', [0, 2e-3, 1e-3]),
     ],
 )
 def test_ways_to_a_value(tmp_path: Path, quantity: str, first: list[float]) -> None:
@@ -80,11 +83,39 @@ def test_ways_to_a_value(tmp_path: Path, quantity: str, first: list[float]) -> N
         ("{ column = 1, rate = 100 }", [0.0, 0.1, 0.2]),
         ("1", [0.0, 10.0, 20.0]),
         ("{ column = 1, even = true }", [0.0, 10.0, 20.0]),
+        ("{ column = 1, minus = 5 }", [-1.0, 6.0, 13.0]),
+        ('{ column = 1, minus = 5, unit = "ms", zero = 2 }', [-0.003, 0.004, 0.011]),
     ],
 )
 def test_clocks(tmp_path: Path, clock: str, t: list[float]) -> None:
     rules = f'kind = "poses"\n[streams.mag]\ntime = {clock}\nmag = [5, 6, 7]\n'
     np.testing.assert_allclose(read(tmp_path, rules).streams["mag"].t, t, atol=1e-12)
+
+
+def test_a_covariate_is_written_as_a_quantity_is(tmp_path: Path) -> None:
+    rules = "[streams.poses.covariates]\nplain = 5\nleft = { columns = 7, minus = 5, counts = { zero = 1 } }\n"
+    poses = read(tmp_path, MAG_POSES + rules).streams["poses"]
+    assert poses["plain"].tolist() == [1, 4, 7]
+    assert poses["left"].tolist() == [1, 1, 1]
+
+
+def test_a_difference_that_stays_is_held(tmp_path: Path) -> None:
+    text = "0 5 1\n1 6 2\n2 7 3\n3 9 4\n"
+    rules = 'kind = "flight"\n[streams.baro]\ntime = 1\nheight = { columns = 2, minus = 3 }\ndrop = ["held value"]\n'
+    baro = read(tmp_path, rules, text).streams["baro"]
+    assert baro["height"].tolist() == [4, 5]
+    assert baro.t.tolist() == [0, 3]
+
+
+def test_a_sonar_s_time_of_flight_is_a_range(tmp_path: Path) -> None:
+    """c = 343.2 m/s at 20 degC (CRC Handbook), there and back; without a thermometer that of 15 degC, 340.3 m/s."""
+    rules = 'kind = "flight"\n[streams.sonar]\ntime = 1\ntime_of_flight = { columns = 2, unit = "us" }\n'
+    text = "0 10000 20\n1 20000 20\n"
+    np.testing.assert_allclose(read(tmp_path, rules, text).streams["sonar"]["range"], [1.7015, 3.403], atol=1e-3)
+    warm = read(tmp_path, rules + "temperature = 3\n", text).streams["sonar"]
+    np.testing.assert_allclose(warm["range"], [1.716, 3.432], atol=1e-3)
+    both = read(tmp_path, rules + "range = 3\n", text).streams["sonar"]
+    assert both["range"].tolist() == [20.0, 20.0]
 
 
 def test_clock_that_starts_again(tmp_path: Path) -> None:
@@ -327,6 +358,9 @@ quaternion = { columns = [8, 9, 10, 11], enu = true, axes = ["x", "-y", "-z"] }
         (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], undo = { scale = 0 } }"), "not zero"),
         (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], undo = { scale = [1, 2] } }"), "a list of 3 numbers"),
         (MAG_POSES.replace("[5, 6, 7]", '{ columns = [5, 6, 7], file = "x" }'), "a name of [files]"),
+        (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], minus = [1, 2] }"), "minus"),
+        (MAG_POSES.replace("[5, 6, 7]", "{ columns = [5, 6, 7], minus = [1, 2, 9] }"), "column `9`"),
+        (MAG_POSES + "[streams.poses.covariates]\nx = [5, 6]\n", "[streams.poses.covariates] x"),
         (MAG_POSES.replace("mag =", 'drop = ["zeroes"]\nmag ='), '"zeros"'),
         (MAG_POSES.replace("mag =", "keep = 3\nmag ="), "a table or a list of tables"),
         (MAG_POSES.replace("mag =", "time = { rate = 0 }\nmag ="), "above 0"),
