@@ -161,7 +161,11 @@ def simulate_to_folder(
         raise InputError("--effect", f"{max(names, key=names.count)} twice", "each effect once")
     for note in filter(None, map(interval_note, present)):
         tell(note)
-    recording, truth = simulate(load_scenario(scenario), np.random.default_rng(seed), present, declare)
+    flown = load_scenario(scenario)
+    recording, truth = simulate(flown, np.random.default_rng(seed), present, declare)
+    for name in () if flown.static else flown.sensors:
+        if name not in ("accel", "gyro") and name not in recording.streams:
+            tell(f"{name}: no reading arrives, all are out of range, lost or in a drop-out: the recording has none")
     m_n = recording.environment.magnetic_field
     field = 1.0 if m_n is None else float(np.linalg.norm(m_n))
     for note in filter(None, (size_note(entry, field) for entry in present)):

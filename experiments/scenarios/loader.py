@@ -13,7 +13,7 @@ import numpy as np
 
 from sensors.earth import normal_gravity
 from sensors.errors import InputError
-from sensors.formats.header import SENSOR_KEYS
+from sensors.formats.header import SENSOR_KEYS, scan_angles
 from sensors.formats.toml_table import Table
 from sensors.geomagnetism import earth_field
 from sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
@@ -249,7 +249,9 @@ def _sensors(table: Table) -> dict[str, Instrument]:
 def _instrument(table: Table, name: str) -> Instrument:
     spec: dict[str, object] = {}
     for key in SENSOR_KEYS[name]:
-        if key in ("angles", "base_position"):
+        if key == "angles":
+            spec[key] = scan_angles(table)
+        elif key == "base_position":
             spec[key] = table.vector(key)
         elif key != "imu_samples":
             spec[key] = table.number(key, at_least=0.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sensors.arrays import FloatArray
 from sensors.formats.toml_table import Table
 from sensors.recording import Environment, Initial, SensorSpec
 
@@ -114,10 +115,27 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
             values[key] = table.number(key, at_least=0.0)
         elif key == "imu_samples":
             values[key] = table.text(key, ("instant", "average")) or "instant"
+        elif key == "angles":
+            values[key] = scan_angles(table)
         else:
-            values[key] = table.vector(key, 3 if key == "base_position" else None)
+            values[key] = table.vector(key, 3)
     table.done()
     return SensorSpec(**values)  # type: ignore[arg-type]
+
+
+def scan_angles(table: Table) -> FloatArray | None:
+    """(beams,) `angles` of a scan from body down [rad]; None where the key is missing.
+
+    Raises
+    ------
+    InputError : a beam that does not point below the body's own horizon, as numbers in degrees do
+    """
+    angles = table.vector("angles")
+    if angles is not None and np.max(np.abs(angles)) >= np.pi / 2:
+        found = angles[np.argmax(np.abs(angles) >= np.pi / 2)]
+        expected = "angles in rad from body down, beyond -1.5708 and below 1.5708 (90 deg)"
+        raise table.error("angles", f"{found:g}", expected)
+    return angles
 
 
 def _effects(table: Table) -> dict[str, tuple[float, ...]]:

@@ -42,6 +42,9 @@ def test_the_field_and_gravity_are_those_of_the_place() -> None:
         ('like = "hover"\nwithot = ["gps"]', "without"),
         ('like = "hover"\n[sensors.mag]\nnoise_sdt = 1.0', "noise_std"),
         ('like = "hover"\n[sensors.mag]\nrate = -5.0', "above 0"),
+        ('like = "hover"\n[sensors.laser]\nangles = [-20.0, 0.0, 20.0]', "angles: -20; expected angles in rad"),
+        ('like = "hover"\n[sensors.laser]\nangles = [0.0, 1.58]', "beyond -1.5708 and below 1.5708 (90 deg)"),
+        ('like = "hover"\n[sensors.sonar]\nsoftness = 1.5', "at most 1"),
         ('like = "hover"\n[sensors.gps]\ndropouts = [[5, 3]]', "start, end"),
         ('like = "hover"\n[[manoeuvre]]\nkind = "loop"\nduration = 3.0', "figure_eight"),
         ('like = "hover"\n[[manoeuvre]]\nkind = "hold"', "duration"),
@@ -130,6 +133,17 @@ def test_the_remark_on_the_size_is_told(tmp_path: Path) -> None:
     told: list[str] = []
     simulate_to_folder("mag_poses", tmp_path / "run", ["mag.cross_axis=30,0,0"], tell=told.append)
     assert len(told) == 1
+
+
+def test_a_sensor_without_a_reading_is_told(tmp_path: Path) -> None:
+    (tmp_path / "high.toml").write_text('like = "hover"\nstart = [0.0, 0.0, -9.0, 0.0]\n')
+    told: list[str] = []
+    simulate_to_folder(tmp_path / "high.toml", tmp_path / "run", tell=told.append)
+    assert not (tmp_path / "run" / "sonar.csv").exists()
+    assert [note for note in told if note.startswith("sonar: ")]
+    told.clear()
+    simulate_to_folder("hover", tmp_path / "low", tell=told.append)
+    assert not told
 
 
 def test_only_a_recording_written_before_is_replaced_and_only_on_demand(tmp_path: Path) -> None:

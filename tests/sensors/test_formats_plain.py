@@ -192,6 +192,7 @@ def test_faulty_header_is_named(tmp_path: Path, header: str, expected: str) -> N
             "[sensors.accel] noise_density: 0; expected a number above 0",
         ),
         (FLIGHT + "[sensors.mag]\nnoise_std = -1\n", "[sensors.mag] noise_std: -1"),
+        (FLIGHT + "[sensors.laser]\nangles = [-0.1, 20]\n", "[sensors.laser] angles: 20; expected angles in rad"),
         (FLIGHT + "[sensors.mag]\nbias_walk = -1\n", "[sensors.mag] bias_walk: -1"),
         (FLIGHT + '[sensors.mag]\nnoise_std = "1"\n', "noise_std: '1'; expected a number"),
         (FLIGHT + "[sensors.mag]\nnoise_std = nan\n", "noise_std: nan"),
