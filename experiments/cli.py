@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -370,10 +371,18 @@ def _numbers(text: str) -> list[str]:
         return []
 
 
+def _leave_warnings_to_developers() -> None:
+    """Say no warning of a library, here or in a worker process, unless `python -W` or PYTHONWARNINGS ask for them."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+        os.environ["PYTHONWARNINGS"] = "ignore"
+
+
 def main() -> None:
     """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
     from sensors.errors import InputError
 
+    _leave_warnings_to_developers()
     try:
         _require_whole_effects(sys.argv[1:])
         app(_spread(sys.argv[1:]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +18,7 @@ from sensors.errors import InputError
 
 
 def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "experiments", *arguments]
+    command = [sys.executable, "-W", "error::RuntimeWarning", "-m", "experiments", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
 
 
@@ -34,6 +35,41 @@ def test_help_imports_no_numerics() -> None:
     code = f"import experiments.cli, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+#: A command that warns itself and in a worker, as NumPy does of a number that is none.
+WARNS = """
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+import numpy as np
+from experiments import cli, labs
+
+def run(name, out):
+    np.array([0.0]) / 0.0
+    for method in ("spawn", "forkserver"):
+        with ProcessPoolExecutor(1, mp_context=get_context(method)) as pool:
+            print(pool.submit(np.log, np.array([0.0])).result())
+
+if __name__ == "__main__":
+    labs.run = run
+    sys.argv = ["sinan", "lab", "heading"]
+    cli.main()
+"""
+
+
+@pytest.mark.parametrize(("options", "shown"), [([], 0), (["-W", "default"], 3)], ids=["a user", "a developer"])
+def test_warnings_of_libraries_reach_no_user(tmp_path: Path, options: list[str], shown: int) -> None:
+    script = tmp_path / "warns.py"
+    script.write_text(WARNS)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, *options, str(script)]
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, cwd=tmp_path, env=environment, check=True
+    )
+    assert result.stdout.split() == ["[-inf]", "[-inf]"]
+    assert result.stderr.count("RuntimeWarning") == shown
+    assert shown or not result.stderr
 
 
 def test_answer_lies_beside_the_folder_and_not_in_it(poses: Path) -> None:
