@@ -322,11 +322,21 @@ def blind(
     world: Annotated[World, typer.Option(help="noise as declared, rough, or each half of the time")] = World.mixed,
     workers: Annotated[int, typer.Option(help="processes", min=1)] = 1,
     html: Html = None,
+    measured: Annotated[bool, typer.Option("--measured", help="put effects into minutes of measured logs")] = False,
+    logs: Annotated[
+        list[str] | None, typer.Option(help="measured: one log, by its name or DATASET/FILE; may be given again")
+    ] = None,
+    table: Annotated[Path | None, typer.Option(help="measured: file for the page, Markdown", metavar="FILE")] = None,
 ) -> None:
     """Trace recordings whose effects are sealed, then open the answers: rates with their intervals."""
+    _require_place_for(out)
+    if measured:
+        from experiments.blind.measured.command import run as run_measured
+
+        _say(lambda: run_measured(out, runs, seed, logs or [], workers, table), None, None, table=table)
+        return
     from experiments.blind.command import run
 
-    _require_place_for(out)
     _say(lambda: run(out, runs, seed, world.value, workers, html), None, html)
 
 

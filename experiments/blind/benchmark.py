@@ -68,7 +68,7 @@ def one(out: Path, name: str) -> Grade:
     """Trace one recording and grade the report; what is there already is read."""
     recordings, path = out / "recordings", out / REPORTS / f"{name}.json"
     answer = hashlib.sha256((answers_folder(recordings) / name / ANSWER_FILE).read_bytes()).hexdigest()
-    kept = _kept(path)
+    kept = kept_in(path)
     if kept.get("answer") == answer:
         return graded(kept["grade"])
     try:
@@ -81,8 +81,8 @@ def one(out: Path, name: str) -> Grade:
     return result
 
 
-def _kept(path: Path) -> dict[str, Any]:
-    """What an earlier run has left of a recording; nothing where it was stopped while it wrote."""
+def kept_in(path: Path) -> dict[str, Any]:
+    """What an earlier run has left in a file; nothing where it was stopped while it wrote."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):

@@ -105,9 +105,8 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
     document : report of the trace
     """
     answer = json.loads((answers_folder(runs) / name / ANSWER_FILE).read_text(encoding="utf-8"))
-    named = [(e["name"], e["interval"], np.array(e["beta"]), np.array(e["std"], dtype=float)) for e in
-             document["effects"]]  # fmt: skip
-    names = tuple(dict.fromkeys(e[0] for e in named))
+    named = effects_of(document)
+    names = names_of(named)
     hidden = tuple(e["name"] for e in answer["effects"])
     allowed = {*hidden, *answer["also_true"]}
     outside = answer["outside"]
@@ -139,6 +138,40 @@ def grade(runs: Path, name: str, document: Mapping[str, Any]) -> Grade:
         np.nan if outside is None else float(outside["strength"]), float(document["cpu_seconds"]),
         float(answer["duration"]),
     )  # fmt: skip
+
+
+#: An effect as a report names it: name, interval, beta, std.
+Named = tuple[str, Sequence[float] | None, FloatArray, FloatArray]
+
+
+def effects_of(document: Mapping[str, Any]) -> list[Named]:
+    """The effects of a report, in order of discovery."""
+    return [
+        (e["name"], e["interval"], np.array(e["beta"]), np.array(e["std"], dtype=float)) for e in document["effects"]
+    ]
+
+
+def names_of(named: Sequence[Named]) -> tuple[str, ...]:
+    """Their names, each once."""
+    return tuple(dict.fromkeys(e[0] for e in named))
+
+
+def is_same(name: str, interval: Sequence[float] | None, other: Named) -> bool:
+    """Whether a named effect is the one that is asked for: the same name, at the same time where it has one."""
+    local = interval is not None and not name.endswith(".outliers")
+    return other[0] == name and (not local or _overlap(interval or (), other[1]))
+
+
+def deviation(estimate: FloatArray, truth: FloatArray, std: FloatArray) -> float | None:
+    """|estimate - truth| as a normal number of the same p-value; None where the estimate has no sigma."""
+    from scipy import stats
+
+    seen = np.isfinite(std) & (std > 0)
+    if not np.any(seen):
+        return None
+    z = float(np.max(np.abs(estimate - truth)[seen] / std[seen], initial=0.0))
+    p = 1.0 - (1.0 - 2.0 * stats.norm.sf(z)) ** max(int(np.sum(seen)), 1)
+    return float(stats.norm.isf(p / 2.0)) if p > 0 else z
 
 
 def _term(name: str, interval: Sequence[float] | None) -> Term:
@@ -249,24 +282,13 @@ class _Truth:
             found[term.name] = tuple(own.name for own in self.in_mean if _in_one_class(evidence, own.key, term.key))
         return found
 
-    def deviations(self, named: Sequence[tuple[str, Any, FloatArray, FloatArray]]) -> tuple[float, ...]:
+    def deviations(self, named: Sequence[Named]) -> tuple[float, ...]:
         """|beta - truth| of each hidden effect that was named, as a normal number of the same p-value."""
-        from scipy import stats
-
         found = []
         for term, beta in self.terms.items():
-            for name, interval, estimate, std in named:
-                if name != term.name or not term.in_mean:
-                    continue
-                if term.interval is not None and not _overlap(term.interval, interval):
-                    continue
-                seen = np.isfinite(std) & (std > 0)
-                if not np.any(seen):  # it does not say
-                    break
-                z = np.max(np.abs(estimate - beta)[seen] / std[seen], initial=0.0)
-                p = 1.0 - (1.0 - 2.0 * stats.norm.sf(z)) ** max(int(np.sum(seen)), 1)
-                found.append(float(stats.norm.isf(p / 2.0)) if p > 0 else float(z))
-                break
+            same = next((e for e in named if term.in_mean and is_same(term.name, term.interval, e)), None)
+            z = None if same is None else deviation(same[2], beta, same[3])
+            found += [] if z is None else [z]
         return tuple(found)
 
     def held_out_ratio(self, error: Mapping[str, Any]) -> float:

@@ -68,7 +68,7 @@ def _of_world(grades: Sequence[Grade]) -> dict[str, Any]:
         WRONG: _rate(hidden, lambda g: bool(g.wrong_outside_class)),
         ALARM: _rate([g for g in grades if g.what == "none"], lambda g: bool(g.wrong)),
         OUTSIDE: _rate(outside, lambda g: g.verdict == "unexplained" or (bool(g.named) and not g.wrong)),
-        BETA: _count(sum(value < SIGMAS for value in z), len(z)),
+        BETA: count(sum(value < SIGMAS for value in z), len(z)),
         HELD_OUT: {"value": float(np.quantile(ratios, 0.9)) if ratios else None, "n": len(ratios)},
         TIME: {"value": float(np.quantile(pace, 0.9)) if pace else None, "n": len(pace)},
     }
@@ -80,10 +80,11 @@ def right(g: Grade) -> bool:
 
 
 def _rate(grades: Sequence[Grade], holds: Callable[[Grade], bool]) -> dict[str, Any]:
-    return _count(sum(holds(g) for g in grades), len(grades))
+    return count(sum(holds(g) for g in grades), len(grades))
 
 
-def _count(k: int, n: int) -> dict[str, Any]:
+def count(k: int, n: int) -> dict[str, Any]:
+    """k of n as a rate with its interval."""
     if n == 0:
         return {"k": 0, "n": 0, "rate": None, "interval": None}
     return {"k": int(k), "n": n, "rate": k / n, "interval": list(clopper_pearson(int(k), n))}

@@ -68,6 +68,8 @@ COVARIATES: Mapping[str, float] = {"current": 0.5, "motors": 0.4, "airspeed": 0.
 #: Farthest echo of a range finder [m], and the least share of the flight within it.
 FARTHEST: Mapping[str, float] = {"sonar": 12.0, "laser": 45.0}
 ECHO_SHARE = 0.5
+#: Supply current without thrust, and that which goes with it [A].
+IDLE, LOAD = (0.3, 1.5), (6.0, 25.0)
 #: Errors of what is logged beside the sensors.
 CURRENT_NOISE, AIRSPEED_NOISE, TEMPERATURE_NOISE = 0.03, 0.05, 0.02
 
@@ -137,8 +139,8 @@ def draw_scene(
             ground_down=0.0,
             temperature_imu=draw_warm_up(rng),
             temperature_baro=draw_warm_up(rng),
-            idle=float(rng.uniform(0.3, 1.5)),
-            load=log_uniform(rng, 6.0, 25.0),
+            idle=float(rng.uniform(*IDLE)),
+            load=log_uniform(rng, *LOAD),
             payload=draw_payload(rng),
             vibration=draw_vibration(rng, length) if "vibration" in has else None,
         )

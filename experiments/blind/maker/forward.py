@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.blind.maker.body import Body
-from experiments.blind.maker.scene import Scene
+from experiments.blind.maker.scene import Surroundings
 from experiments.blind.maker.turning import cross_rows, exp_rotation, rot_z
 from sensors.arrays import FloatArray
 from sensors.constants import REFERENCE_TEMPERATURE
@@ -29,7 +29,7 @@ class Seen:
     """
 
     body: Body
-    scene: Scene
+    scene: Surroundings
     plain: FloatArray
     temperature: FloatArray
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from experiments.blind.maker.body import Body
 from experiments.blind.maker.forward import Forward, Seen, diagonal, warm
-from experiments.blind.maker.scene import Scene
+from experiments.blind.maker.scene import Surroundings
 from experiments.blind.maker.turning import rot_x, rot_y
 from sensors.arrays import FloatArray
 
@@ -72,7 +72,7 @@ def laser_boresight(b: FloatArray, seen: Seen) -> FloatArray:
 
 
 def beam_range(
-    body: Body, scene: Scene, beam_b: object = (0.0, 0.0, 1.0), slope: FloatArray | None = None
+    body: Body, scene: Surroundings, beam_b: object = (0.0, 0.0, 1.0), slope: FloatArray | None = None
 ) -> FloatArray:
     """(n,) slant range to a plane: p_d + r d_d = ground - b0 (p_n + r d_n) - b1 (p_e + r d_e)."""
     d = body.to_ned(np.asarray(beam_b, dtype=np.float64))

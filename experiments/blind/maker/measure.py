@@ -124,11 +124,13 @@ def belonging(plan: Plan, sensor: str, t: FloatArray, with_outside: bool = True)
 
 
 def local_offset(
-    rng: np.random.Generator, plan: Plan, sensor: str, t: FloatArray, sigma: FloatArray
+    rng: np.random.Generator, hidden: Sequence[Hidden], t: FloatArray, sigma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, k) what steps, transients and outliers add; of that the outliers. A receiver keeps its velocities."""
+    """(n, k) what steps, transients and outliers of a stream add; of that the outliers. A receiver keeps its
+    velocities.
+    """
     offset, wrong = np.zeros((len(t), len(sigma))), np.zeros((len(t), len(sigma)))
-    for effect in plan.of_stream(sensor):
+    for effect in hidden:
         if effect.effect not in LOCAL_KINDS or effect.interval is None:
             continue
         if effect.effect == "outliers":
@@ -159,7 +161,7 @@ def report(
     bias = random_walk(rng, t, instrument, min(size, 3)) if bias is None else bias
     error = white(rng, len(t), factor * sigma)
     error[:, : bias.shape[1]] += bias
-    offset, wrong = local_offset(rng, plan, sensor, t, sigma)
+    offset, wrong = local_offset(rng, plan.of_stream(sensor), t, sigma)
     error += offset
     error += isolated(rng, len(t), rough.outliers.get(sensor, 0.0), sigma, OUTLIER_SIZE)
     if sensor == "gps" and rough.colour is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -14,6 +15,39 @@ from sensors.arrays import FloatArray
 HOVER_THROTTLE = 0.45
 #: Momentum theory: power, and at constant voltage current, goes with thrust^(3/2).
 POWER_EXPONENT = 1.5
+
+
+class Shaking(Protocol):
+    """A vibration."""
+
+    def variance(self, t: FloatArray) -> FloatArray:
+        """(n, 3) P (m/s^2)^2."""
+
+
+class Surroundings(Protocol):
+    """What the effects need of a scene: drawn, or as a log has it."""
+
+    @property
+    def motion(self) -> Motion:
+        """What moves."""
+
+    @property
+    def field_n(self) -> FloatArray:
+        """(3,) NED, in the magnetometer's unit."""
+
+    @property
+    def ground_down(self) -> float:
+        """Down coordinate of the ground [m]."""
+
+    @property
+    def vibration(self) -> Shaking | None:
+        """Of the airframe."""
+
+    def current(self, body: Body) -> FloatArray:
+        """(n,) supply current [A]."""
+
+    def throttle(self, body: Body) -> FloatArray:
+        """(n, motors) 0 to 1."""
 
 
 @dataclass(frozen=True)

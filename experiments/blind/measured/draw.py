@@ -1,0 +1,114 @@
+"""What is put into a measured minute, drawn whatever a tracer says; how large it is, the report of the control says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from experiments.blind.maker.catalogue import (
+    CATALOGUE,
+    LOCAL_STREAMS,
+    OUTLIER_SHARE,
+    Hidden,
+    draw_interval,
+    log_uniform,
+)
+from experiments.blind.maker.turning import random_direction
+from experiments.blind.measured.minute import Minute, lasting, local, wander_of
+from sensors.arrays import FloatArray
+
+#: Sizes of lasting effects in units of what the control's report says is detectable.
+SIZES = (0.5, 1.0, 2.0, 4.0)
+#: A step or transient of size one is so many times as far off as its stream wanders while it lasts.
+OF_WANDER = 10.0
+#: How often the effect is a lasting one.
+LASTING = 0.6
+#: What became of a draw: an effect was put in; the control's report says that no size of it is visible, or does not ask
+#: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`).
+PUT, NOT_VISIBLE, BEYOND = "put", "not visible", "beyond what occurs"
+
+
+@dataclass(frozen=True)
+class Order:
+    """One effect for one minute.
+
+    Attributes
+    ----------
+    run : number of the draw
+    name : of the effect
+    size : of `SIZES`
+    direction : (parameters,) of beta, of norm one; of outliers their share
+    interval : (from, to) [s] of a time-localised effect, else None
+    """
+
+    run: int
+    name: str
+    size: float
+    direction: FloatArray
+    interval: tuple[float, float] | None
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether it acts all the time."""
+        return self.name in CATALOGUE
+
+
+def draw(seed: int, run: int, minute: Minute) -> Order:
+    """Effect, size, direction and interval of draw `run` of a seed for a minute."""
+    rng = np.random.default_rng([seed, run])
+    names = lasting(minute) if rng.uniform() < LASTING else local(minute)
+    name, size = str(rng.choice(names)), float(rng.choice(SIZES))
+    if name in CATALOGUE:
+        direction = random_direction(rng, CATALOGUE[name].parameters)
+        return Order(run, name, size, np.abs(direction) if CATALOGUE[name].positive else direction, None)
+    stream, what = name.split(".")
+    interval = draw_interval(rng, what, minute.begin, minute.end, poses=False)
+    if what == "outliers":
+        return Order(run, name, size, np.array([log_uniform(rng, *OUTLIER_SHARE)]), interval)
+    return Order(run, name, size, random_direction(rng, LOCAL_STREAMS[stream][0]), interval)
+
+
+def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hidden | None, str]:
+    """The effect at its size, or None and why not.
+
+    Lasting: beta = size u min_i(d_i / |u_i|) with d_i from what size on the control's report says that component i
+    would be found: of the component that is seen best it is `size` times that. Steps and transients: 10 size w_i u_i,
+    w_i the wander of component i over the length. Outliers: their share, as it was drawn.
+
+    Parameters
+    ----------
+    control : report of the trace of the untouched minute
+    """
+    if order.is_lasting:
+        beta = order.size * lasting_unit(order, control)
+        field = float(np.linalg.norm(minute.around.field_n)) if CATALOGUE[order.name].of_field else 1.0
+        if not np.all(np.isfinite(beta)):
+            return None, NOT_VISIBLE
+        if np.linalg.norm(beta) > CATALOGUE[order.name].high * field:
+            return None, BEYOND
+        return Hidden(order.name, beta), PUT
+    if order.name.endswith(".outliers"):
+        return Hidden(order.name, order.direction, order.interval), PUT
+    assert order.interval is not None
+    unit = OF_WANDER * wander_of(minute, order.name.split(".")[0], order.interval[1] - order.interval[0])
+    beta = order.size * unit * order.direction
+    return (Hidden(order.name, beta, order.interval), PUT) if np.any(beta) else (None, NOT_VISIBLE)
+
+
+def lasting_unit(order: Order, control: Mapping[str, Any]) -> FloatArray:
+    """(parameters,) beta of an effect that is just detectable in its direction; infinite where it is not visible."""
+    least = detectable(control).get(order.name)
+    if least is None:
+        return np.full(len(order.direction), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(order.direction * np.min(least / np.abs(order.direction)))
+
+
+def detectable(control: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """By lasting effect, (parameters,) from what size on each component would be found; infinite where it is not."""
+    asked = [c for c in control.get("candidates", ()) if c["name"] in CATALOGUE and c["detectable_from"]]
+    sizes = {c["name"]: np.array(c["detectable_from"], dtype=np.float64) for c in asked}
+    return {name: np.where(np.isfinite(size), size, np.inf) for name, size in sizes.items()}

@@ -1,0 +1,72 @@
+"""The grade of one minute: what was put in against what is named, beside the control."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.blind.grade import deviation, effects_of, is_same, names_of
+from experiments.blind.maker.catalogue import Hidden
+
+
+@dataclass(frozen=True)
+class MinuteGrade:
+    """One minute with an effect in it.
+
+    Attributes
+    ----------
+    named, control : names that the report of the minute has, and that of its control
+    verdict, control_verdict : of both
+    right : the effect is named; of a time-localised one at its time
+    in_class : it is named, or said to be confused with what is named
+    known : the control names it too
+    further : names that are neither the effect nor in the control
+    lost : names of the control that are gone
+    z : |beta less the control's, less what was put in| in sigma, as a normal number; None where it is not named or has
+        no sigma, and of outliers
+    seconds : CPU time a minute
+    """
+
+    named: tuple[str, ...]
+    control: tuple[str, ...]
+    verdict: str
+    control_verdict: str
+    right: bool
+    in_class: bool
+    known: bool
+    further: tuple[str, ...]
+    lost: tuple[str, ...]
+    z: float | None
+    seconds: float
+
+
+def grade(hidden: Hidden, document: Mapping[str, Any], control: Mapping[str, Any], seconds: float) -> MinuteGrade:
+    """Compare a report with what was put in and with the control's report.
+
+    Parameters
+    ----------
+    document, control : reports of the traces of the minute with the effect and of the untouched one
+    seconds : CPU time a minute
+    """
+    found, before = effects_of(document), effects_of(control)
+    names, names_before = names_of(found), names_of(before)
+    own = next((e for e in found if is_same(hidden.name, hidden.interval, e)), None)
+    own_before = next((e for e in before if is_same(hidden.name, hidden.interval, e)), None)
+    confused = {name for effect in document["effects"] for name in effect["confused_with"]}
+    z = None
+    if own is not None and not hidden.name.endswith(".outliers"):
+        z = deviation(own[2] - (0.0 if own_before is None else own_before[2]), hidden.beta, own[3])
+    return MinuteGrade(
+        named=names,
+        control=names_before,
+        verdict=str(document["verdict"]),
+        control_verdict=str(control["verdict"]),
+        right=own is not None,
+        in_class=own is not None or hidden.name in confused,
+        known=own_before is not None,
+        further=tuple(name for name in names if name not in {*names_before, hidden.name}),
+        lost=tuple(name for name in names_before if name not in names),
+        z=z,
+        seconds=seconds,
+    )

@@ -1,0 +1,504 @@
+"""Effects put into measured minutes: the readings, the draw, the grade, the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
+from experiments.blind.maker.drawing import draw_warm_up
+from experiments.blind.maker.flight_recording import as_streams, draw_payload, draw_vibration, report_sensors
+from experiments.blind.maker.flights import draw_multirotor
+from experiments.blind.maker.instruments import Instrument, specs
+from experiments.blind.maker.measure import DELAYS, Plan, clean_reading
+from experiments.blind.maker.scene import Scene
+from experiments.blind.measured import benchmark
+from experiments.blind.measured.command import named
+from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
+from experiments.blind.measured.grade import grade
+from experiments.blind.measured.minute import (
+    Minute,
+    added,
+    lasting,
+    local,
+    minute_of,
+    put,
+    rng_of,
+    seen_by,
+    wander_of,
+)
+from experiments.blind.measured.page import (
+    BETA,
+    FURTHER,
+    IN_CLASS,
+    LOCAL,
+    LOCAL_ANY,
+    LOST,
+    OUTLIERS,
+    RIGHT,
+    RIGHT_ANY,
+    against,
+    page,
+    rates,
+    sizes_of,
+)
+from experiments.blind.measured.surroundings import Shaken
+from experiments.blind.measured.wander import imu_wander, wander
+from experiments.measured.flights import LOGS
+from experiments.measured.minutes import between, lively_starts
+from sensors.arrays import FloatArray
+from sensors.covariates import covariates_for
+from sensors.effects import effect
+from sensors.errors import InputError
+from sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
+from sensors.vibration import vibration_power
+
+SEED, LENGTH = 3, 72.0
+#: What the log's own motion makes of an effect, over what it is: the share that its errors may spoil.
+BY_ESTIMATE = 0.1
+PER_MILLE, ROUNDING = 1e-3, 1e-9
+#: A size of each effect of the catalogue: in the middle of what the blind maker draws.
+SHAKING = "accel.vibration"
+LASTING = [name for name in CATALOGUE if name.split(".")[1] not in DELAYS and name != SHAKING]
+LATE = [name for name in CATALOGUE if name.split(".")[1] in DELAYS]
+
+
+def beta_of(name: str, field: float) -> FloatArray:
+    """Parameters of a size that occurs, all of them different."""
+    entry = CATALOGUE[name]
+    size = float(np.sqrt(entry.low * entry.high)) * (field if entry.of_field else 1.0)
+    return size * np.linspace(1.0, 0.4, entry.parameters)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    """A flight near the ground with quiet instruments of every kind."""
+    rng = np.random.default_rng(SEED)
+    scene = Scene(
+        draw_multirotor(rng, "figure_eight", LENGTH, 9.8, True, True), 0.0, LENGTH, 9.8, np.array([0.5, 0.1, 0.7]), 0.0,
+        draw_warm_up(rng), draw_warm_up(rng), 1.0, 10.0, draw_payload(rng),
+    )  # fmt: skip
+    instruments = {
+        "accel": Instrument(200.0, 0.01, 1e-5, 0.01), "gyro": Instrument(200.0, 1e-3, 1e-6, 1e-3),
+        "mag": Instrument(50.0, 1e-3, 1e-6, 1e-3), "baro": Instrument(20.0, 0.05, 1e-3, 0.1),
+        "sonar": Instrument(20.0, 0.01, 0.0, 0.0), "laser": Instrument(20.0, 0.01, 0.0, 0.0),
+        "gps": Instrument(10.0, 0.05, 0.0, 0.0, 0.02),
+    }  # fmt: skip
+    return Plan(scene, instruments)
+
+
+@pytest.fixture(scope="module")
+def recording(plan: Plan) -> Recording:
+    rng = np.random.default_rng(SEED)
+    has = {"temperature_imu", "temperature_baro", "current", "motors", "airspeed"}
+    streams = as_streams(rng, report_sensors(rng, plan), plan, has)
+    scene = plan.scene
+    return Recording(
+        "flown",
+        "flight",
+        streams,
+        specs(plan.instruments),
+        Environment(scene.gravity, scene.field_n, scene.ground_down),
+    )
+
+
+@pytest.fixture(scope="module")
+def minute(recording: Recording) -> Minute:
+    return minute_of(recording, np.random.default_rng(SEED))
+
+
+def moved(values: FloatArray) -> FloatArray:
+    """Without what a bias takes up."""
+    return values - values.mean(axis=0)
+
+
+# ---- readings
+
+
+@pytest.mark.parametrize("name", LASTING)
+def test_an_effect_is_what_the_blind_maker_makes(plan: Plan, minute: Minute, name: str) -> None:
+    """The maker knows the true motion, the minute what its readings say of it."""
+    hidden = Hidden(name, beta_of(name, 0.87))
+    sensor = hidden.stream
+    t = minute.recording.streams[minute.columns(sensor)[0]].t
+    size = minute.reading(sensor).shape[1]
+    true = clean_reading(replace(plan, hidden=[hidden]), sensor, t, size) - clean_reading(plan, sensor, t, size)
+    found = added(minute, hidden, np.random.default_rng(0))
+    inside = (t > minute.begin) & (t < minute.end)
+    miss = moved(found[inside]) - moved(true[inside])
+    assert np.sqrt(np.mean(miss**2)) < BY_ESTIMATE * np.sqrt(np.mean(moved(true[inside]) ** 2)) + ROUNDING
+
+
+@pytest.mark.parametrize("name", LASTING)
+def test_an_effect_is_what_the_project_declares(minute: Minute, name: str) -> None:
+    """Along one motion the forms of both agree; a lag is integrated in two ways."""
+    sensor, entry, beta = name.split(".")[0], effect(name), beta_of(name, 0.87)
+    seen = seen_by(minute, sensor)
+    t = minute.recording.streams[minute.columns(sensor)[0]].t
+    covariates = covariates_for(minute.recording, sensor, t)
+    motion = replace(minute.around.estimate.at(t), covariates=covariates, p_n=seen.body.p)
+    own = {"accel": "f_b", "gyro": "w_ib_b", "mag": "m_b"}.get(sensor)
+    if own and name not in ("accel.lever_arm", "mag.declination"):  # of the reading, not of the motion
+        motion = replace(motion, **{own: seen.plain}, m_n=np.empty((0, 3)))
+    expected = entry.apply(seen.plain, beta, motion) - seen.plain
+    found = added(minute, Hidden(name, beta), np.random.default_rng(0))
+    inside = (t > minute.begin) & (t < minute.end)
+    share = PER_MILLE if name == "baro.lag" else ROUNDING
+    assert np.max(np.abs(found - expected)[inside]) < share * (1.0 + np.max(np.abs(expected)))
+
+
+def test_vibration_is_the_variance_of_what_is_quick() -> None:
+    """Of a flight that shakes: as it was drawn, and as the project measures it, but for a constant."""
+    rng = np.random.default_rng(5)
+    shake, t = draw_vibration(rng, LENGTH), np.arange(0.0, LENGTH, 0.005)
+    f_b = 0.3 * np.sin(2.0 * t)[:, None] + [0.0, 0.0, -9.8] + shake.signal(t) + 0.02 * rng.normal(size=(len(t), 3))
+    found = Shaken.of(Stream(t, dict(zip(ACCEL, f_b.T, strict=True)))).variance(t)
+    for other in (shake.variance(t), vibration_power(t, f_b)):
+        miss, whole = moved(found)[200:-200] - moved(other)[200:-200], moved(other)[200:-200]
+        assert np.sqrt(np.mean(miss**2)) < 2.0 * BY_ESTIMATE * np.sqrt(np.mean(whole**2))
+
+
+@pytest.mark.parametrize("name", LATE)
+def test_a_late_stream_reports_what_was(minute: Minute, name: str) -> None:
+    """A reading stamped t is that of t - b; the log begins with the minute, and goes on behind it."""
+    stream, late = name.split(".")[0], 0.4
+    found = put(minute, Hidden(name, np.array([late])), np.random.default_rng(0)).streams[stream]
+    source = minute.recording.streams[stream]
+    row = np.searchsorted(source.t, found.t - late - 1e-9)
+    column = next(iter(found.columns))
+    assert np.allclose(source.t[row] + late, found.t)
+    assert np.array_equal(source[column][row], found[column])
+    assert found.t[0] < minute.begin + late + 0.11
+    assert found.t[-1] > minute.end - 0.11
+
+
+@pytest.mark.parametrize("name", ["gps.step", "accel.transient", "baro.step", "laser.transient"])
+def test_an_offset_is_in_its_interval_alone(minute: Minute, name: str) -> None:
+    """A receiver keeps its velocities."""
+    stream, columns = minute.columns(name.split(".")[0])
+    beta = np.array([0.5, -0.2, 0.1])[: 3 if len(columns) > 1 else 1]
+    begin = minute.begin + 20.0
+    hidden = Hidden(name, beta, (begin, minute.end if name.endswith("step") else begin + 7.0))
+    off, plain = (log.streams[stream] for log in (put(minute, hidden, np.random.default_rng(0)), minute.control))
+    inside = (off.t >= begin) & (off.t < hidden.interval[1])  # type: ignore[index]
+    expected = np.zeros((len(off), len(columns)))
+    expected[inside, : len(beta)] = beta
+    assert np.allclose(off.array(columns) - plain.array(columns), expected)
+
+
+def test_a_share_of_readings_is_wrong(minute: Minute) -> None:
+    """By six and more sigma of the stream's own noise, which is 0.05 m."""
+    hidden = Hidden("baro.outliers", np.array([0.05]), (minute.begin, minute.end))
+    off = np.abs(
+        put(minute, hidden, np.random.default_rng(0)).streams["baro"]["height"]
+        - minute.control.streams["baro"]["height"]
+    )
+    wrong = off > 0.0
+    assert 0.02 < np.mean(wrong) < 0.09
+    assert OUTLIER_SIZE[0] * 0.04 < np.min(off[wrong])
+    assert np.max(off) < OUTLIER_SIZE[1] * 0.06
+
+
+def test_nothing_else_changes(minute: Minute) -> None:
+    changed = put(minute, Hidden("mag.current", np.full(3, 1e-3)), np.random.default_rng(0))
+    assert {n: s for n, s in changed.streams.items() if n != "mag"}.keys() == minute.control.streams.keys() - {"mag"}
+    for name, stream in minute.control.streams.items():
+        if name != "mag":
+            assert all(np.array_equal(stream[c], changed.streams[name][c]) for c in stream.columns)
+    assert changed.effects == {}
+
+
+# ---- the minute
+
+
+def test_what_a_log_lacks_is_drawn(recording: Recording) -> None:
+    """And stays the same for the same seed; what it has stays as it is."""
+    bare = {name: s for name, s in recording.streams.items() if name in ("imu", "gps", "baro")}
+    bare["imu"] = Stream(bare["imu"].t, {c: v for c, v in bare["imu"].columns.items() if c != "temperature"})
+    one, other = (minute_of(recording.replace(streams=bare), rng_of(1, "a log")) for _ in range(2))
+    assert one.drawn == ("temperature_imu", "current")
+    assert np.array_equal(one.control.streams["power"]["current"], other.control.streams["power"]["current"])
+    assert "mag.current" not in lasting(one)
+    assert "accel.temperature" in lasting(one)
+    assert np.array_equal(
+        one.recording.streams["baro"]["temperature"], bare["baro"]["temperature"][: len(one.recording.streams["baro"])]
+    )
+
+
+def test_the_current_of_a_flight_goes_with_its_thrust(minute: Minute, recording: Recording) -> None:
+    streams = {name: s for name, s in recording.streams.items() if name in ("imu", "gps")}
+    found = minute_of(recording.replace(streams=streams), rng_of(2, "a log")).recording.streams["power"]
+    imu = recording.streams["imu"]
+    force = np.interp(found.t, imu.t, np.linalg.norm(imu.array(ACCEL), axis=1))
+    assert np.corrcoef(force, found["current"])[0, 1] > 0.5
+
+
+def test_minutes_are_the_lively_ones() -> None:
+    """Of a log that turns in its last two minutes alone."""
+    t = np.arange(0.0, 300.0, 0.1)
+    still = dict.fromkeys((*ACCEL, *GYRO), np.zeros(len(t)))
+    log = Recording("log", "flight", {"imu": Stream(t, {**still, "gyro_z": np.where(t > 180.0, 1.0, 0.0)})})
+    starts = lively_starts(log, 60.0, 30.0)
+    assert np.min(starts) >= 120.0
+    assert lively_starts(between(log, 0.0, 40.0), 60.0, 30.0) == pytest.approx([0.0])
+
+
+def test_a_part_has_no_first_state_of_the_whole(recording: Recording) -> None:
+    declared = recording.replace(initial=Initial(position=np.ones(3)))
+    assert between(declared, 0.0, 10.0).initial.position is not None
+    assert between(declared, 5.0, 10.0).initial == Initial()
+    assert all(s.t[0] >= 5.0 and s.t[-1] < 10.0 for s in between(declared, 5.0, 10.0).streams.values())
+
+
+# ---- wander
+
+
+def test_wander_of_white_noise_and_of_a_walk() -> None:
+    """Variances 3/2 sigma^2 / n and w^2 length / 4: 10 Hz, 5 s."""
+    rng, t = np.random.default_rng(6), np.arange(0.0, 20000.0, 0.1)
+    assert wander(t, 0.3 * rng.normal(size=(len(t), 1)), 5.0) == pytest.approx(0.3 * np.sqrt(1.5 / 50.0), rel=0.05)
+    walk = 0.2 * np.sqrt(0.1) * np.cumsum(rng.normal(size=(len(t), 1)), axis=0)
+    assert wander(t, walk, 5.0) == pytest.approx(0.2 * np.sqrt(5.0 / 4.0), rel=0.05)
+    spec = SensorSpec(noise_density=0.3 * np.sqrt(0.1), bias_walk=0.2)
+    assert imu_wander(spec, 5.0) == pytest.approx(np.sqrt(0.09 * 1.5 / 50.0 + 0.04 * 5.0 / 4.0))
+
+
+def test_a_trend_and_a_gap_are_no_wander() -> None:
+    t = np.concatenate([np.arange(0.0, 20.0, 0.1), np.arange(45.0, 90.0, 0.1)])
+    assert wander(t[t > 40.0], 0.1 * t[t > 40.0, None], 5.0) == pytest.approx(0.0, abs=1e-9)
+    assert wander(t, 0.1 * t[:, None], 5.0) < 0.1 * 5.0 / 4.0
+    assert wander(t[:2], np.ones((2, 1)), 5.0) == pytest.approx(0.0)
+
+
+def test_wander_of_a_stream_is_that_of_its_instrument(minute: Minute) -> None:
+    """Baro: 0.05 m at 20 Hz, a walk of 1e-3; of three axes GPS has a wander."""
+    expected = np.sqrt(1.5 * 0.05**2 / 200.0 + 1e-6 * 10.0 / 4.0)
+    assert wander_of(minute, "baro", 10.0) == pytest.approx(expected, rel=0.5)
+    assert wander_of(minute, "gps", 10.0).shape == (3,)
+    assert wander_of(minute, "accel", 10.0) == pytest.approx(0.01 / np.sqrt(200.0) * np.sqrt(0.15), rel=0.01)
+
+
+# ---- draw and size
+
+
+def report_of(*effects: Mapping[str, Any], **detectable: list[float | None]) -> dict[str, Any]:
+    """A report with effects found, and what is detectable of others."""
+    found = [{"interval": None, "confused_with": [], **e} for e in effects]
+    candidates = [{"name": n.replace("__", "."), "detectable_from": d} for n, d in detectable.items()]
+    return {
+        "verdict": "effects" if found else "no_effect",
+        "effects": found,
+        "candidates": candidates,
+        "cpu_seconds": 6.0,
+    }
+
+
+def order_of(name: str, size: float, direction: list[float], interval: tuple[float, float] | None = None) -> Order:
+    return Order(0, name, size, np.array(direction), interval)
+
+
+def test_draws_go_with_seed_and_number_alone(minute: Minute) -> None:
+    orders = [draw(1, run, minute) for run in range(200)]
+    again = draw(1, 17, minute)
+    assert again.name == orders[17].name
+    assert np.array_equal(again.direction, orders[17].direction)
+    assert {o.size for o in orders} == set(SIZES)
+    assert {o.name for o in orders if not o.is_lasting} <= set(local(minute))
+    assert 0.45 < np.mean([o.is_lasting for o in orders]) < 0.75
+    assert all(np.all(o.direction > 0.0) for o in orders if o.is_lasting and CATALOGUE[o.name].positive)
+
+
+def test_a_lasting_effect_is_as_large_as_the_control_finds_detectable(minute: Minute) -> None:
+    """Of the component that is seen best: 2 x 0.01 / 0.6 along (0.6, 0, 0.8), where the third is seen from 0.04 on."""
+    control = report_of(gyro__scale=[0.01, None, 0.04])
+    hidden, status = sized(order_of("gyro.scale", 2.0, [0.6, 0.0, 0.8]), minute, control)
+    assert status == PUT
+    assert hidden is not None
+    assert hidden.beta == pytest.approx(2.0 * 0.01 / 0.6 * np.array([0.6, 0.0, 0.8]))
+    assert np.max(np.abs(hidden.beta) / [0.01, np.inf, 0.04]) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "control", "status"),
+    [
+        ("gyro.scale", report_of(), NOT_VISIBLE),
+        ("gyro.scale", report_of(gyro__scale=[None, None, None]), NOT_VISIBLE),
+        ("gyro.scale", report_of(gyro__scale=[0.5, 0.5, 0.5]), BEYOND),
+        ("gyro.scale", {"verdict": "refused", "effects": []}, NOT_VISIBLE),
+    ],
+)
+def test_what_cannot_be_put_in_says_why(minute: Minute, name: str, control: dict[str, Any], status: str) -> None:
+    assert sized(order_of(name, 1.0, [0.6, 0.0, 0.8]), minute, control) == (None, status)
+
+
+def test_a_magnetic_size_goes_with_the_field(minute: Minute) -> None:
+    """`mag.current` occurs up to 0.03 of the field an ampere."""
+    bound = CATALOGUE["mag.current"].high * float(np.linalg.norm(minute.around.field_n))
+    for share, status in ((0.9, PUT), (1.1, BEYOND)):
+        least = [share * bound, None, None]
+        assert sized(order_of("mag.current", 1.0, [1.0, 0.0, 0.0]), minute, report_of(mag__current=least))[1] == status
+
+
+def test_a_transient_is_ten_times_the_wander_over_its_length(minute: Minute) -> None:
+    interval = (minute.begin + 10.0, minute.begin + 15.0)
+    hidden, _ = sized(order_of("baro.transient", 2.0, [-1.0], interval), minute, report_of())
+    assert hidden is not None
+    assert hidden.beta == pytest.approx(-20.0 * wander_of(minute, "baro", 5.0))
+
+
+# ---- grade
+
+
+PUT_IN = Hidden("gyro.scale", np.array([0.02, 0.0, 0.0]))
+SCALE = {"name": "gyro.scale", "beta": [0.03, 0.0, 0.0], "std": [0.01, 0.01, None]}
+KNOWN = {"name": "gyro.scale", "beta": [0.03, 0.0, 0.0], "std": [0.001, 0.001, 0.001]}
+LATENCY = {"name": "gps.latency", "beta": [0.2], "std": [0.01]}
+STEP = {"name": "gps.step", "beta": [1.0, 0.0, 0.0], "std": [0.1, 0.1, 0.1], "interval": [20.0, 60.0]}
+
+
+def test_the_right_name_beside_those_of_the_control() -> None:
+    found = grade(PUT_IN, report_of(SCALE, LATENCY), report_of(LATENCY), 6.0)
+    assert (found.right, found.in_class, found.known, found.further, found.lost) == (True, True, False, (), ())
+    assert found.z == pytest.approx(0.5, abs=0.5)  # one sigma, the larger of two
+
+
+def test_beta_is_less_that_of_the_control() -> None:
+    """0.05 where the control has 0.03 and 0.02 was put in."""
+    both = {**SCALE, "beta": [0.05, 0.0, 0.0]}
+    found = grade(PUT_IN, report_of(both), report_of(KNOWN), 6.0)
+    assert found.known
+    assert found.z == pytest.approx(0.0, abs=1e-6)
+
+
+def test_further_and_lost_names() -> None:
+    found = grade(PUT_IN, report_of(STEP), report_of(LATENCY), 6.0)
+    assert (found.right, found.further, found.lost, found.z) == (False, ("gps.step",), ("gps.latency",), None)
+    confused = grade(PUT_IN, report_of({**STEP, "confused_with": ["gyro.scale"]}), report_of(), 6.0)
+    assert (confused.right, confused.in_class) == (False, True)
+
+
+@pytest.mark.parametrize(("interval", "right"), [((15.0, 25.0), True), ((5.0, 15.0), False)])
+def test_a_step_is_right_at_its_time(interval: tuple[float, float], right: bool) -> None:
+    hidden = Hidden("gps.step", np.array([1.0, 0.0, 0.0]), interval)
+    assert grade(hidden, report_of(STEP), report_of(), 6.0).right is right
+
+
+# ---- rates and page
+
+
+def row(name: str = "gyro.scale", size: float = 1.0, status: str = PUT, **changed: Any) -> dict[str, Any]:
+    """One run as its JSON has it."""
+    found = asdict(grade(PUT_IN, report_of(SCALE), report_of(), 6.0)) | changed
+    lasting = name in CATALOGUE
+    rest = {"grade": found, "beta": [0.02, 0.0, 0.0], "interval": None, "why": ""} if status == PUT else {"why": status}
+    return {
+        "log": "a log",
+        "seed": 0,
+        "run": 0,
+        "name": name,
+        "size": size,
+        "lasting": lasting,
+        "status": status,
+        **rest,
+    }
+
+
+@pytest.mark.parametrize(
+    ("asked", "rows", "reached"),
+    [
+        (RIGHT, (row(), row(right=False), row(size=0.5, right=False), row("gps.step", right=False)), (1, 2)),
+        (RIGHT_ANY, (row(), row(size=0.5, right=False)), (1, 2)),
+        (IN_CLASS, (row(right=False), row(right=False, in_class=False)), (1, 2)),
+        (LOCAL, (row("gps.step"), row("gps.step", 0.5, right=False), row("gps.outliers", right=False), row()), (1, 1)),
+        (LOCAL_ANY, (row("gps.step"), row("baro.transient", 0.5, right=False)), (1, 2)),
+        (OUTLIERS, (row("gps.outliers"), row("gps.step")), (1, 1)),
+        (FURTHER, (row(), row(further=("gps.step",)), row(status=BEYOND)), (1, 2)),
+        (LOST, (row(), row(control=("gps.latency",), lost=("gps.latency",)), row(control=("gps.latency",))), (1, 2)),
+        (BETA, (row(z=2.9), row(z=3.1), row(z=None)), (1, 2)),
+    ],
+)
+def test_rate(asked: str, rows: Sequence[dict[str, Any]], reached: tuple[int, int]) -> None:
+    found = rates(rows)[asked]
+    assert (found["k"], found["n"]) == reached
+
+
+def control_of(**detectable: list[float | None]) -> dict[str, Any]:
+    report = report_of(LATENCY, **detectable)
+    return {"log": "a log", "seed": 0, "begin": 0.0, "end": 60.0, "drawn": ["current"], "report": report}
+
+
+def test_detectable_sizes_are_held_against_those_of_the_reference() -> None:
+    """Medians of components; gone is infinite, new is zero, never seen is not counted."""
+    before = control_of(
+        gyro__scale=[0.02, 0.02, 0.02], mag__scale=[0.1, None, None], baro__lag=[None], gps__latency=[1.0]
+    )
+    now = control_of(
+        gyro__scale=[0.01, 0.01, 0.04], mag__scale=[None, None, None], baro__lag=[0.3], accel__scale=[1.0] * 3
+    )
+    assert sorted(against([now], sizes_of([before]))) == [0.0, 0.5, np.inf]
+    assert list(against([before], sizes_of([before]))) == [1.0, 1.0, 1.0]
+
+
+def test_page_says_what_was_put_in() -> None:
+    rows = [row(), row(status=NOT_VISIBLE), row("gps.step", size=2.0, right=False, further=("baro.step",))]
+    text = page([control_of()], rows)
+    assert "3 draws of seed 0 from 1 logs: 2 put, 1 not visible." in text
+    assert "| a log | gyro.scale 0.02, 0, 0 | 1 | yes | - | - |" in text
+    assert "| a log | gps.step 0.02, 0, 0 | 2 | no | baro.step | - |" in text
+    assert "| a log | 0 | current | gps.latency | effects | 6 |" in text
+
+
+# ---- a small benchmark
+
+
+@pytest.fixture
+def one_log(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A log that a tracer is asked about which finds everything late, and the names of what it was asked."""
+    asked: list[str] = []
+
+    def examined(log: Recording) -> dict[str, Any]:
+        asked.append(log.name)
+        if len(asked) == 3:
+            raise ValueError("no model")
+        return report_of(LATENCY, gps__latency=[0.02], mag__scale=[0.01, 0.01, 0.01])
+
+    monkeypatch.setattr(benchmark, "LOGS", {"a log": "folder/log"})
+    monkeypatch.setattr(benchmark, "resolve", lambda given: recording)
+    monkeypatch.setattr(benchmark, "examined", examined)
+    return asked
+
+
+def test_benchmark_goes_on_where_it_was_stopped(one_log: list[str], tmp_path: Path) -> None:
+    benchmark.run(tmp_path, ["a log"], 8, 4)
+    done = benchmark.collected(tmp_path, benchmark.RUNS)
+    assert [r["run"] for r in done] == list(range(8))
+    assert len(benchmark.collected(tmp_path, benchmark.CONTROLS)) == 1
+    traced = len(one_log)
+    assert traced == 1 + sum(r["status"] == PUT for r in done)
+    assert sum(r["grade"]["verdict"] == "refused" for r in done if r["status"] == PUT) == 1
+    (tmp_path / benchmark.RUNS / "4-00005.json").write_text("{", encoding="utf-8")
+    benchmark.run(tmp_path, ["a log"], 8, 4)
+    assert benchmark.collected(tmp_path, benchmark.RUNS)[5] == done[5]
+    assert len(one_log) == traced + (done[5]["status"] == PUT)
+
+
+def test_a_log_without_a_minute_is_told(one_log: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unreadable(given: str) -> Recording:
+        raise InputError(given, "nothing", "a log")
+
+    monkeypatch.setattr(benchmark, "resolve", unreadable)
+    benchmark.run(tmp_path, ["a log"], 1, 4)
+    found = benchmark.collected(tmp_path, benchmark.RUNS)
+    assert found[0]["status"] == "refused"
+    assert "nothing" in page([], found)
+
+
+def test_an_unknown_log_is_named(tmp_path: Path) -> None:
+    assert named(LOGS["walk, RTK"]) == "walk, RTK"
+    with pytest.raises(InputError, match="no measured flight"):
+        named("walk")
