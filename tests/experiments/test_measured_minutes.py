@@ -351,6 +351,14 @@ def test_a_transient_is_ten_times_the_wander_over_its_length(minute: Minute) -> 
     assert hidden.beta == pytest.approx(-20.0 * wander_of(minute, "baro", 5.0))
 
 
+def test_an_offset_that_does_not_occur_is_not_put_in(minute: Minute) -> None:
+    """A barometer is off by 9 m at most; wanders of centimetres are no reason to put in more."""
+    interval = (minute.begin + 10.0, minute.begin + 15.0)
+    size = 9.1 / (10.0 * float(wander_of(minute, "baro", 5.0)[0]))
+    assert sized(order_of("baro.transient", size, [1.0], interval), minute, report_of()) == (None, BEYOND)
+    assert sized(order_of("baro.transient", 0.9 * size, [1.0], interval), minute, report_of())[1] == PUT
+
+
 # ---- grade
 
 

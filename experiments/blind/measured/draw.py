@@ -19,6 +19,7 @@ from experiments.blind.maker.catalogue import (
 from experiments.blind.maker.turning import random_direction
 from experiments.blind.measured.minute import Minute, lasting, local, wander_of
 from sensors.arrays import FloatArray
+from sensors.effects.streams import STREAMS
 
 #: Sizes of lasting effects in units of what the control's report says is detectable.
 SIZES = (0.5, 1.0, 2.0, 4.0)
@@ -26,8 +27,11 @@ SIZES = (0.5, 1.0, 2.0, 4.0)
 OF_WANDER = 10.0
 #: How often the effect is a lasting one.
 LASTING = 0.6
+#: Offsets of more than so many plausible sizes of their stream (`sensors.effects.streams`) do not occur.
+OCCURS = 3.0
 #: What became of a draw: an effect was put in; the control's report says that no size of it is visible, or does not ask
-#: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`).
+#: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`), or
+#: of an offset that occurs.
 PUT, NOT_VISIBLE, BEYOND = "put", "not visible", "beyond what occurs"
 
 
@@ -82,20 +86,20 @@ def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hid
     ----------
     control : report of the trace of the untouched minute
     """
-    if order.is_lasting:
-        beta = order.size * lasting_unit(order, control)
-        field = float(np.linalg.norm(minute.around.field_n)) if CATALOGUE[order.name].of_field else 1.0
-        if not np.all(np.isfinite(beta)):
-            return None, NOT_VISIBLE
-        if np.linalg.norm(beta) > CATALOGUE[order.name].high * field:
-            return None, BEYOND
-        return Hidden(order.name, beta), PUT
     if order.name.endswith(".outliers"):
         return Hidden(order.name, order.direction, order.interval), PUT
-    assert order.interval is not None
-    unit = OF_WANDER * wander_of(minute, order.name.split(".")[0], order.interval[1] - order.interval[0])
-    beta = order.size * unit * order.direction
-    return (Hidden(order.name, beta, order.interval), PUT) if np.any(beta) else (None, NOT_VISIBLE)
+    stream = order.name.split(".")[0]
+    if order.interval is None:
+        beta, largest = order.size * lasting_unit(order, control), CATALOGUE[order.name].high
+    else:
+        unit = OF_WANDER * wander_of(minute, stream, order.interval[1] - order.interval[0])
+        beta, largest = order.size * unit * order.direction, OCCURS * STREAMS[stream].plausible
+    if not np.all(np.isfinite(beta)) or not np.any(beta):
+        return None, NOT_VISIBLE
+    of_field = CATALOGUE[order.name].of_field if order.is_lasting else stream == "mag"
+    if np.linalg.norm(beta) > largest * (float(np.linalg.norm(minute.around.field_n)) if of_field else 1.0):
+        return None, BEYOND
+    return Hidden(order.name, beta, order.interval), PUT
 
 
 def lasting_unit(order: Order, control: Mapping[str, Any]) -> FloatArray:

@@ -41,7 +41,8 @@ nothing declared. The untouched minute is the control, and what a log has that i
   (`experiments/blind/maker/catalogue.py`).
 - A step or transient comes in {SIGMAS_OF_WANDER} times the wander of its stream: the RMS distance of an error's
   mean over the length of the interval (at most a third of the minute) from that over as long before and after, of the
-  readings about the motion that the log itself shows.
+  readings about the motion that the log itself shows. None is larger than three plausible sizes
+  (`sensors/effects/streams.py`).
 - Supply current and temperature are as logged, or drawn where a log has none, in control and minute alike.
 - Intervals of 95 % (Clopper-Pearson).
 """
