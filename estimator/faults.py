@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, runs_of
+from sensors.arrays import BoolArray, FloatArray, edges_of_runs
 
 #: False-alarm rate per stream of calling a run of equal readings frozen.
 FROZEN_LEVEL = 1e-6
@@ -28,9 +28,10 @@ class Note:
         return f"{self.stream}: {self.kind} from {self.start:.3f} to {self.stop:.3f} s, {self.action}"
 
 
-def _equal_runs(same: BoolArray) -> list[tuple[int, int]]:
-    """[start, stop) of runs of rows that equal their predecessor; `same` (n - 1,) bool."""
-    return [(start, stop + 1) for start, stop in runs_of(same)]
+def _equal_runs(same: BoolArray, least: float) -> list[tuple[int, int]]:
+    """[start, stop) of runs of more than `least` rows that equal their predecessor; `same` (n - 1,) bool."""
+    runs = edges_of_runs(same)
+    return [(start, stop + 1) for start, stop in runs[runs[:, 1] - runs[:, 0] > least].tolist()]
 
 
 def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:
@@ -72,15 +73,15 @@ def stuck_runs(readings: FloatArray) -> list[tuple[int, int]]:
 def _unusual_runs(same: BoolArray) -> list[tuple[int, int]]:
     """Rows [start, stop) of the runs of repeats longer than the habit of the stream explains; `same` (n - 1,)."""
     n = len(same) + 1
-    runs = _equal_runs(same)
-    if not runs:
+    runs = edges_of_runs(same)
+    if not len(runs):
         return []
-    longest = max(stop - start for start, stop in runs)
-    share = (np.count_nonzero(same) - (longest - 1) + 1.0) / max(n - longest, 1)
+    longest = int(np.max(runs[:, 1] - runs[:, 0]))
+    share = (np.count_nonzero(same) - longest + 1.0) / max(n - longest - 1, 1)
     if share >= 0.9:  # a stream that hardly ever changes has no habit to be judged by
         return []
     needed = np.log(FROZEN_LEVEL / n) / np.log(share)
-    return [(start, stop) for start, stop in runs if stop - start - 1 > max(needed, 2.0)]
+    return _equal_runs(same, max(needed, 2.0))
 
 
 def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
@@ -95,7 +96,6 @@ def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
     found: list[tuple[int, int]] = []
     for column in readings.T:
         pinned = (column == np.max(column)) | (column == np.min(column))
-        runs = [run for run in _equal_runs(pinned[1:] & pinned[:-1]) if run[1] - run[0] >= SATURATED_RUN]
-        share = np.mean(column[1:] == column[:-1])
-        found += [run for run in runs if share < 0.5]
+        runs = _equal_runs(pinned[1:] & pinned[:-1], SATURATED_RUN - 2)
+        found += runs if runs and np.mean(column[1:] == column[:-1]) < 0.5 else []
     return sorted(found)

@@ -37,10 +37,15 @@ def as_floats(name: str, value: object, shape: Sequence[int | None], hint: str =
     return array
 
 
+def edges_of_runs(mask: npt.ArrayLike) -> IntArray:
+    """(k, 2) rows [start, stop) of each run of true values; `mask` (n,)."""
+    changes = np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]]))
+    return np.flatnonzero(changes).reshape(-1, 2)
+
+
 def runs_of(mask: npt.ArrayLike) -> list[tuple[int, int]]:
     """Rows [start, stop) of each run of true values; `mask` (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]])))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+    return [(start, stop) for start, stop in edges_of_runs(mask).tolist()]
 
 
 def zero_unless_finite(values: FloatArray) -> FloatArray:
