@@ -15,7 +15,7 @@ import numpy as np
 from calibration.least_squares import LeastSquaresFit, solve
 from sensors.arrays import FloatArray, as_floats
 from sensors.errors import InputError
-from sensors.rotation import rotation_exp
+from sensors.rotation import cross, rotation_exp
 
 Axes = Literal["none", "triangular", "full"]
 AXES: tuple[Axes, ...] = ("none", "triangular", "full")
@@ -143,7 +143,7 @@ def norm_jacobian(x: FloatArray, readings: FloatArray) -> FloatArray:
         e_upper = e @ rotation_exp(x[9:12]) if len(x) > 9 else e
         columns += [(e_upper[:, i] * v[:, j])[:, None] for i, j in UPPER]
     if len(x) > 9:
-        columns.append(np.cross(u, e))
+        columns.append(cross(u, e))
     return np.concatenate(columns, axis=1)
 
 

@@ -18,6 +18,7 @@ from sensors.laser import Laser, scan_height
 from sensors.ranging import tilt_compensated_height
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 from sensors.rotation import (
+    cross,
     quaternion_conjugate,
     quaternion_exp,
     quaternion_from_matrix,
@@ -51,12 +52,12 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
         if process is not None:
             block = layout.slice(process.block)
             P[block, block] = np.eye(process.size) * process.std**2
-    q, P_attitude, cross = _first_attitude(recording, model)
+    q, P_attitude, beside = _first_attitude(recording, model)
     x[6:10], P[6:9, 6:9] = q, P_attitude
-    for name, block_cross in cross.items():
+    for name, block_beside in beside.items():
         if layout.has(name):
-            P[6:9, layout.slice(name)] = block_cross
-            P[layout.slice(name), 6:9] = block_cross.T
+            P[6:9, layout.slice(name)] = block_beside
+            P[layout.slice(name), 6:9] = block_beside.T
     position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
@@ -78,28 +79,28 @@ def _first_attitude(recording: Recording, model: FlightModel) -> tuple[FloatArra
         known["P"] = np.eye(3) * initial.attitude_std**2
     if len(known) == 2:
         return known["q"], known["P"], {}
-    q, P, cross = align(recording, model)
-    return known.get("q", q), known.get("P", P), {} if "P" in known else cross
+    q, P, beside = align(recording, model)
+    return known.get("q", q), known.get("P", P), {} if "P" in known else beside
 
 
 def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray) -> FloatArray:
-    """(4,) q_nb that turns f_b exactly, and m_b as nearly as it can, to f_n and m_n; no field: north is ahead (TRIAD).
+    """(..., 4) q_nb that turns f_b (..., 3) exactly, and m_b (..., 3) as nearly as it can, to f_n and m_n; no field:
+    north is ahead (TRIAD).
 
     Source: M. D. Shuster, S. D. Oh, J. Guidance 4(1), 1981, eqs. 6 to 14.
     """
     if m_b is None:
-        m_b, m_n = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
-        if abs(f_b[0]) > 0.9 * np.linalg.norm(f_b):
-            m_b = np.array([0.0, 1.0, 0.0])
-    return quaternion_from_matrix(_triad(f_n, m_n) @ _triad(f_b, m_b).T)
+        is_ahead = np.abs(f_b[..., :1]) > 0.9 * np.linalg.norm(f_b, axis=-1, keepdims=True)
+        m_b, m_n = np.where(is_ahead, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    return quaternion_from_matrix(np.swapaxes(_triad(f_n, m_n), -1, -2) @ _triad(f_b, m_b))
 
 
 def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(3, 3) orthonormal columns along `first`, across both, and the third."""
-    a = first / np.linalg.norm(first)
-    across = np.cross(a, second)
-    b = across / np.linalg.norm(across)
-    return np.stack([a, b, np.cross(a, b)], axis=1)
+    """(..., 3, 3) orthonormal rows along `first`, across both, and the third."""
+    a = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    across = cross(a, second)
+    b = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.stack([np.broadcast_to(a, b.shape), b, cross(a, b)], axis=-2)
 
 
 def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
@@ -139,24 +140,24 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
     noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
     covariance = noise * J_f @ J_f.T
-    cross = {"b_accel": -(model.accel.bias_std**2) * J_f}
+    beside = {"b_accel": -(model.accel.bias_std**2) * J_f}
     if m_b is None:
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
-        return q, covariance, cross
+        return q, covariance, beside
     mag, field_b = model.sensors["mag"], m_b
     bias_std = 0.0 if mag.bias is None else mag.bias.std
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
     covariance = covariance + (bias_std**2 + float(mag.R[0, 0])) * J_m @ J_m.T
-    return q, covariance, {**cross, "b_mag": -(bias_std**2) * J_m}
+    return q, covariance, {**beside, "b_mag": -(bias_std**2) * J_m}
 
 
 def _turned_since_start(t: FloatArray, w: FloatArray) -> FloatArray:
     """(n, 4) attitude relative to the first instant, from the rates (n, 3)."""
-    turn = np.zeros((len(t), 4))
-    turn[0, 0] = 1.0
-    steps = quaternion_exp(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
-    for k, step in enumerate(steps):
-        turn[k + 1] = quaternion_multiply(turn[k], step)
+    steps = 0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None]
+    turn, reach = quaternion_exp(np.concatenate([np.zeros((1, 3)), steps])), 1
+    while reach < len(turn):  # each is the product of the last `reach` steps
+        turn[reach:] = quaternion_multiply(turn[:-reach], turn[reach:])
+        reach *= 2
     return turn
 
 
@@ -196,16 +197,11 @@ def _unknown_acceleration(f: FloatArray, f_b: FloatArray, model: FlightModel, at
 
 
 def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q: FloatArray) -> FloatArray:
-    """(3, 3) derivative of the rotation vector q^-1 q(v) with v, central differences."""
+    """(3, 3) derivative of the rotation vector q^-1 q(v) with v, central differences; `function` takes (n, 3)."""
     step = 1e-5 * float(np.linalg.norm(v))
-    columns = []
-    for axis in np.eye(3):
-        ends = [
-            quaternion_log(quaternion_multiply(quaternion_conjugate(q), function(v + s * step * axis)))
-            for s in (1.0, -1.0)
-        ]
-        columns.append((ends[0] - ends[1]) / (2.0 * step))
-    return np.stack(columns, axis=1)
+    ends = function(v + step * np.concatenate([np.eye(3), -np.eye(3)]))
+    turns = quaternion_log(quaternion_multiply(quaternion_conjugate(q), ends))
+    return np.asarray((turns[:3] - turns[3:]).T / (2.0 * step))
 
 
 def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -52,6 +52,7 @@ from sensors.effects import Effect, effect
 from sensors.errors import InputError
 from sensors.motion import Motion
 from sensors.recording import Recording
+from sensors.rotation import cross
 
 __all__ = ["Sensitivity", "moved", "sensitivity_pass"]
 
@@ -298,7 +299,7 @@ def driver_regressors(
 def _inverse(gain: FloatArray) -> FloatArray:
     """(N, 3, 3) inverses by cofactors; one where an instrument shows nothing, which only a trial gone astray has."""
     first, second, third = np.moveaxis(gain, -1, 0)
-    adjugate = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=1)
+    adjugate = np.stack([cross(second, third), cross(third, first), cross(first, second)], axis=1)
     determinant = np.einsum("ni,ni->n", first, adjugate[:, 0])
     blind = np.abs(determinant) < _BLIND
     adjugate[blind], determinant[blind] = np.eye(3), 1.0

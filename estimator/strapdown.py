@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensors.arrays import FloatArray
-from sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_multiply
+from sensors.rotation import cross, matrix_from_quaternion, quaternion_exp, quaternion_multiply
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def strapdown_step(
     """
     f0, f1 = u0[:3] - x[10:13], u1[:3] - x[10:13]
     w0, w1 = u0[3:] - x[13:16], u1[3:] - x[13:16]
-    phi = 0.5 * h * (w0 + w1) + h * h / 12.0 * np.cross(w0, w1)
+    phi = 0.5 * h * (w0 + w1) + h * h / 12.0 * cross(w0, w1)
     q1 = quaternion_multiply(x[6:10], quaternion_exp(phi))
     if np.any(w_ie_n):
         q1 = quaternion_multiply(quaternion_exp(-h * w_ie_n), q1)
@@ -72,6 +72,6 @@ def strapdown_step(
     moved = x.copy()
     moved[6:10] = q1
     if translation:
-        moved[3:6] = x[3:6] + 0.5 * h * (a0 + a1) + h * (g_n - 2.0 * np.cross(w_ie_n, x[3:6]))
+        moved[3:6] = x[3:6] + 0.5 * h * (a0 + a1) + h * (g_n - 2.0 * cross(w_ie_n, x[3:6]))
         moved[0:3] = x[0:3] + 0.5 * h * (x[3:6] + moved[3:6])
     return moved, Step(h, C0, C1, phi, a0, a1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
-from sensors.rotation import rotate, rotate_back, tilted
+from sensors.rotation import cross, rotate, rotate_back, tilted
 
 BODY_DOWN = np.array([0.0, 0.0, 1.0])
 
@@ -51,7 +51,7 @@ def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict
     position = np.zeros((n, 1, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         position[:, 0, 2] = -1.0 / c
-        attitude = (slant_range(motion, beam_b) / c)[:, None] * np.cross(d_b, beam_b)
+        attitude = (slant_range(motion, beam_b) / c)[:, None] * cross(d_b, beam_b)
     return {"position": position, "attitude": attitude[:, None, :]}
 
 

@@ -17,44 +17,60 @@ from sensors.arrays import FloatArray
 _SMALL_ANGLE = 1e-8  # rad; below it the series is exact to rounding
 
 
+def _parts(v: FloatArray) -> tuple[FloatArray, ...]:
+    """The components along the last axis."""
+    return tuple(v[..., k] for k in range(v.shape[-1]))
+
+
+def _joined(*parts: FloatArray) -> FloatArray:
+    """Components along a last axis: `np.stack`, which takes several times as long for short arrays."""
+    out = np.empty((*np.shape(parts[0]), len(parts)))
+    for k, part in enumerate(parts):
+        out[..., k] = part
+    return out
+
+
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """u x v; (..., 3), (..., 3) -> (..., 3): `np.cross`, which takes several times as long for short arrays."""
+    a, b, c = _parts(u)
+    x, y, z = _parts(v)
+    return _joined(b * z - c * y, c * x - a * z, a * y - b * x)
+
+
 def skew(v: FloatArray) -> FloatArray:
     """Matrix of the cross product, ``skew(v) @ u = v x u``; (..., 3) -> (..., 3, 3)."""
     zero = np.zeros(v.shape[:-1])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
-    return np.stack(rows, axis=-1).reshape(*v.shape[:-1], 3, 3)
+    x, y, z = _parts(v)
+    return _joined(zero, -z, y, z, zero, -x, -y, x, zero).reshape(*v.shape[:-1], 3, 3)
 
 
 def quaternion_exp(phi: FloatArray) -> FloatArray:
     """Quaternion of the rotation vector `phi` [rad]; (..., 3) -> (..., 4). Sola eq. 101."""
-    angle = np.linalg.norm(phi, axis=-1, keepdims=True)
-    half = 0.5 * angle
+    x, y, z = _parts(phi)
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
     scale = 0.5 * np.sinc(half / np.pi)
-    return np.concatenate([np.cos(half), scale * phi], axis=-1)
+    return _joined(np.cos(half), scale * x, scale * y, scale * z)
 
 
 def quaternion_log(q: FloatArray) -> FloatArray:
     """Rotation vector [rad] of a unit quaternion, length at most pi; (..., 4) -> (..., 3). Sola eq. 105."""
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    vector_norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(vector_norm, q[..., :1])
+    w, x, y, z = _parts(q)
+    vector_norm = np.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * np.arctan2(vector_norm, np.abs(w))
     safe = np.where(vector_norm > _SMALL_ANGLE, vector_norm, 1.0)
-    scale = np.where(vector_norm > _SMALL_ANGLE, angle / safe, 2.0)
-    return scale * q[..., 1:]
+    scale = np.where(w < 0.0, -1.0, 1.0) * np.where(vector_norm > _SMALL_ANGLE, angle / safe, 2.0)
+    return _joined(scale * x, scale * y, scale * z)
 
 
 def quaternion_multiply(p: FloatArray, q: FloatArray) -> FloatArray:
     """Hamilton product p * q; (..., 4). Sola eq. 12."""
-    pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
-    qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
+    pw, px, py, pz = _parts(p)
+    qw, qx, qy, qz = _parts(q)
+    return _joined(
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
     )
 
 
@@ -65,13 +81,13 @@ def quaternion_conjugate(q: FloatArray) -> FloatArray:
 
 def matrix_from_quaternion(q: FloatArray) -> FloatArray:
     """C_nb of q_nb; (..., 4) -> (..., 3, 3). Sola eq. 115."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = [
+    w, x, y, z = _parts(q)
+    rows = _joined(
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
         2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
-    return np.stack(rows, axis=-1).reshape(*q.shape[:-1], 3, 3)
+    )  # fmt: skip
+    return rows.reshape(*q.shape[:-1], 3, 3)
 
 
 def quaternion_from_matrix(C: FloatArray) -> FloatArray:
@@ -100,11 +116,15 @@ def right_jacobian(phi: FloatArray) -> FloatArray:
 
 
 def rotate(q: FloatArray, v: FloatArray) -> FloatArray:
-    """v_n = C_nb v_b; (..., 4), (..., 3) -> (..., 3)."""
-    u = q[..., 1:]
-    w = np.broadcast_to(q[..., :1], (*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 1))
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
+    """v_n = C_nb v_b = v_b + w t + u x t with t = 2 u x v_b, q = (w, u); (..., 4), (..., 3) -> (..., 3)."""
+    w, x, y, z = _parts(q)
+    a, b, c = _parts(v)
+    t_x, t_y, t_z = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return _joined(
+        a + w * t_x + (y * t_z - z * t_y),
+        b + w * t_y + (z * t_x - x * t_z),
+        c + w * t_z + (x * t_y - y * t_x),
+    )
 
 
 def rotate_back(q: FloatArray, v: FloatArray) -> FloatArray:
@@ -114,26 +134,23 @@ def rotate_back(q: FloatArray, v: FloatArray) -> FloatArray:
 
 def rpy_from_quaternion(q: FloatArray) -> FloatArray:
     """Roll, pitch, yaw [rad] of q_nb, ZYX sequence; (..., 4) -> (..., 3). At pitch +-90 deg roll and yaw merge."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
+    w, x, y, z = _parts(q)
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    return _joined(roll, pitch, yaw)
 
 
 def quaternion_from_rpy(rpy: FloatArray) -> FloatArray:
     """q_nb of roll, pitch, yaw [rad], ZYX sequence; (..., 3) -> (..., 4)."""
     half = 0.5 * np.asarray(rpy, dtype=np.float64)
-    cr, cp, cy = np.moveaxis(np.cos(half), -1, 0)
-    sr, sp, sy = np.moveaxis(np.sin(half), -1, 0)
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ],
-        axis=-1,
+    cr, cp, cy = _parts(np.cos(half))
+    sr, sp, sy = _parts(np.sin(half))
+    return _joined(
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
     )
 
 

@@ -29,6 +29,7 @@ from experiments.residual_loop.term import (
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.motion import Motion
+from sensors.rotation import cross
 
 _MOST_PASSES = 25
 _EPSILON = 1e-4  # rad/s, for the derivative of the effects by the true rate
@@ -308,7 +309,7 @@ def _ends(log: GyroLog) -> FloatArray:
 
 def inverse(B: FloatArray) -> FloatArray:
     """(n, 3, 3) inverse of each matrix by its cofactors."""
-    rows = np.cross(B[:, [1, 2, 0]], B[:, [2, 0, 1]])
+    rows = cross(B[:, [1, 2, 0]], B[:, [2, 0, 1]])
     return np.swapaxes(rows, 1, 2) / np.einsum("ni,ni->n", B[:, 0], rows[:, 0])[:, None, None]
 
 
@@ -316,6 +317,6 @@ def _tangents(direction: FloatArray) -> FloatArray:
     """(n, 2, 3) two unit vectors across each direction."""
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     least = np.eye(3)[np.argmin(np.abs(unit), axis=1)]
-    first = np.cross(unit, least)
+    first = cross(unit, least)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(unit, first)], axis=1)
+    return np.stack([first, cross(unit, first)], axis=1)

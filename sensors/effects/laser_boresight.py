@@ -10,7 +10,7 @@ from sensors.effects.declaration import Effect, Parameter
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.ranging import slant_range
-from sensors.rotation import rotate_back, rotation_exp
+from sensors.rotation import cross, rotate_back, rotation_exp
 
 PLAUSIBLE = 0.05  # rad; a module glued by hand is straight to some degrees
 
@@ -20,7 +20,7 @@ def regressor(motion: Motion) -> FloatArray:
     d_b = rotate_back(motion.q_nb, np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(motion), 3)))
     rows = []
     for beam in beams_b(motion):
-        turned = np.cross(BORESIGHT_AXES, beam)
+        turned = cross(BORESIGHT_AXES, beam)
         rows.append(-(slant_range(motion, beam) / (d_b @ beam))[:, None] * (d_b @ turned.T))
     return np.stack(rows, axis=1)
 

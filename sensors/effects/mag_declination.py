@@ -8,14 +8,14 @@ from sensors.arrays import FloatArray
 from sensors.effects.declaration import Effect, Parameter
 from sensors.model import SensorModel
 from sensors.motion import Motion
-from sensors.rotation import rotate_back, rotation_exp
+from sensors.rotation import cross, rotate_back, rotation_exp
 
 PLAUSIBLE = 0.2  # rad; between the polar circles the declination reaches +-25 deg (WMM2025), half of it forgotten
 
 
 def regressor(motion: Motion) -> FloatArray:
     """(n, 3, 1): C_bn (e_down x m_n)."""
-    eastward = np.cross(np.array([0.0, 0.0, 1.0]), motion.m_n)
+    eastward = cross(np.array([0.0, 0.0, 1.0]), motion.m_n)
     return rotate_back(motion.q_nb, np.broadcast_to(eastward, (len(motion), 3)))[:, :, None]
 
 

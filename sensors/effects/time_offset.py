@@ -15,6 +15,7 @@ from sensors.effects.streams import textbook_model
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.ranging import slant_range_jacobian
+from sensors.rotation import cross
 
 PLAUSIBLE = 0.1  # s; buffers, filters and serial lines of hobby autopilots
 STREAMS = ("mag", "baro", "sonar", "laser")  # gps: `gps.latency`; accel and gyro are the clock; a base stands still
@@ -22,7 +23,7 @@ STREAMS = ("mag", "baro", "sonar", "laser")  # gps: `gps.latency`; accel and gyr
 
 def rate_of_field(motion: Motion) -> FloatArray:
     """(n, 3) d(C_bn m_n)/dt = -w x m_b."""
-    return -np.cross(motion.w_ib_b, field_b(motion))
+    return -cross(motion.w_ib_b, field_b(motion))
 
 
 def rate_of_height(motion: Motion) -> FloatArray:

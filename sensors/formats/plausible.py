@@ -11,6 +11,7 @@ from sensors.arrays import FloatArray
 from sensors.constants import STANDARD_GRAVITY
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sensors.rotation import cross
 
 #: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
@@ -142,9 +143,7 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
                                          "times slower)")  # fmt: skip
     at_rest = np.all(np.std(force, axis=0) < 0.2) and len(imu) > 1
     mean_force = force.mean(axis=0)
-    across = np.median(np.linalg.norm(np.cross(rate, mean_force), axis=1)) / max(
-        float(np.linalg.norm(mean_force)), 1e-9
-    )
+    across = np.median(np.linalg.norm(cross(rate, mean_force), axis=1)) / max(float(np.linalg.norm(mean_force)), 1e-9)
     if at_rest and across > _HIGHEST_RATE_AT_REST:
         raise _gyro_error(recording, f"gyroscope with a rate of {across:.3g} at rest: looks like deg/s")
 
@@ -168,7 +167,7 @@ def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, see
         return False
     u = u / np.median(norm)
     w = np.stack([np.interp(t, t_rate, column) for column in rate.T], axis=-1)
-    turn = -np.cross(w - np.median(w, axis=0), u)
+    turn = -cross(w - np.median(w, axis=0), u)
     step = np.diff(t)[:, None]
     angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * step * (turn[1:] + turn[:-1]), axis=0)])
     rows = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], max(0.3, float(np.median(step))))))
