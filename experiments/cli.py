@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -77,9 +77,16 @@ def _say(work: Callable[[], str], json: Path | None, html: Path | None, **writte
     files = {what: path for what, path in {**written, "JSON": json, "page": html}.items() if path is not None}
     for path in files.values():
         require_place(path)
-    typer.echo(work())
+    _show(work())
     for what, path in files.items():
-        typer.echo(f"{what}: {path}")
+        _show(f"{what}: {path}")
+
+
+def _show(text: str) -> None:
+    """Print what may hold names out of a file, without the control characters that they may have."""
+    from sensors.errors import printable
+
+    typer.echo(printable(text, keep="\n"))
 
 
 def _require_place_for(folder: Path | None) -> None:
@@ -157,7 +164,7 @@ def simulate(
     _require_place_for(out)
     with working("simulating"):
         answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
-    typer.echo(f"recording: {out}\nanswer: {answer}")
+    _show(f"recording: {out}\nanswer: {answer}")
 
 
 @app.command()
@@ -169,7 +176,7 @@ def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> No
     _require_place_for(out)
     with working("converting"):
         recording = convert_log(input, out, map, force)
-    typer.echo(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
+    _show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
 
 
 @app.command()
@@ -397,5 +404,17 @@ def main() -> None:
         _require_whole_effects(sys.argv[1:])
         app(_spread(sys.argv[1:]))
     except InputError as error:
-        sys.stderr.write(f"sinan: {error}\n")
-        raise SystemExit(1) from None
+        _fail(error)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        _fail(
+            InputError(os.fsdecode(error.filename), error.strerror or type(error).__name__, "a path that can be used")
+        )
+    except MemoryError:
+        _fail(InputError(" ".join(sys.argv[1:]), "more than the memory holds", "a shorter log, or more memory"))
+
+
+def _fail(error: Exception) -> NoReturn:
+    sys.stderr.write(f"sinan: {error}\n")
+    raise SystemExit(1) from None

@@ -41,6 +41,11 @@ REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "air": (("airspeed",), ("wind_north", "wind_east"), ("temperature",)),
     "poses": (ACCEL, MAG),
 }
+#: The largest reading: beyond every unit and clock, and its powers stay finite.
+LARGEST_READING = 1e30
+#: The most columns of a stream beyond the format's own, numbered ones aside.
+MOST_COVARIATES = 64
+_NUMBERED = ("range_", "motor_")
 #: Streams that carry covariates, not measurements.
 COVARIATE_STREAMS = ("power", "motors", "air")
 
@@ -193,7 +198,7 @@ class Recording:
 
 
 def check_stream(where: str | Path, name: str, stream: Stream) -> None:
-    """Check one stream: known name, required columns, at least one row, finite numbers, time strictly increasing.
+    """Check one stream: known name, required columns and not too many more, at least one row, numbers, rising time.
 
     Raises
     ------
@@ -213,6 +218,14 @@ def check_stream(where: str | Path, name: str, stream: Stream) -> None:
         missing = ", ".join(column for column in triad if column not in stream)
         if missing and any(column in stream for column in triad):
             raise InputError(where, f"no column {missing}", f"all of {', '.join(triad)}, or none", place)
+    known = {column for columns in alternatives for column in columns} | {*ACCEL, *GYRO, *MAG, *VELOCITY}
+    further = [column for column in stream.columns if column not in known and not column.startswith(_NUMBERED)]
+    if len(further) > MOST_COVARIATES:
+        found = f"{len(further)} further columns ({', '.join(further[:3])}, ...)"
+        raise InputError(where, found, f"at most {MOST_COVARIATES} beside the format's own", place)
+    for column in stream.columns:
+        if not column.isprintable():
+            raise InputError(where, f"column {column!r}", "a name that prints", place)
     check_rows(where, stream, place)
 
 
@@ -229,9 +242,11 @@ def check_rows(where: str | Path, stream: Stream, place: str = "") -> None:
     for column, values in {"t": stream.t, **stream.columns}.items():
         if len(values) != len(stream):
             raise InputError(where, f"column {column} has {len(values)} rows", f"{len(stream)} as in t", place)
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_READING))
         if len(bad):
-            raise InputError(where, f"{values[bad[0]]} in column {column}", "a number", f"{prefix}row {bad[0] + 1}")
+            value = values[bad[0]]
+            expected = f"at most {LARGEST_READING:g}" if np.isfinite(value) else "a number"
+            raise InputError(where, f"{value} in column {column}", expected, f"{prefix}row {bad[0] + 1}")
     back = np.flatnonzero(np.diff(stream.t) <= 0.0)
     if len(back):
         k = int(back[0]) + 1

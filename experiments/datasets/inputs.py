@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
-from sensors.errors import InputError
+from sensors.errors import InputError, printable
 from sensors.recording import Recording, Stream
 
 #: Environment variable that names a folder with the data sets.
@@ -41,7 +41,7 @@ def called(text: str, recording: Recording) -> str:
     """What the user calls a recording: the name of its folder; of a log, the recording's own, which is the file's."""
     path = Path(text)
     folder = path if path.is_dir() else path.parent if path.name == "recording.toml" else None
-    return recording.name if folder is None else folder.resolve().name
+    return printable(recording.name if folder is None else folder.resolve().name)
 
 
 def field_unit_of(text: str, map_file: Path | None = None) -> str:

@@ -8,13 +8,15 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import TYPE_CHECKING
 
+from sensors.errors import printable
+
 if TYPE_CHECKING:
     from sensors.recording import Recording
 
 
 def note(text: str) -> None:
     """What the user should know, on stderr."""
-    sys.stderr.write(f"note: {text}\n")
+    sys.stderr.write(f"note: {printable(text)}\n")
 
 
 def tell_notes(recording: Recording) -> None:

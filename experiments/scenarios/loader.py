@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from datetime import date
@@ -13,8 +12,8 @@ import numpy as np
 
 from sensors.earth import normal_gravity
 from sensors.errors import InputError
-from sensors.formats.header import SENSOR_KEYS, scan_angles
-from sensors.formats.toml_table import Table
+from sensors.formats.header import HIGHEST, LOWEST, SENSOR_KEYS, scan_angles
+from sensors.formats.toml_table import Table, read_toml
 from sensors.geomagnetism import earth_field
 from sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
 from sensors.recording import SensorSpec
@@ -25,6 +24,20 @@ SENSORS = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")
 #: what a tesla is in the unit in which the field is declared; "norm": divided by its own norm
 UNITS = {"norm": None, "T": 1.0, "uT": 1e6, "nT": 1e9}
 MAX_LIKE = 8  # scenarios deep; more is a circle
+#: The longest scenario [s], a day, and the most rows of a stream: three hours at 400 Hz. A simulation holds them all.
+LONGEST, MOST_ROWS = 86400.0, 5_000_000
+#: The largest length [m], angle [deg], time [s] or other size in a scenario; the shortest time by which is divided.
+LARGEST, SHORTEST = 1e6, 1e-3
+#: The fastest clock [Hz]: no instrument that is sold has more than 32 kHz.
+FASTEST = 1e5
+#: Keys of manoeuvres with narrower bounds: a square has sides, what is spun up or shaken takes its time.
+_BOUNDS = {
+    "laps": (0.25, 1e4),
+    "rest": (0.0, LONGEST),
+    **dict.fromkeys(("period", "spin_up", "spin_down"), (SHORTEST, LONGEST)),
+}
+#: Keys of records that divide.
+_DIVISORS = ("time_constant", "period", "capacity", "hover_throttle")
 _RECORDS = {"warming": Warming, "baro_warming": Warming, "supply": Supply}
 
 
@@ -41,30 +54,36 @@ def load_scenario(name: str | Path) -> Scenario:
     InputError : no such scenario, or a key that is wrong; names it
     """
     path = Path(name) if str(name).endswith(".toml") else FOLDER / f"{name}.toml"
-    if not path.is_file():
+    if not _is_file(path):
         found = "no such file" if str(name).endswith(".toml") else "no such scenario"
         raise InputError(str(name), found, "a TOML file or one of " + ", ".join(scenario_names()))
     return _scenario(Table(path, merged(path)), path.stem)
 
 
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that no file can have has none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def merged(path: Path, depth: int = 0) -> dict[str, Any]:
     """The tables of a file laid over those of the scenario that it is `like`; sensors that it is `without` left out."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(path, str(error), "a readable TOML file") from None
+    data: dict[str, Any] = read_toml(path)
     like = data.pop("like", None)
     if like is None:
         return data
     base = path.parent / f"{like}.toml"
-    base = base if base.is_file() else FOLDER / f"{like}.toml"
-    if not isinstance(like, str) or not base.is_file() or depth > MAX_LIKE:
+    base = base if _is_file(base) else FOLDER / f"{like}.toml"
+    if not isinstance(like, str) or not _is_file(base) or depth > MAX_LIKE:
         raise InputError(path, repr(like), "the name of another scenario", "key like")
     below = merged(base, depth + 1)
     without = data.pop("without", [])
     if not isinstance(without, list) or not all(name in SENSORS for name in without):
         raise InputError(path, repr(without), "a list of " + ", ".join(SENSORS), "key without")
-    below["sensors"] = {name: spec for name, spec in below.get("sensors", {}).items() if name not in without}
+    sensors = Table(base, below).table("sensors").data
+    below["sensors"] = {name: spec for name, spec in sensors.items() if name not in without}
     if "turns" in data:
         below.pop("manoeuvre", None)
     if "manoeuvre" in data:
@@ -87,7 +106,7 @@ def _laid_over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any
 def _scenario(table: Table, name: str) -> Scenario:
     origin, gravity, field = _place(table)
     turns = _turns(table)
-    start = table.vector("start", 4)
+    start = table.vector("start", 4, at_most=LARGEST)
     start = np.zeros(4) if start is None else start
     scenario = Scenario(
         name=table.text("name") or name,
@@ -102,11 +121,11 @@ def _scenario(table: Table, name: str) -> Scenario:
         origin=origin,
         gravity=gravity,
         magnetic_field=field,
-        ground_down=table.table("environment").number("ground_down") or 0.0,
+        ground_down=_size(table.table("environment"), "ground_down") or 0.0,
         air=_air(table.table("air")),
         vibration=_vibration(table.table("vibration")),
-        covariate_rate=_or(table.number("covariate_rate", at_least=0.0), 50.0),
-        truth_rate=_or(table.number("truth_rate", at_least=0.0), 50.0),
+        covariate_rate=_or(table.number("covariate_rate", at_least=0.0, at_most=FASTEST), 50.0),
+        truth_rate=_or(table.number("truth_rate", at_least=0.0, at_most=FASTEST), 50.0),
         initial=_initial(table.table("initial")),
         **{key: _record(table.table(key), kind) for key, kind in _RECORDS.items()},
     )
@@ -125,7 +144,31 @@ def _scenario(table: Table, name: str) -> Scenario:
     ):
         table.get(key)
     table.done()
+    _require_bounded(table, scenario)
     return scenario
+
+
+def _require_bounded(table: Table, scenario: Scenario) -> None:
+    """Raise an `InputError` for more rows than a simulation can hold."""
+    duration = scenario.duration
+    if duration > LONGEST:
+        raise table.error("duration", f"{duration:g} s in all", f"at most {LONGEST:g} s")
+    fastest = max(scenario.sensors.values(), key=lambda instrument: instrument.rate).rate
+    if fastest * duration < 2.0:
+        raise table.error("rate", f"{fastest:g} Hz for {duration:g} s", "two readings or more of one sensor")
+    rates = {f"sensors.{name}.rate": instrument.rate for name, instrument in scenario.sensors.items()}
+    for key, rate in {**rates, "covariate_rate": scenario.covariate_rate, "truth_rate": scenario.truth_rate}.items():
+        if rate * duration > MOST_ROWS:
+            found = f"{rate:g} Hz for {duration:g} s, {rate * duration:.3g} rows"
+            raise table.error(key, found, f"at most {MOST_ROWS} rows, {MOST_ROWS / duration:.4g} Hz")
+
+
+def _size(table: Table, key: str) -> float | None:
+    return table.number(key, at_least=-LARGEST, at_most=LARGEST)
+
+
+def _time(table: Table, key: str) -> float | None:
+    return table.number(key, at_least=SHORTEST, at_most=LONGEST)
 
 
 def _or(value: float | None, default: float) -> float:
@@ -135,7 +178,10 @@ def _or(value: float | None, default: float) -> float:
 def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tuple[float, float, float]]:
     """Origin, gravity there, and the magnetic field there on the date; `[environment]` may say both instead."""
     environment, place = table.table("environment"), table.table("origin")
-    gravity, field = environment.number("gravity", above=0.0), environment.vector("magnetic_field", 3)
+    gravity = environment.number("gravity", at_least=SHORTEST, at_most=LARGEST)
+    field = environment.vector("magnetic_field", 3, at_most=LARGEST)
+    if field is not None and not np.any(field):
+        raise environment.wrong("magnetic_field", "a field that is not zero")
     unit = environment.text("magnetic_unit", tuple(UNITS)) or "norm"
     environment.get("ground_down")
     environment.done()
@@ -143,8 +189,8 @@ def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tupl
     if "origin" in table:
         values = [
             place.number("latitude", at_least=-90.0, at_most=90.0),
-            place.number("longitude"),
-            place.number("height"),
+            place.number("longitude", at_least=-180.0, at_most=360.0),
+            place.number("height", at_least=LOWEST, at_most=HIGHEST),
         ]
         if None in values:
             raise place.error("latitude", "a part is missing", "latitude, longitude [deg] and height [m]")
@@ -155,7 +201,10 @@ def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tupl
         if field is None and not isinstance(day, date):
             raise place.error("date", repr(day), "a date such as 2026-06-01, for the Earth's magnetic field")
         if field is None:
-            tesla = earth_field(latitude, longitude, height, cast(date, day))
+            try:
+                tesla = earth_field(latitude, longitude, height, cast(date, day))
+            except ValueError as error:
+                raise place.error("date", str(day), str(error)) from None
             scale = UNITS[unit]
             field = tesla / np.linalg.norm(tesla) if scale is None else tesla * scale
         place.done()
@@ -165,9 +214,9 @@ def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tupl
 
 
 def _air(table: Table) -> Air:
-    wind = table.vector("wind", 2)
+    wind = table.vector("wind", 2, at_most=LARGEST)
     air = Air(
-        drag=table.number("drag", at_least=0.0) or 0.0,
+        drag=table.number("drag", at_least=0.0, at_most=LARGEST) or 0.0,
         wind=(0.0, 0.0) if wind is None else (wind[0], wind[1]),
         wind_known=table.flag("wind_known") or False,
     )
@@ -176,21 +225,28 @@ def _air(table: Table) -> Air:
 
 
 def _vibration(table: Table) -> Vibration:
-    amplitude = table.vector("amplitude", 3)
-    frequency = _or(table.number("frequency", above=0.0), Vibration().frequency)
+    amplitude = table.vector("amplitude", 3, at_most=LARGEST)
+    frequency = _or(table.number("frequency", at_least=SHORTEST, at_most=FASTEST), Vibration().frequency)
     table.done()
     return Vibration() if amplitude is None else Vibration((amplitude[0], amplitude[1], amplitude[2]), frequency)
 
 
 def _record(table: Table, kind: type[Any]) -> Any:
     """A record of plain numbers; what is not given keeps the record's default."""
-    given = {entry.name: table.number(entry.name) for entry in fields(kind)}
+    given = {
+        entry.name: table.number(
+            entry.name, at_least=SHORTEST if entry.name in _DIVISORS else -LARGEST, at_most=LARGEST
+        )
+        for entry in fields(kind)
+    }
     table.done()
     return kind(**{key: value for key, value in given.items() if value is not None})
 
 
 def _initial(table: Table) -> tuple[float, float, float] | None:
-    stds = [table.number(key, at_least=0.0) for key in ("position_std", "velocity_std", "attitude_std")]
+    stds = [
+        table.number(key, at_least=0.0, at_most=LARGEST) for key in ("position_std", "velocity_std", "attitude_std")
+    ]
     declared = table.flag("declared")
     table.done()
     if declared is False:
@@ -206,11 +262,11 @@ def _turns(table: Table) -> Turns | None:
     default = Turns()
     result = Turns(
         kind=turns.text("kind", ("poses", "sweep", "hand")) or default.kind,
-        duration=_or(turns.number("duration", above=0.0), default.duration),
-        poses=turns.whole("poses", at_least=2) or default.poses,
-        hold=_or(turns.number("hold", above=0.0), default.hold),
-        turn=_or(turns.number("turn", above=0.0), default.turn),
-        sway=_or(turns.number("sway", at_least=0.0), default.sway),
+        duration=_or(_time(turns, "duration"), default.duration),
+        poses=turns.whole("poses", at_least=2, at_most=MOST_ROWS) or default.poses,
+        hold=_or(_time(turns, "hold"), default.hold),
+        turn=_or(_time(turns, "turn"), default.turn),
+        sway=_or(turns.number("sway", at_least=0.0, at_most=LARGEST), default.sway),
     )
     turns.done()
     return result
@@ -222,16 +278,23 @@ def _manoeuvres(table: Table, turned: bool) -> tuple[Manoeuvre, ...]:
         return ()
     if not isinstance(entries, list) or not entries:
         raise table.error("manoeuvre", "none", "at least one [[manoeuvre]], or [turns]")
+    for k, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise table.error("manoeuvre", f"{entry!r} as number {k + 1}", "a table: [[manoeuvre]]")
     return tuple(_manoeuvre(Table(table.path, entry, f"manoeuvre {k + 1}")) for k, entry in enumerate(entries))
 
 
 def _manoeuvre(table: Table) -> Manoeuvre:
     kind = table.text("kind", tuple(KINDS))
-    duration = table.number("duration", above=0.0)
+    duration = _time(table, "duration")
     if kind is None or duration is None:
         raise table.error("kind", "kind or duration is missing", "both")
-    keys = {key: table.number(key) for key in DEFAULTS[kind]}
+    bounds = {key: _BOUNDS.get(key, (-LARGEST, LARGEST)) for key in DEFAULTS[kind]}
+    keys = {key: table.number(key, at_least=low, at_most=high) for key, (low, high) in bounds.items()}
     table.done()
+    for key in {"spin_up", "spin_down"} & set(keys):
+        if (spinning := _or(keys[key], DEFAULTS[kind][key])) >= duration:
+            raise table.error(key, f"{spinning:g} s in a manoeuvre of {duration:g} s", "less than its duration")
     return Manoeuvre(kind, duration, {key: value for key, value in keys.items() if value is not None})
 
 
@@ -252,26 +315,26 @@ def _instrument(table: Table, name: str) -> Instrument:
         if key == "angles":
             spec[key] = scan_angles(table)
         elif key == "base_position":
-            spec[key] = table.vector(key)
+            spec[key] = table.vector(key, at_most=LARGEST)
         elif key != "imu_samples":
-            spec[key] = table.number(key, at_least=0.0)
-    place = table.vector("place", 3)
+            spec[key] = table.number(key, at_least=0.0, at_most=LARGEST)
+    place = table.vector("place", 3, at_most=LARGEST)
     intervals = table.get("dropouts") or []
-    rate = table.number("rate", above=0.0)
+    rate = table.number("rate", above=0.0, at_most=FASTEST)
     if rate is None and name != "gyro":
         raise table.error("rate", "no such key", "readings a second [Hz]")
     instrument = Instrument(
         spec=SensorSpec(**{key: value for key, value in spec.items() if value is not None}),  # type: ignore[arg-type]
         rate=_or(rate, 200.0),
-        offset=_or(table.number("offset", at_least=0.0), 0.0),
-        jitter=_or(table.number("jitter", at_least=0.0), 0.0),
+        offset=_or(table.number("offset", at_least=0.0, at_most=LONGEST), 0.0),
+        jitter=_or(table.number("jitter", at_least=0.0, at_most=LONGEST), 0.0),
         loss=_or(table.number("loss", at_least=0.0, at_most=1.0), 0.0),
         dropouts=_intervals(table, intervals),
         minimum=_or(table.number("minimum", at_least=0.0), 0.0),
         maximum=_or(table.number("maximum", above=0.0), np.inf),
         beam_angle=float(np.deg2rad(_or(table.number("beam_angle", above=0.0, at_most=90.0), 90.0))),
         softness=_or(table.number("softness", at_least=0.0, at_most=1.0), 0.0),
-        scale_std=_or(table.number("scale_std", at_least=0.0), 0.0),
+        scale_std=_or(table.number("scale_std", at_least=0.0, at_most=LARGEST), 0.0),
         velocity=name != "gps" or "velocity_noise_std" in table,
         place=(100.0, 50.0, 0.0) if place is None else (place[0], place[1], place[2]),
     )
@@ -288,5 +351,5 @@ def _intervals(table: Table, intervals: object) -> tuple[tuple[float, float], ..
         for pair in intervals
     )
     if not right:
-        raise table.error("dropouts", repr(intervals), "a list of [start, end] in s")
+        raise table.wrong("dropouts", "a list of [start, end] in s")
     return tuple((float(pair[0]), float(pair[1])) for pair in cast(list[list[float]], intervals))

@@ -47,9 +47,8 @@ def open_log(path: Path, map_file: Path | None = None) -> Recording:
         return _poses_of_matlab(path)
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
-        "ubx": "a u-blox log", "dataflash": "a text dataflash log", "zip": "a zip", "gzip": "compressed data",
-        "text": "text or unknown data",
-    }[content]  # fmt: skip
+        "ubx": "a u-blox log", "dataflash": "a text dataflash log", "zip": "a zip", "text": "text or unknown data",
+    }.get(content, f"compressed data ({content})")  # fmt: skip
     raise InputError(path, found, "a folder with recording.toml, a ULog, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
 

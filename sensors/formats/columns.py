@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import io
-import zipfile
-import zlib
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.formats import dataflash, matlab, mwlog, ubx, ulog
+from sensors.formats.packed import kind_of, read_packed, require_columns
 from sensors.formats.records import RecordLayout, read_records
-from sensors.formats.text_table import TextTable, is_number
+from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
 
-#: The most text that a compressed file may unfold to [bytes]: 10 h at 200 Hz are about 500 MB.
-UNFOLDED_LIMIT = 2**30
-_ZIP, _GZIP = b"PK\x03\x04", b"\x1f\x8b"
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": ""}
 
 
@@ -51,7 +47,7 @@ class FileOptions:
 
 
 def content_of(path: Path) -> str:
-    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, zip, gzip, empty or text.
+    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, empty, text, or how it is packed.
 
     Raises
     ------
@@ -66,14 +62,11 @@ def content_of(path: Path) -> str:
         raise InputError(path, error.strerror or type(error).__name__, "a readable file") from None
     if not head:
         return "empty"
-    magics = {
-        mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog.MAGIC: "ulog", ubx.MAGIC: "ubx",
-        _ZIP: "zip", _GZIP: "gzip",
-    }  # fmt: skip
+    magics = {mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog.MAGIC: "ulog", ubx.MAGIC: "ubx"}
     for magic, content in magics.items():
         if head.startswith(magic):
             return content
-    return "dataflash" if dataflash.MAGIC.encode() in head else "text"
+    return kind_of(head) or ("dataflash" if dataflash.MAGIC.encode() in head else "text")
 
 
 def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> dict[str, FloatArray]:
@@ -107,17 +100,14 @@ def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> d
         return ubx.read_ubx(path)
     if content == "dataflash":
         return dataflash.read_dataflash(path, wanted)
-    return _read_text(path, content, options, wanted)
+    return _read_text(path, options, wanted)
 
 
-def _read_text(path: Path, content: str, options: FileOptions, wanted: Collection[str]) -> dict[str, FloatArray]:
-    data = _text_bytes(path, content, options)
+def _read_text(path: Path, options: FileOptions, wanted: Collection[str]) -> dict[str, FloatArray]:
     where = f"{path}({options.member})" if options.member else str(path)
-    if options.skip_end:
-        lines = data.rstrip(b"\r\n").rsplit(b"\n", options.skip_end)
-        data = lines[0] + b"\n" if len(lines) > options.skip_end else b""
-    names, delimiter = _layout(where, data, options)
-    table = TextTable(where, lambda: io.BytesIO(data), names, delimiter, options.skip_lines + options.header)
+    text = _text(path, options)
+    names, delimiter = _layout(where, text, options)
+    table = TextTable(where, text, names, delimiter, options.skip_lines + options.header)
     present = [name for name in names if name in wanted]
     columns = table.read(present)
     if columns is None:
@@ -125,54 +115,51 @@ def _read_text(path: Path, content: str, options: FileOptions, wanted: Collectio
     return columns | {name: np.empty(0) for name in names if name not in columns}
 
 
-def _text_bytes(path: Path, content: str, options: FileOptions) -> bytes:
-    """The text of a file, unfolded where it is compressed."""
-    too_large = f"more than {UNFOLDED_LIMIT >> 20} MiB of text once unfolded"
-    try:
-        if content == "zip":
-            with zipfile.ZipFile(path) as archive:
-                if options.member not in archive.namelist():
-                    found = f"no member `{options.member}`" if options.member else "a zip"
-                    members = ", ".join(archive.namelist()[:20])
-                    raise InputError(path, found, f"member = one of {members}")
-                with archive.open(options.member) as file:
-                    data = file.read(UNFOLDED_LIMIT + 1)
-        elif content == "gzip":
-            with gzip.open(path) as file:
-                data = file.read(UNFOLDED_LIMIT + 1)
-        else:
-            return path.read_bytes()
-    except (zipfile.BadZipFile, EOFError, OSError, zlib.error, NotImplementedError, RuntimeError) as error:
-        raise InputError(path, f"{type(error).__name__}: {error}", "an undamaged compressed file") from None
-    if len(data) > UNFOLDED_LIMIT:
-        raise InputError(path, too_large, "less: unpack it and cut it")
-    return data
+def _text(path: Path, options: FileOptions) -> Callable[[], BinaryIO]:
+    """What opens the text of a file: unfolded where it is packed, without the lines to leave out at its end."""
+    with path.open("rb") as file:
+        packed = kind_of(file.read(6))
+    if not packed and not options.skip_end:
+        return lambda: path.open("rb")
+    data = read_packed(path, options.member if packed == "zip" else None)
+    if options.skip_end:
+        lines = data.rstrip(b"\r\n").rsplit(b"\n", options.skip_end)
+        data = lines[0] + b"\n" if len(lines) > options.skip_end else b""
+    return lambda: io.BytesIO(data)
 
 
-def _layout(where: str, data: bytes, options: FileOptions) -> tuple[list[str], str]:
-    """The names of the columns and the delimiter, from the options or from the first lines."""
-    lines = data.split(b"\n", options.skip_lines + 2)[options.skip_lines : options.skip_lines + 2]
-    if not lines or not lines[0].strip():
-        raise InputError(where, "no text", "rows of numbers", f"line {options.skip_lines + 1}")
+def _layout(where: str, text: Callable[[], BinaryIO], options: FileOptions) -> tuple[list[str], str]:
+    """The names of the columns and the delimiter, from the options or from the first line."""
+    place = f"line {options.skip_lines + 1}"
+    with text_lines(text(), where) as lines:
+        for _ in range(options.skip_lines):
+            if not lines.readline():
+                break
+        line = lines.readline()
+    if not line.strip():
+        raise InputError(where, "no text", "rows of numbers", place)
     try:
-        first = lines[0].decode("utf-8-sig" if options.skip_lines == 0 else "utf-8").rstrip("\r")
+        first = line.decode("utf-8-sig" if options.skip_lines == 0 else "utf-8").rstrip("\r\n")
     except UnicodeDecodeError as error:
-        found = f"byte 0x{error.object[error.start]:02x}"
-        raise InputError(where, found, "UTF-8 text", f"line {options.skip_lines + 1}") from None
+        raise InputError(where, f"byte 0x{error.object[error.start]:02x}", "UTF-8 text", place) from None
     if not all(letter.isprintable() or letter == "\t" for letter in first):
-        raise InputError(where, "binary data", "text", f"line {options.skip_lines + 1}")
+        raise InputError(where, "binary data", "text", place)
     delimiter = DELIMITERS[options.delimiter] if options.delimiter else _delimiter(first)
-    cells = next(csv.reader([first], delimiter=delimiter, skipinitialspace=True)) if delimiter else first.split()
+    try:
+        cells = next(csv.reader([first], delimiter=delimiter, skipinitialspace=True)) if delimiter else first.split()
+    except csv.Error as error:
+        raise InputError(where, str(error), "a row of cells", place) from None
+    require_columns(where, len(cells), place)
     if options.header:
         names = [cell.strip() or str(k + 1) for k, cell in enumerate(cells)]
     else:
         names = list(options.columns) or [str(k + 1) for k in range(len(cells))]
         if not options.columns and not any(is_number(cell) for cell in cells):
             hint = "numbers; `header = true` for a line of names, or `skip_lines`"
-            raise InputError(where, f"`{first[:60]}`", hint, f"line {options.skip_lines + 1}")
-    doubled = next((name for k, name in enumerate(names) if name in names[:k]), None)
+            raise InputError(where, f"`{first[:60]}`", hint, place)
+    doubled = doubled_name(names)
     if doubled is not None:
-        raise InputError(where, f"column {doubled} twice", "every column once", f"line {options.skip_lines + 1}")
+        raise InputError(where, f"column {doubled} twice", "every column once", place)
     return names, delimiter
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats.text_table import TextTable, is_number
+from sensors.formats.packed import require_columns
+from sensors.formats.text_table import TextTable, doubled_name, is_number
 
 #: The longest header line that is read [characters]: a binary file must not be taken for one endless name.
 _HEADER_LIMIT = 100_000
@@ -37,11 +38,14 @@ def read_csv(path: Path, own: Collection[str]) -> tuple[dict[str, FloatArray], t
     names = read_header_line(path)
     table = TextTable(path, lambda: path.open("rb"), names)
     wanted = list(names)
-    while (columns := table.read(wanted)) is None:
-        column, error = table.culprit(wanted)
-        if column is None or column in own:
-            raise error
-        wanted.remove(column)
+    if (columns := table.read(wanted)) is None:
+        for column, error in table.culprits(wanted):
+            if column is None or column in own:
+                raise error
+            wanted.remove(column)
+        columns = table.read(wanted)
+    if columns is None:
+        raise table.culprit(wanted)[1]
     finite = {name: values for name, values in columns.items() if name in own or np.all(np.isfinite(values))}
     return finite, tuple(name for name in names if name not in finite)
 
@@ -67,9 +71,10 @@ def read_header_line(path: Path) -> list[str]:
         raise InputError(path, "binary data", "a header that names the columns", "line 1")
     if all(is_number(name) for name in names):
         raise InputError(path, f"numbers ({names[0]} ...)", "a header that names the columns", "line 1")
-    for k, name in enumerate(names):
-        if not name:
-            raise InputError(path, f"no name for column {k + 1}", "a header that names the columns", "line 1")
-        if name in names[:k]:
-            raise InputError(path, f"column {name} twice", "every column once", "line 1")
+    require_columns(path, len(names), "line 1")
+    if "" in names:
+        found = f"no name for column {names.index('') + 1}"
+        raise InputError(path, found, "a header that names the columns", "line 1")
+    if (doubled := doubled_name(names)) is not None:
+        raise InputError(path, f"column {doubled} twice", "every column once", "line 1")
     return names

@@ -12,6 +12,12 @@ from sensors.recording import Environment, Initial, SensorSpec
 
 Origin = tuple[float, float, float]
 
+#: Sizes that a declared number may have, in SI units, gauss or raw counts: converters have 32 bits, the quietest
+#: instruments (ring laser gyroscopes) a noise of 1e-7; the filter squares them.
+SMALLEST_NOISE, LARGEST = 1e-12, 1e12
+#: Origin [m]: the deepest trench to the orbit of a station.
+LOWEST, HIGHEST = -12_000.0, 1e6
+
 #: The keys that each sensor may declare.
 _CONTINUOUS = ("noise_density", "noise_std", "bias_walk", "bias_std", "average_time", "imu_samples")
 _PER_READING = ("noise_std", "bias_walk", "bias_std")
@@ -60,7 +66,7 @@ def _origin(table: Table) -> Origin | None:
     origin = table.table("origin")
     latitude = origin.number("latitude", at_least=-90.0, at_most=90.0)
     longitude = origin.number("longitude", at_least=-180.0, at_most=360.0)
-    height = origin.number("height")
+    height = origin.number("height", at_least=LOWEST, at_most=HIGHEST)
     origin.done()
     for key, value in (("latitude", latitude), ("longitude", longitude), ("height", height)):
         if value is None:
@@ -73,9 +79,9 @@ def _origin(table: Table) -> Origin | None:
 
 def _environment(table: Table) -> Environment:
     environment = Environment(
-        gravity=table.number("gravity", above=0.0),
-        magnetic_field=table.vector("magnetic_field", 3),
-        ground_down=table.number("ground_down") or 0.0,
+        gravity=table.number("gravity", at_least=SMALLEST_NOISE, at_most=LARGEST),
+        magnetic_field=table.vector("magnetic_field", 3, at_most=LARGEST),
+        ground_down=table.number("ground_down", at_least=-LARGEST, at_most=LARGEST) or 0.0,
         earth_rotation=table.flag("earth_rotation") or False,
     )
     table.done()
@@ -86,12 +92,12 @@ def _environment(table: Table) -> Environment:
 
 def _initial(table: Table) -> Initial:
     initial = Initial(
-        position=table.vector("position", 3),
-        velocity=table.vector("velocity", 3),
+        position=table.vector("position", 3, at_most=LARGEST),
+        velocity=table.vector("velocity", 3, at_most=LARGEST),
         quaternion=table.vector("quaternion", 4),
-        position_std=table.number("position_std", at_least=0.0),
-        velocity_std=table.number("velocity_std", at_least=0.0),
-        attitude_std=table.number("attitude_std", at_least=0.0),
+        position_std=table.number("position_std", at_least=0.0, at_most=LARGEST),
+        velocity_std=table.number("velocity_std", at_least=0.0, at_most=LARGEST),
+        attitude_std=table.number("attitude_std", at_least=0.0, at_most=LARGEST),
     )
     table.done()
     # Two printed digits of a unit quaternion leave its norm within 1 % of one.
@@ -110,15 +116,15 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
     values: dict[str, object] = {}
     for key in keys:
         if key in ("noise_density", "noise_std", "velocity_noise_std", "average_time"):
-            values[key] = table.number(key, above=0.0)
+            values[key] = table.number(key, at_least=SMALLEST_NOISE, at_most=LARGEST)
         elif key in ("bias_walk", "bias_std"):
-            values[key] = table.number(key, at_least=0.0)
+            values[key] = table.number(key, at_least=0.0, at_most=LARGEST)
         elif key == "imu_samples":
             values[key] = table.text(key, ("instant", "average")) or "instant"
         elif key == "angles":
             values[key] = scan_angles(table)
         else:
-            values[key] = table.vector(key, 3)
+            values[key] = table.vector(key, 3, at_most=LARGEST)
     table.done()
     return SensorSpec(**values)  # type: ignore[arg-type]
 
@@ -143,7 +149,8 @@ def _effects(table: Table) -> dict[str, tuple[float, ...]]:
 
     effects: dict[str, tuple[float, ...]] = {}
     for name in table.names():
-        beta = table.vector(name) if isinstance(table.get(name), list) else table.number(name)
+        one = not isinstance(table.get(name), list)
+        beta = table.number(name, at_least=-LARGEST, at_most=LARGEST) if one else table.vector(name, at_most=LARGEST)
         effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
         try:
             size = effect(name).size

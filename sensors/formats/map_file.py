@@ -26,6 +26,9 @@ from sensors.formats.toml_table import Table, load_toml
 from sensors.formats.units import COUNT, UNITS
 from sensors.recording import Kind
 
+#: The most lines to pass over at either end of a text: an hour of them at 200 Hz, and more.
+_MOST_SKIPPED = 10**6
+
 
 def read_map(path: Path) -> Map:
     """Read a map.
@@ -75,8 +78,8 @@ def _file(table: Table) -> FileOptions:
         member=table.text("member") or "",
         columns=columns,
         delimiter=table.text("delimiter", tuple(DELIMITERS)) or "",
-        skip_lines=table.whole("skip_lines") or 0,
-        skip_end=table.whole("skip_end") or 0,
+        skip_lines=table.whole("skip_lines", at_most=_MOST_SKIPPED) or 0,
+        skip_end=table.whole("skip_end", at_most=_MOST_SKIPPED) or 0,
         header=table.flag("header") or False,
         records=_records(table.table("records")) if "records" in table else None,
     )
@@ -106,8 +109,8 @@ def _fields(table: Table, key: str) -> tuple[tuple[str, str], ...]:
     if not isinstance(value, list):
         raise table.wrong(key, expected)
     pairs = [tuple(entry) if isinstance(entry, list) else () for entry in value]
-    good = all(len(pair) == 2 and isinstance(pair[0], str) and pair[1] in TYPES for pair in pairs)
-    if not good or len({pair[0] for pair in pairs}) < len(pairs):
+    good = all(len(pair) == 2 and isinstance(pair[0], str) and pair[1] in list(TYPES) for pair in pairs)
+    if not good or "" in {pair[0] for pair in pairs} or len({pair[0] for pair in pairs}) < len(pairs):
         raise table.wrong(key, expected)
     return tuple((str(name), str(kind)) for name, kind in pairs)
 

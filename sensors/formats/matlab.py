@@ -11,18 +11,21 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.packed import MOST_COLUMNS, read_plain, require_numbers
 
 MAGIC_5 = b"MATLAB 5.0 MAT-file"
 MAGIC_HDF5 = b"\x89HDF\r\n\x1a\n"
 #: The most that compressed or sparsely stored data may unfold to [bytes].
 UNFOLDED_LIMIT = 2**29
+#: The most variables of a file.
+MOST_VARIABLES = 10_000
 
 _COMPRESSED, _MATRIX = 15, 14
 #: mxSTRUCT_CLASS. MAT-File Format, table 1-3.
@@ -49,7 +52,8 @@ def read_matlab(path: Path) -> dict[str, FloatArray]:
 
     Raises
     ------
-    InputError : neither MATLAB 5 nor 7.3, truncated, sizes that do not fit, more than 512 MiB unfolded, no numbers
+    InputError : neither MATLAB 5 nor 7.3, truncated, sizes that do not fit, more than 512 MiB unfolded, no numbers; in
+        HDF5, a variable that lies in other files
     """
     arrays = _read_hdf5(path) if is_hdf5(path) else _read_5(path)
     if not arrays:
@@ -63,7 +67,7 @@ def _flat(array: FloatArray) -> FloatArray:
 
 def _read_5(path: Path) -> dict[str, FloatArray]:
     """The numeric arrays of a version-5 file. A name given twice: the last one counts, as in MATLAB."""
-    data = path.read_bytes()
+    data = read_plain(path)
     if not data.startswith(MAGIC_5):
         raise InputError(path, f"it begins with {data[:8]!r}", "a MATLAB 5 or 7.3 file", "byte 0")
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
@@ -79,8 +83,16 @@ def _read_5(path: Path) -> dict[str, FloatArray]:
             kind, body, _ = _element(path, inside, 0, order, position)
         if kind == _MATRIX:
             arrays.update(_matrix(path, body, order, position))
+            _require_bounds(path, arrays, f"byte {position}")
         position = end
     return arrays
+
+
+def _require_bounds(path: Path, arrays: Mapping[str, FloatArray], place: str) -> None:
+    """Raise an `InputError` for more variables, or more numbers in them, than are read."""
+    if len(arrays) > MOST_VARIABLES:
+        raise InputError(path, f"more than {MOST_VARIABLES} variables", f"at most {MOST_VARIABLES}", place)
+    require_numbers(path, sum(array.size for array in arrays.values()), place)
 
 
 def _element(path: Path, data: bytes, at: int, order: str, position: int | None = None) -> tuple[int, bytes, int]:
@@ -139,6 +151,7 @@ def _matrix(
     if stored not in _TYPES or count * dtype.itemsize != len(numbers):
         found = f"an array of {' x '.join(str(n) for n in shape)} in {len(numbers)} bytes of type {stored}"
         raise InputError(path, found, "numbers for all of it", f"byte {position}")
+    require_numbers(path, count, f"byte {position}")
     return {name: np.frombuffer(numbers, dtype).astype(np.float64).reshape(shape, order="F")}
 
 
@@ -190,12 +203,16 @@ def _read_hdf5(path: Path) -> dict[str, FloatArray]:
                 dataset = file.get(name)
                 if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "fiub" or dataset.shape is None:
                     continue
-                unfolded += dataset.size * dataset.dtype.itemsize
+                place = f"variable {name}"
+                if dataset.is_virtual or dataset.external:
+                    raise InputError(path, "numbers that lie in other files", "a file that holds its own", place)
+                unfolded += dataset.size * max(dataset.dtype.itemsize, 8)
                 if unfolded > UNFOLDED_LIMIT:
                     shape = " x ".join(str(n) for n in dataset.shape)
-                    raise InputError(path, f"an array of {shape}", "less than 512 MiB", f"variable {name}")
+                    raise InputError(path, f"an array of {shape}", "less than 512 MiB as doubles, all together", place)
                 # HDF5 lists the dimensions in the opposite order of MATLAB.
                 arrays[name] = np.asarray(dataset[()], dtype=np.float64).T
+                _require_bounds(path, arrays, place)
     except InputError:
         raise
     except Exception as error:  # h5py raises OSError, KeyError, RuntimeError and others on a damaged file
@@ -207,13 +224,13 @@ def columns_of(arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Variables as columns: `name` for a vector, `name.1` to `name.k` for a matrix with one reading a row or a column.
 
     The longer side is the readings; a square matrix has one reading a column. The columns of an only matrix are also
-    "1" to "k".
+    "1" to "k". A matrix of more than `MOST_COLUMNS` columns is no table of readings and is passed over.
     """
     columns: dict[str, FloatArray] = {}
     for name, array in arrays.items():
         if array.ndim <= 1:
             columns[name] = np.atleast_1d(array)
-        elif array.ndim == 2:
+        elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
             rows = array if array.shape[1] >= array.shape[0] else array.T
             columns.update({f"{name}.{k + 1}": np.ascontiguousarray(row) for k, row in enumerate(rows)})
             if len(arrays) == 1:

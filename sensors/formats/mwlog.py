@@ -12,6 +12,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.packed import require_numbers
 
 MAGIC = b"MWLOGV01"
 #: magic, time of day, signals a record, type of a signal, bytes a record
@@ -44,5 +45,6 @@ def read_mwlog(path: Path) -> dict[str, FloatArray]:
         if rest:
             found = f"{rest} bytes after {records} records of {record_size}: the last one is cut off"
             raise InputError(path, found, "whole records", f"byte {size - rest}")
+        require_numbers(path, records * signals)
         data = np.fromfile(file, dtype, count=records * signals).reshape(records, signals).astype(np.float64)
     return {str(k + 1): data[:, k].copy() for k in range(signals)}

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import FloatArray, IntArray
 from sensors.errors import InputError
+from sensors.formats.packed import read_plain, require_numbers
 
 #: The names of the types, as in a data sheet.
 TYPES = {
@@ -49,35 +51,35 @@ def read_records(path: Path, layout: RecordLayout) -> dict[str, FloatArray]:
     ------
     InputError : a record without its magic (names the byte), a last record that is cut off, no record
     """
-    data = path.read_bytes()
+    data = read_plain(path)
     head = layout.dtype(layout.fields)
     tail = layout.dtype(layout.tail)
-    starts, tails = _starts(path, data, layout, head, tail)
+    starts, with_tail = _starts(path, data, layout, head, tail)
+    require_numbers(path, len(starts) * len(layout.fields) + len(with_tail) * len(layout.tail))
     raw = np.frombuffer(data, np.uint8)
-    columns = _fields(raw, np.array(starts, dtype=np.int64), head)
-    with_tail = np.array(tails, dtype=np.int64)
+    columns = _fields(raw, starts, head)
     columns["row"] = np.arange(len(starts), dtype=np.float64)
     if layout.tail:
-        first = np.asarray(starts)[with_tail] + head.itemsize
-        columns.update({f"tail.{name}": values for name, values in _fields(raw, first, tail).items()})
+        found = _fields(raw, starts[with_tail] + head.itemsize, tail)
+        columns.update({f"tail.{name}": values for name, values in found.items()})
         columns["tail.row"] = with_tail.astype(np.float64)
     return columns
 
 
 def _starts(
     path: Path, data: bytes, layout: RecordLayout, head: np.dtype[np.void], tail: np.dtype[np.void]
-) -> tuple[list[int], list[int]]:
+) -> tuple[IntArray, IntArray]:
     """The byte at which each record starts, and the indices of those that have a tail."""
-    starts: list[int] = []
-    tails: list[int] = []
+    starts, tails = array("q"), array("q")
     position = 0
     while position < len(data):
         place = f"byte {position}, record {len(starts) + 1}"
         if position + head.itemsize > len(data):
             raise InputError(path, f"a record cut off after {len(data) - position} bytes", f"{head.itemsize}", place)
         record = np.frombuffer(data, head, count=1, offset=position)[0]
-        if layout.magic is not None and int(record[0]) != layout.magic:
-            raise InputError(path, f"0x{int(record[0]):x} at the start of a record", f"0x{layout.magic:x}", place)
+        if layout.magic is not None and record[0] != layout.magic:
+            found = f"0x{int(record[0]):x}" if isinstance(record[0], np.integer) else f"{record[0]}"
+            raise InputError(path, f"{found} at the start of a record", f"0x{layout.magic:x}", place)
         starts.append(position)
         position += head.itemsize
         if layout.tail_if and record[layout.tail_if] != 0:
@@ -87,12 +89,15 @@ def _starts(
             position += tail.itemsize
     if not starts:
         raise InputError(path, "no record", "at least one", "byte 0")
-    return starts, tails
+    return np.array(starts, dtype=np.int64), np.array(tails, dtype=np.int64)
 
 
-def _fields(raw: np.ndarray, starts: np.ndarray, dtype: np.dtype[np.void]) -> dict[str, FloatArray]:
-    if dtype.itemsize == 0:
-        return {}
-    rows = raw[starts[:, None] + np.arange(dtype.itemsize)]
-    records = np.ascontiguousarray(rows).view(dtype)[:, 0] if len(starts) else np.empty(0, dtype)
-    return {name: records[name].astype(np.float64) for name in dtype.names or ()}
+def _fields(raw: np.ndarray, starts: IntArray, dtype: np.dtype[np.void]) -> dict[str, FloatArray]:
+    """The fields of the records that start at some bytes; byte by byte of a field, since an index takes eight bytes."""
+    columns = {}
+    for name, (kind, offset, *_) in (dtype.fields or {}).items():
+        values = np.empty((len(starts), kind.itemsize), dtype=np.uint8)
+        for k in range(kind.itemsize):
+            values[:, k] = raw[starts + (offset + k)]
+        columns[name] = values.view(kind)[:, 0].astype(np.float64)
+    return columns

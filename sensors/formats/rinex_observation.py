@@ -119,7 +119,7 @@ def read_observations(path: Path | str, kinds: str = "CS", systems: str = SYSTEM
 
     Parameters
     ----------
-    path : plain, gzip, or what the library `hatanaka` expands
+    path : plain, packed, or what the library `hatanaka` expands
     kinds : first letters of the observations to read: C code, L phase, D Doppler, S signal strength
     systems : letters of the satellite systems to read
 
@@ -132,6 +132,8 @@ def read_observations(path: Path | str, kinds: str = "CS", systems: str = SYSTEM
     if header.kind != "O":
         raise InputError(text.where, f"file type `{printable(header.kind)}`", "observations, type `O`", "line 1")
     journal = Journal(text.where)
+    if text.complaint:
+        journal.add(text.complaint, "compact RINEX")
     types = observation_types(text.where, header)
     version_2 = header.version < 3.0
     layout = walk_2(text, header, types, journal) if version_2 else walk_3(text, header, journal)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import datetime
-import gzip
-import io
-import zlib
+import subprocess
+import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.errors import InputError
+from sensors.formats.packed import Bounded, read_packed
 
 ByteArray = npt.NDArray[np.uint8]
 
@@ -32,7 +33,8 @@ LEAP_SECOND_DAYS = tuple(
 SYSTEMS = "GREJCIS"  # GPS, GLONASS, Galileo, QZSS, BeiDou, NavIC, SBAS (RINEX 4.00, table 1)
 LABEL = slice(60, 80)  # columns of a header line's label
 PADDING = 2048  # bytes behind the text: more than the longest line of a real file
-LARGEST = 2**31  # bytes: more than a day at 10 Hz; a packed file may not grow beyond it
+COMPACT = b"CRINEX VERS   / TYPE"
+MOST_LINES = 2**25  # ten hours of 40 satellites at 20 Hz
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Text:
     data : (bytes,) followed by blanks, so that a gather beyond the end stays inside
     start, length : (lines,) of each line, without its end
     ended : whether the last line had a line end
+    complaint : of the program that expanded it; empty: none
     """
 
     where: str
@@ -52,6 +55,7 @@ class Text:
     start: IntArray
     length: IntArray
     ended: bool
+    complaint: str = ""
 
     def __len__(self) -> int:
         return len(self.start)
@@ -85,52 +89,68 @@ def names_in(text: Text, lines: IntArray) -> npt.NDArray[np.str_]:
 
 
 def unpack(path: Path | str) -> Text:
-    """Read a file, plain or packed (gzip; compact RINEX, Z, bzip2 and zip through the library `hatanaka`).
+    """Read a file, plain or packed; compact RINEX through the library `hatanaka`.
 
     Raises
     ------
-    InputError : cannot be opened, packed in a damaged way, or `hatanaka` is needed and not installed
+    InputError : cannot be opened, packed in a damaged way, unfolds to more than is read, or a library is needed and not
+        installed
     """
     where = Path(path)
-    try:
-        raw = where.read_bytes()
-    except OSError as error:
-        raise InputError(where, error.strerror or "cannot be read", "a readable RINEX file") from None
-    return lines_of(str(path), expand(where, raw))
+    raw = read_packed(where)
+    if raw[LABEL] == COMPACT:
+        raw, complaint = expand(where, raw)
+        return lines_of(str(path), raw, complaint)
+    return lines_of(str(path), raw)
 
 
-def expand(where: Path, raw: bytes) -> bytes:
-    """The plain text of a file that may be packed."""
+def expand(where: Path, raw: bytes) -> tuple[bytes, str]:
+    """The plain text of compact RINEX, never more than is read, and what its program complains of.
+
+    The program of `hatanaka` is run here and not by the library, which takes what it writes however much that is.
+    """
     try:
-        if raw[:2] == b"\x1f\x8b":
-            with gzip.GzipFile(fileobj=io.BytesIO(raw)) as stream:
-                raw = stream.read(LARGEST)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(where, f"damaged gzip data ({error})", "a complete gzip file") from None
-    packed = raw[:2] in (b"\x1f\x9d", b"BZ", b"PK")
-    compact = raw[60:80] == b"CRINEX VERS   / TYPE"
-    if not packed and not compact:
-        return raw
-    try:
-        import hatanaka
+        import hatanaka.bin as programs
     except ImportError:
-        found = "compact RINEX" if compact else "a packed file"
-        raise InputError(where, found, "plain or gzip RINEX, or the library `hatanaka` installed") from None
-    try:
-        return bytes(hatanaka.decompress(raw))
-    except Exception as error:  # the library's own errors are of many kinds
-        raise InputError(where, f"compact RINEX that cannot be expanded ({error})", "a complete file") from None
+        found = "compact RINEX"
+        raise InputError(where, found, "plain RINEX, or pip install '.[gnss]' in the clone") from None
+    program = Path(next(iter(programs.__path__))) / f"crx2rnx{'.exe' if sys.platform == 'win32' else ''}"
+    text = Bounded(where)
+    with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as complaints:
+        source.write(raw)
+        source.seek(0)
+        with subprocess.Popen([program, "-"], stdin=source, stdout=subprocess.PIPE, stderr=complaints) as process:
+            assert process.stdout is not None
+            try:
+                while part := process.stdout.read(2**16):
+                    text.write(part)
+            except InputError:
+                process.kill()
+                raise
+        complaints.seek(0)
+        complaint = " ".join(complaints.read(500).decode("ascii", "replace").split())
+    if process.returncode not in (0, 2):  # 2: done, with warnings
+        raise InputError(where, f"compact RINEX that cannot be expanded ({complaint})", "a complete file")
+    return text.getvalue(), complaint
 
 
-def lines_of(where: str, raw: bytes) -> Text:
-    """Find the lines of a text with line ends LF or CR LF."""
+def lines_of(where: str, raw: bytes, complaint: str = "") -> Text:
+    """Find the lines of a text with line ends LF or CR LF.
+
+    Raises
+    ------
+    InputError : more lines than are read
+    """
+    count = raw.count(b"\n")
+    if count > MOST_LINES:
+        raise InputError(where, f"{count} lines", f"at most {MOST_LINES}: cut the file")
     ended = raw.endswith(b"\n") or not raw
     data = np.frombuffer(raw + (b"" if ended else b"\n") + b" " * PADDING, dtype=np.uint8)
     end = np.flatnonzero(data == 10)
     start = np.concatenate([[0], end[:-1] + 1]) if len(end) else np.zeros(0, dtype=np.int64)
     length = end - start
     carriage = (length > 0) & (data[np.maximum(end - 1, 0)] == 13)
-    return Text(where, data, start.astype(np.int64), (length - carriage).astype(np.int64), ended)
+    return Text(where, data, start.astype(np.int64), (length - carriage).astype(np.int64), ended, complaint)
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,60 @@ import csv
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.packed import LONGEST_LINE, require_numbers, size_shown
+
+#: Cells that are read at once, those of columns that nobody asked for among them.
+_CELLS = 2**20
+
+
+class _Lines(io.RawIOBase):
+    """Bytes of text whose lines are bounded: a table with one endless row would take any memory.
+
+    Parameters
+    ----------
+    file : of text
+    where : of the file, for messages
+    """
+
+    def __init__(self, file: BinaryIO, where: Path | str) -> None:
+        self._file, self._where = file, where
+        self._length = 0  # of the line that is not yet ended
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        part = self._file.read(len(buffer))
+        end = part.rfind(b"\n")
+        self._length = len(part) - end - 1 if end >= 0 else self._length + len(part)
+        if self._length > LONGEST_LINE:
+            found = f"a line of more than {size_shown(LONGEST_LINE)}"
+            raise InputError(self._where, found, f"lines of at most {size_shown(LONGEST_LINE)}")
+        buffer[: len(part)] = part
+        return len(part)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def text_lines(file: BinaryIO, where: Path | str) -> io.BufferedReader:
+    """A file of text, as bytes, that gives no line of more than `LONGEST_LINE`.
+
+    Raises
+    ------
+    InputError : when reading, a longer line
+    """
+    return io.BufferedReader(_Lines(file, where), 2**16)
 
 
 @dataclass(frozen=True)
@@ -37,53 +82,89 @@ class TextTable:
     skip_lines: int = 1
 
     def read(self, wanted: Sequence[str]) -> dict[str, FloatArray] | None:
-        """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number."""
+        """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number.
+
+        Raises
+        ------
+        InputError : an endless line, more numbers than are read
+        """
+        import pandas as pd
+
+        parts: list[dict[str, FloatArray]] = [{name: np.empty(0) for name in wanted}]
+        rows = 0
+        try:
+            with warnings.catch_warnings(), self._past_the_head() as file:
+                warnings.simplefilter("error")
+                for frame in self._frames(file, wanted):
+                    rows += len(frame)
+                    require_numbers(self.where, rows * len(wanted), f"after row {rows - len(frame)}")
+                    parts.append({name: frame[name].to_numpy(np.float64) for name in wanted})
+        except pd.errors.EmptyDataError:
+            return parts[0]
+        except InputError:
+            raise
+        except (ValueError, OverflowError, OSError, Warning):
+            return None
+        return {name: np.concatenate([part[name] for part in parts]) for name in wanted}
+
+    def _past_the_head(self) -> io.BufferedReader:
+        """The text from the first row on."""
+        file = text_lines(self.open(), self.where)
+        for _ in range(self.skip_lines):
+            if not file.readline():
+                break
+        return file
+
+    def _frames(self, file: io.BufferedReader, wanted: Collection[str]) -> Any:
+        """The rows as tables of pandas, some at a time."""
         import pandas as pd
 
         # The default of pandas 3 is exact; before, exact had to be asked for.
         exact = {"float_precision": "round_trip"} if int(pd.__version__.split(".")[0]) < 3 else {}
-        kinds = {name: np.float64 if name in wanted else str for name in self.names}
-        try:
-            with warnings.catch_warnings(), self.open() as file:
-                warnings.simplefilter("error")
-                frame = pd.read_csv(
-                    file, sep=self.delimiter or r"\s+", skiprows=self.skip_lines, header=None, names=list(self.names),
-                    index_col=False, dtype=kinds, encoding="utf-8-sig", skipinitialspace=True, keep_default_na=False,
-                    **exact,
-                )  # fmt: skip
-        except pd.errors.EmptyDataError:
-            return {name: np.empty(0) for name in wanted}
-        except (ValueError, OverflowError, Warning):
-            return None
-        return {name: frame[name].to_numpy(np.float64) for name in wanted}
+        return pd.read_csv(
+            file, sep=self.delimiter or r"\s+", header=None, names=list(self.names), index_col=False,
+            dtype={name: np.float64 if name in wanted else str for name in self.names}, encoding="utf-8-sig",
+            skipinitialspace=True, keep_default_na=False, chunksize=max(1, _CELLS // len(self.names)), **exact,
+        )  # fmt: skip
 
     def culprit(self, wanted: Sequence[str]) -> tuple[str | None, InputError]:
         """The column and the error of the first row that `read` could not take."""
+        return next(self.culprits(wanted))
+
+    def culprits(self, wanted: Sequence[str]) -> Iterator[tuple[str | None, InputError]]:
+        """The columns that `read` could not take, each once with the error of its first row; last what ends the table.
+
+        A column of None is an error of the table, and the last one.
+        """
         count = f"{len(self.names)} columns ({', '.join(self.names)})"
+        good, asked = set(wanted), len(set(wanted))
         row = 0
         try:
             for row, line, cells in self._rows():
                 place = f"row {row} (line {line})"
                 if len(cells) != len(self.names):
-                    return None, InputError(self.where, f"{len(cells)} columns", count, place)
+                    yield None, InputError(self.where, f"{len(cells)} columns", count, place)
+                    return
                 for name, cell in zip(self.names, cells, strict=True):
-                    if name in wanted and not is_number(cell):
+                    if name in good and not is_number(cell):
+                        good.remove(name)
                         found = f"`{cell[:40]}`" if cell.strip() else "an empty cell"
-                        return name, InputError(self.where, f"{found} in column {name}", "a number", place)
+                        yield name, InputError(self.where, f"{found} in column {name}", "a number", place)
         except UnicodeDecodeError as error:
             found = f"byte 0x{error.object[error.start]:02x}"
-            return None, InputError(self.where, found, "UTF-8 text", f"after row {row}")
+            yield None, InputError(self.where, found, "UTF-8 text", f"after row {row}")
+            return
         except (csv.Error, OSError) as error:
-            return None, InputError(self.where, str(error), "a table of text", f"after row {row}")
-        separated = f"separated by `{self.delimiter}`" if self.delimiter else "separated by blanks"
-        return None, InputError(self.where, "rows that cannot be read", f"{count}, {separated}")
+            yield None, InputError(self.where, str(error), "a table of text", f"after row {row}")
+            return
+        if len(good) == asked:
+            separated = f"separated by `{self.delimiter}`" if self.delimiter else "separated by blanks"
+            yield None, InputError(self.where, "rows that cannot be read", f"{count}, {separated}")
 
     def _rows(self) -> Iterator[tuple[int, int, list[str]]]:
         """Row number, line number and cells of every row."""
         row = 0
-        with io.TextIOWrapper(self.open(), encoding="utf-8-sig", newline="") as text:
-            for _ in range(self.skip_lines):
-                text.readline()
+        with io.TextIOWrapper(self._past_the_head(), encoding="utf-8-sig", newline="") as text:
             lines = csv.reader(text, delimiter=self.delimiter or " ", skipinitialspace=True)
             for cells in lines:
                 found = cells if self.delimiter else " ".join(cells).split()
@@ -92,9 +173,19 @@ class TextTable:
                     yield row, lines.line_num + self.skip_lines, found
 
 
+def doubled_name(names: Sequence[str]) -> str | None:
+    """The first name that is given twice; None: there is none."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
+
+
 def is_number(text: str) -> bool:
     """Whether a cell of text is a finite number as CSV writes one."""
     try:
-        return "_" not in text and math.isfinite(float(text))
+        return text.isascii() and "_" not in text and math.isfinite(float(text))
     except ValueError:
         return False

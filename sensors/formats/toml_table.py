@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,16 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.packed import read_plain
+
+#: The largest file [bytes], 30 times the largest of the data sets, and the deepest nesting of tables and lists, of
+#: which a map has six.
+LARGEST = 2**18
+DEEPEST = 20
+#: The largest number, beyond clocks that count nanoseconds since 1970 and counters of 64 bits: its powers stay finite.
+LARGEST_NUMBER = 1e20
+#: The most digits that Python reads of a whole number, unless told otherwise.
+_DIGITS = 4300
 
 
 def load_toml(path: Path) -> Table:
@@ -19,18 +30,51 @@ def load_toml(path: Path) -> Table:
 
     Raises
     ------
-    InputError : no such file, not UTF-8, not TOML (names the line)
+    InputError : no such file, too large, not UTF-8, not TOML (names the line)
     """
+    return Table(path, read_toml(path))
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    """The tables of a TOML file as they are; see `load_toml`."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_plain(path, LARGEST).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(path, f"byte 0x{error.object[error.start]:02x}", "UTF-8 text", f"byte {error.start}") from None
-    except OSError as error:
-        raise InputError(path, error.strerror or type(error).__name__, "a readable TOML file") from None
     try:
-        return Table(path, tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
         raise InputError(path, str(error), "TOML") from None
+    except RecursionError:
+        raise _too_deep(path, _line(text, rf"[\[{{](?:[^\]}}]*?[\[{{]){{{DEEPEST}}}")) from None
+    except ValueError:
+        found = f"a whole number of more than {_DIGITS} digits"
+        raise InputError(path, found, "a shorter one", _line(text, rf"[0-9_]{{{_DIGITS}}}")) from None
+    _require_shallow(path, data)
+    return data
+
+
+def _line(text: str, pattern: str) -> str:
+    """The place of the first match."""
+    match = re.search(pattern, text)
+    return f"line {text.count(chr(10), 0, match.start()) + 1}" if match else ""
+
+
+def _too_deep(path: Path, place: str) -> InputError:
+    found = f"more than {DEEPEST} tables and lists in one another"
+    return InputError(path, found, f"at most {DEEPEST}", place)
+
+
+def _require_shallow(path: Path, data: dict[str, object]) -> None:
+    """Raise an `InputError` for tables that nest deeper than any that are read; dotted keys nest without brackets."""
+    inside: list[tuple[str, object]] = list(data.items())
+    for _ in range(DEEPEST):
+        inside = [
+            (key, below) for key, value in inside
+            for below in (value.values() if isinstance(value, dict) else value if isinstance(value, list) else ())
+        ]  # fmt: skip
+    if inside:
+        raise _too_deep(path, f"key {inside[0][0]}")
 
 
 class Table:
@@ -77,9 +121,9 @@ class Table:
         return self.error(key, _shown(self.data.get(key)), expected)
 
     def number(
-        self, key: str, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
+        self, key: str, *, above: float = -math.inf, at_least: float = -LARGEST_NUMBER, at_most: float = LARGEST_NUMBER
     ) -> float | None:
-        """A finite number within bounds, or None where the key is missing."""
+        """A number within bounds, or None where the key is missing."""
         value = self.get(key)
         if value is None:
             return None
@@ -90,8 +134,8 @@ class Table:
             raise self.wrong(key, _bounds(above, at_least, at_most))
         return number
 
-    def vector(self, key: str, size: int | None = None) -> FloatArray | None:
-        """(size,) finite numbers, or None where the key is missing."""
+    def vector(self, key: str, size: int | None = None, *, at_most: float = LARGEST_NUMBER) -> FloatArray | None:
+        """(size,) numbers of at most that size, or None where the key is missing."""
         value = self.get(key)
         if value is None:
             return None
@@ -99,7 +143,10 @@ class Table:
         right_size = isinstance(value, list) and (len(value) == size if size is not None else len(value) > 0)
         if not right_size or not all(_is_number(entry) for entry in value):  # type: ignore[attr-defined]
             raise self.wrong(key, f"{length} numbers")
-        return np.array(value, dtype=np.float64)
+        numbers = np.array(value, dtype=np.float64)
+        if np.any(np.abs(numbers) > at_most):
+            raise self.wrong(key, f"{length} numbers of at most {at_most:g}")
+        return numbers
 
     def text(self, key: str, choices: Sequence[str] = ()) -> str | None:
         """A string, one of `choices` where there are any, or None where the key is missing."""
@@ -119,13 +166,14 @@ class Table:
             raise self.wrong(key, "true or false")
         return value
 
-    def whole(self, key: str, *, at_least: int = 0) -> int | None:
-        """A whole number, or None where the key is missing."""
+    def whole(self, key: str, *, at_least: int = 0, at_most: int = 2**63 - 1) -> int | None:
+        """A whole number within bounds, or None where the key is missing."""
         value = self.get(key)
         if value is None:
             return None
-        if isinstance(value, bool) or not isinstance(value, int) or not at_least <= value < 2**63:
-            raise self.wrong(key, f"a whole number of at least {at_least}")
+        if isinstance(value, bool) or not isinstance(value, int) or not at_least <= value <= at_most:
+            bound = "" if at_most == 2**63 - 1 else f" and at most {at_most}"
+            raise self.wrong(key, f"a whole number of at least {at_least}{bound}")
         return value
 
     def table(self, key: str) -> Table:
@@ -164,6 +212,5 @@ def _shown(value: object) -> str:
 
 
 def _bounds(above: float, at_least: float, at_most: float) -> str:
-    low = f"above {above:g}" if above > -math.inf else f"at least {at_least:g}" if at_least > -math.inf else ""
-    high = f"at most {at_most:g}" if at_most < math.inf else ""
-    return "a number " + " and ".join(bound for bound in (low, high) if bound)
+    low = f"above {above:g}" if above > -math.inf else f"of at least {at_least:g}"
+    return f"a number {low} and at most {at_most:g}"

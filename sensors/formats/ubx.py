@@ -11,6 +11,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.packed import read_plain
 
 MAGIC = b"\xb5\x62"
 _NAV_PVT = (0x01, 0x07)
@@ -34,7 +35,7 @@ def read_ubx(path: Path) -> dict[str, FloatArray]:
     ------
     InputError : a checksum that fails, a message cut off before the end, no NAV-PVT
     """
-    data = path.read_bytes()
+    data = read_plain(path)
     payloads: list[bytes] = []
     position = data.find(MAGIC)
     while position >= 0:

@@ -355,7 +355,7 @@ def test_compressed_text_damaged(tmp_path: Path, content: bytes) -> None:
 def test_compressed_text_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import gzip
 
-    monkeypatch.setattr("sensors.formats.columns.UNFOLDED_LIMIT", 1000)
+    monkeypatch.setattr("sensors.formats.packed.LARGEST", 1000)
     (tmp_path / "a").write_bytes(gzip.compress(b"0" * 100_000))
     with pytest.raises(InputError, match="once unfolded"):
         read_columns(tmp_path / "a", FileOptions(), {"1"})

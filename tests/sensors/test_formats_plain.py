@@ -189,7 +189,7 @@ def test_faulty_header_is_named(tmp_path: Path, header: str, expected: str) -> N
         (FLIGHT + "[sensors.acc]\nnoise_density = 1\n", "(perhaps `accel`)"),
         (
             FLIGHT + "[sensors.accel]\nnoise_density = 0\n",
-            "[sensors.accel] noise_density: 0; expected a number above 0",
+            "[sensors.accel] noise_density: 0; expected a number of at least 1e-12",
         ),
         (FLIGHT + "[sensors.mag]\nnoise_std = -1\n", "[sensors.mag] noise_std: -1"),
         (FLIGHT + "[sensors.laser]\nangles = [-0.1, 20]\n", "[sensors.laser] angles: 20; expected angles in rad"),
