@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -177,36 +177,38 @@ def run_filter(
     ------
     InputError : a state that is not finite, with time and sensor; effects that lack a covariate
     """
-    from estimator.effect_forms import Terms, declared_terms
+    from estimator.effect_forms import Terms, declared_terms, run_with_effects
+    from estimator.relinearise import run_relinearised
 
     terms = Terms.of(betas or {}).joined(declared_terms(recording))
-    if model.relinearise:
-        from estimator.relinearise import run_relinearised
 
-        return run_relinearised(recording, model, terms, engine=engine, stride=stride)
-    if not terms:
-        return run_opened(prepare(recording, model), engine, stride)
-    from estimator.effect_forms import run_with_effects
+    def once(model: FlightModel) -> Journal:
+        if model.relinearise:
+            return run_relinearised(recording, model, terms, engine=engine, stride=stride)
+        if not terms:
+            return run(prepare(recording, model), engine, stride)
+        return run_with_effects(
+            recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance
+        )
 
-    return run_with_effects(recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance)
+    return opened(once, model)
 
 
-def run_opened(inputs: RunInputs, engine: Engine = "auto", stride: int = 1) -> Journal:
-    """One pass; where the gate refuses a sensor for good, another one that weighs what the gate would refuse.
+def opened(once: Callable[[FlightModel], Journal], model: FlightModel) -> Journal:
+    """A run; where the gate refuses a sensor for good, another one that weighs what the gate would refuse.
 
     Readings that are wrong now and then are refused and done with. Readings that are refused for good may be those of
     a sensor that is wrong, or right ones that a lost filter no longer believes, and it would stay lost. A weight of
     threshold / NIS serves both: a hundred sigma off hardly move the state, ten sigma lead it back.
     """
-    journal, model = run(inputs, engine, stride), inputs.model
+    journal = once(model)
     shares = refused_shares(journal)
     locked = {name: share for name, share in shares.items() if share > LOCKED_OUT}
     if not locked or model.gate_level is None:
         return journal
     said = [f"{name}: the gate refused {100 * share:.0f} % of the readings" for name, share in locked.items()]
     notes = (*model.notes, f"{', '.join(said)}; doubtful readings were given less weight instead")
-    opened = model.replace(gate_level=None, robust_level=model.robust_level or model.gate_level, notes=notes)
-    return run(replace(inputs, model=opened), engine, stride)
+    return once(model.replace(gate_level=None, robust_level=model.robust_level or model.gate_level, notes=notes))
 
 
 def refused_shares(journal: Journal) -> dict[str, float]:
