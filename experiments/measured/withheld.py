@@ -11,7 +11,7 @@ import numpy as np
 from estimator.events import WITHHELD
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.recording import Recording
 
 Window = tuple[float, float]
@@ -34,7 +34,7 @@ class Predicted:
     nu: FloatArray
     log_density: FloatArray
 
-    def rows(self, keep: BoolArray) -> Predicted:
+    def rows(self, keep: BoolArray | IntArray) -> Predicted:
         """Some of the readings."""
         return Predicted(self.t[keep], self.age[keep], self.nu[keep], self.log_density[keep])
 

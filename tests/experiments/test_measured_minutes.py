@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from estimator.score import DETECTABLE_LAMBDA
+from estimator.sensitivity import sensitivity_pass
 from experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
 from experiments.blind.maker.drawing import draw_warm_up
 from experiments.blind.maker.flight_recording import as_streams, draw_payload, draw_vibration, report_sensors
@@ -21,6 +23,7 @@ from experiments.blind.measured import benchmark
 from experiments.blind.measured.command import named
 from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
 from experiments.blind.measured.grade import grade
+from experiments.blind.measured.knowing import gain
 from experiments.blind.measured.minute import (
     Minute,
     added,
@@ -38,6 +41,7 @@ from experiments.blind.measured.page import (
     IN_CLASS,
     LOCAL,
     LOCAL_ANY,
+    LOCAL_SEEN,
     LOST,
     OUTLIERS,
     RIGHT,
@@ -359,6 +363,31 @@ def test_an_offset_that_does_not_occur_is_not_put_in(minute: Minute) -> None:
     assert sized(order_of("baro.transient", 0.9 * size, [1.0], interval), minute, report_of())[1] == PUT
 
 
+# ---- what one who knows gains
+
+
+@pytest.mark.parametrize(
+    ("name", "beta", "interval"),
+    [("gps.latency", [0.05], None), ("mag.scale", [0.01, 0.0, 0.0], None), ("baro.step", [0.5], 40.0)],
+)
+def test_one_who_knows_gains_what_there_is_to_see(
+    minute: Minute, name: str, beta: list[float], interval: float | None
+) -> None:
+    """As the sensitivity of the innovations has it: lambda = beta' Lambda beta."""
+    span = None if interval is None else (minute.begin + interval, minute.end)
+    hidden = Hidden(name, np.array(beta), span)
+    entry = effect(name) if span is None else effect(name).over(*span)
+    information, _ = sensitivity_pass(minute.control, minute.ready.model, [entry])[1].total
+    expected = float(hidden.beta @ information @ hidden.beta)
+    assert expected > DETECTABLE_LAMBDA
+    assert gain(minute, hidden) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
+
+
+def test_nobody_gains_by_outliers_or_by_nothing(minute: Minute) -> None:
+    assert gain(minute, Hidden("gps.outliers", np.array([0.05]), (0.0, 60.0))) is None
+    assert gain(minute, Hidden("mag.scale", np.full(3, 1e-9))) == pytest.approx(0.0, abs=1e-3)
+
+
 # ---- grade
 
 
@@ -399,11 +428,17 @@ def test_a_step_is_right_at_its_time(interval: tuple[float, float], right: bool)
 # ---- rates and page
 
 
-def row(name: str = "gyro.scale", size: float = 1.0, status: str = PUT, **changed: Any) -> dict[str, Any]:
+def row(
+    name: str = "gyro.scale", size: float = 1.0, status: str = PUT, gain: float | None = 50.0, **changed: Any
+) -> dict[str, Any]:
     """One run as its JSON has it."""
     found = asdict(grade(PUT_IN, report_of(SCALE), report_of(), 6.0)) | changed
     lasting = name in CATALOGUE
-    rest = {"grade": found, "beta": [0.02, 0.0, 0.0], "interval": None, "why": ""} if status == PUT else {"why": status}
+    rest = (
+        {"gain": gain, "grade": found, "beta": [0.02, 0.0, 0.0], "interval": None, "why": ""}
+        if status == PUT
+        else {"why": status}
+    )
     return {
         "log": "a log",
         "seed": 0,
@@ -423,6 +458,7 @@ def row(name: str = "gyro.scale", size: float = 1.0, status: str = PUT, **change
         (RIGHT_ANY, (row(), row(size=0.5, right=False)), (1, 2)),
         (IN_CLASS, (row(right=False), row(right=False, in_class=False)), (1, 2)),
         (LOCAL, (row("gps.step"), row("gps.step", 0.5, right=False), row("gps.outliers", right=False), row()), (1, 1)),
+        (LOCAL_SEEN, (row("gps.step"), row("gps.step", gain=20.0), row("gps.step", 0.5), row()), (1, 1)),
         (LOCAL_ANY, (row("gps.step"), row("baro.transient", 0.5, right=False)), (1, 2)),
         (OUTLIERS, (row("gps.outliers"), row("gps.step")), (1, 1)),
         (FURTHER, (row(), row(further=("gps.step",)), row(status=BEYOND)), (1, 2)),
@@ -456,8 +492,8 @@ def test_page_says_what_was_put_in() -> None:
     rows = [row(), row(status=NOT_VISIBLE), row("gps.step", size=2.0, right=False, further=("baro.step",))]
     text = page([control_of()], rows)
     assert "3 draws of seed 0 from 1 logs: 2 put, 1 not visible." in text
-    assert "| a log | gyro.scale 0.02, 0, 0 | 1 | yes | - | - |" in text
-    assert "| a log | gps.step 0.02, 0, 0 | 2 | no | baro.step | - |" in text
+    assert "| a log | gyro.scale 0.02, 0, 0 | 1 | 50 | yes | - | - |" in text
+    assert "| a log | gps.step 0.02, 0, 0 | 2 | 50 | no | baro.step | - |" in text
     assert "| a log | 0 | current | gps.latency | effects | 6 |" in text
 
 

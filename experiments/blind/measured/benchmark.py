@@ -19,6 +19,7 @@ from experiments.blind.examine import examined
 from experiments.blind.grade import REFUSED
 from experiments.blind.measured.draw import draw, sized
 from experiments.blind.measured.grade import grade
+from experiments.blind.measured.knowing import gain
 from experiments.blind.measured.minute import Minute, minute_of, put, rng_of
 from experiments.datasets import resolve
 from experiments.measured.flights import LOGS
@@ -118,8 +119,8 @@ def one(seed: int, number: int, minute: Minute, control: Document) -> dict[str, 
         return entry
     document = traced(put(minute, hidden, np.random.default_rng([seed, number, 1])))
     found = grade(hidden, document, control, document["cpu_seconds"] * 60.0 / (minute.end - minute.begin))
-    interval = None if hidden.interval is None else list(hidden.interval)
-    return {**entry, "beta": hidden.beta.tolist(), "interval": interval, "grade": asdict(found), "report": document}
+    answer = {"beta": hidden.beta.tolist(), "interval": None if hidden.interval is None else list(hidden.interval)}
+    return {**entry, **answer, "gain": gain(minute, hidden), "grade": asdict(found), "report": document}
 
 
 def traced(recording: Recording) -> dict[str, Any]:

@@ -113,6 +113,6 @@ def lasting_unit(order: Order, control: Mapping[str, Any]) -> FloatArray:
 
 def detectable(control: Mapping[str, Any]) -> dict[str, FloatArray]:
     """By lasting effect, (parameters,) from what size on each component would be found; infinite where it is not."""
-    asked = [c for c in control.get("candidates", ()) if c["name"] in CATALOGUE and c["detectable_from"]]
+    asked = [c for c in control.get("candidates", ()) if c["detectable_from"]]
     sizes = {c["name"]: np.array(c["detectable_from"], dtype=np.float64) for c in asked}
     return {name: np.where(np.isfinite(size), size, np.inf) for name, size in sizes.items()}

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from estimator.score import DETECTABLE_LAMBDA
 from experiments.blind.grade import REFUSED, SIGMAS
 from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, detectable
 from experiments.blind.rates import count, shown
@@ -17,11 +18,12 @@ from sensors.arrays import FloatArray
 
 #: What is detectable by the reports of the controls that later ones are held against: {"seed log": {effect: sizes}}.
 REFERENCE = Path(__file__).with_name("detectable.json")
-RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_ANY, OUTLIERS, FURTHER, LOST, BETA = (
+RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, LOST, BETA = (
     "lasting, detectable by the control's own word: right name",
     "lasting, of any size: right name",
     "lasting, detectable: right name, or said to be confused with what is named",
     f"step or transient of {OF_WANDER:g} sigma or more of its stream's wander: right name",
+    f"the same, seen by one who knows (2 log L grows by {DETECTABLE_LAMBDA:g}): right name",
     "step or transient of any size: right name",
     "outliers: right name",
     "further names, that the control has not",
@@ -43,6 +45,8 @@ nothing declared. The untouched minute is the control, and what a log has that i
   mean over the length of the interval (at most a third of the minute) from that over as long before and after, of the
   readings about the motion that the log itself shows. None is larger than three plausible sizes
   (`sensors/effects/streams.py`).
+- **gain**: growth of 2 log L of that minute when the very effect is put into the model, about its lambda if the noise
+  is what the levels say.
 - Supply current and temperature are as logged, or drawn where a log has none, in control and minute alike.
 - Intervals of 95 % (Clopper-Pearson).
 """
@@ -62,6 +66,7 @@ def rates(runs: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
         RIGHT_ANY: _share(lasting, "right"),
         IN_CLASS: _share(visible, "in_class"),
         LOCAL: _share(far, "right"),
+        LOCAL_SEEN: _share([r for r in far if r["gain"] > DETECTABLE_LAMBDA], "right"),
         LOCAL_ANY: _share(offsets, "right"),
         OUTLIERS: _share(outliers, "right"),
         FURTHER: _share(put, "further"),
@@ -115,8 +120,8 @@ def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]
     lines += [f"| {what} | {value} |" for what, value in _values(controls, runs, reference).items()]
     lines += ["", "## Controls: nothing put in", "", "| log | from [s] | drawn | names | verdict | CPU s |"]
     lines += ["| --- " * 6 + "|", *(_control_row(c) for c in controls)]
-    lines += ["", "## Minutes with an effect", "", "| log | put in | size | named | further | lost | z |"]
-    lines += ["| --- " * 7 + "|", *(_run_row(r) for r in runs if r["status"] == PUT)]
+    lines += ["", "## Minutes with an effect", "", "| log | put in | size | gain | named | further | lost | z |"]
+    lines += ["| --- " * 8 + "|", *(_run_row(r) for r in runs if r["status"] == PUT)]
     failed = [r for r in runs if r["status"] == REFUSED] + [c for c in controls if c["report"]["verdict"] == REFUSED]
     lines += ["", "Not traced:", ""] if failed else []
     lines += [f"- {one['log']}: {one.get('why') or one['report']['why']}" for one in failed]
@@ -153,4 +158,5 @@ def _run_row(run: Mapping[str, Any]) -> str:
     further, lost = (", ".join(grade[key]) or "-" for key in ("further", "lost"))
     beta = ", ".join(number(b) for b in run["beta"])
     put = f"{run['name']} {beta}"
-    return f"| {run['log']} | {put} | {run['size']:g} | {named} | {further} | {lost} | {z} |"
+    gain = "-" if run["gain"] is None else number(run["gain"])
+    return f"| {run['log']} | {put} | {run['size']:g} | {gain} | {named} | {further} | {lost} | {z} |"

@@ -1,0 +1,131 @@
+"""Does one half of a log name what the other names?
+
+    python -m experiments.benchmarks.replication [LOG ...] [--longest S] [--keep DIR] [--table FILE]
+
+What is in an instrument is in both halves of its log; what a tracer made up is not. Each half is traced by itself. A
+lasting effect that one half names is visible in the other where that one's report says so: some component of beta is
+at least what it calls detectable, and then its predicted lambda is above 30.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estimator.score import DETECTABLE_LAMBDA
+from experiments.benchmarks.halves import Halves, Reports, parsed, tell
+from experiments.blind.grade import SIGMAS, Named, deviation, effects_of
+from experiments.blind.measured.draw import detectable
+from experiments.blind.rates import count, shown
+from experiments.report.files import write_text
+from experiments.report.words import number
+from sensors.arrays import FloatArray
+
+HEAD = """# Names of one half of a log in the other
+
+Written by `python -m experiments.benchmarks.replication`. Each half of a log is traced by itself; lasting effects
+alone. **visible**: the report of the other half calls a component of beta detectable (predicted lambda above 30, of
+which the figure is a lower bound). **z**: difference of the two betas in sigma of both, as a normal number.
+"""
+
+
+@dataclass(frozen=True)
+class Replicated:
+    """A lasting effect that one half of a log names.
+
+    Attributes
+    ----------
+    log, name : of the effect
+    half : that names it, 0 or 1
+    beta : its estimate
+    information : lower bound of its predicted lambda in the other half; NaN where that half names it too
+    visible : whether the other half could show it
+    again : whether the other half names it
+    z : difference of the betas in sigma; None where it is not named again, or has no sigma
+    """
+
+    log: str
+    name: str
+    half: int
+    beta: FloatArray
+    information: float
+    visible: bool
+    again: bool
+    z: float | None
+
+
+def replicated(log: str, reports: Reports) -> list[Replicated]:
+    """The lasting names of each half, sought in the other."""
+    found = []
+    for half in (0, 1):
+        own, other = lasting(reports[half]), lasting(reports[1 - half])
+        for name, one in own.items():
+            again, z, information = other.get(name), None, np.nan
+            if again is not None:
+                z = deviation(one[2], again[2], np.hypot(one[3], again[3]))
+            else:
+                information = least_lambda(one, reports[1 - half])
+            visible = again is not None or information > DETECTABLE_LAMBDA
+            found.append(Replicated(log, name, half, one[2], information, visible, again is not None, z))
+    return found
+
+
+def lasting(report: Mapping[str, Any]) -> dict[str, Named]:
+    """The lasting effects that a report names."""
+    found = [one for one in effects_of(report) if one[1] is None and not one[0].endswith(".outliers")]
+    return {one[0]: one for one in found}
+
+
+def least_lambda(one: Named, report: Mapping[str, Any]) -> float:
+    """Lower bound of beta' Lambda beta by what a report calls detectable.
+
+    Of a component, the others free, lambda is 30 (beta_i / d_i)^2, and a quadratic form is no less than any of its own.
+    """
+    least = detectable(report).get(one[0])
+    return 0.0 if least is None else float(DETECTABLE_LAMBDA * np.max(np.abs(one[2]) / least, initial=0.0) ** 2)
+
+
+def page(rows: Sequence[Replicated], logs: Sequence[str]) -> str:
+    """The table, with its rates."""
+    visible = [row for row in rows if row.visible]
+    again, z = sum(row.again for row in visible), [row.z for row in visible if row.z is not None]
+    alike = count(sum(value < SIGMAS for value in z), len(z))
+    lines = [HEAD, f"{len(rows)} names in the halves of {len(logs)} logs ({', '.join(logs)}).", ""]
+    lines += ["| rate | |", "| --- | --- |"]
+    lines += [f"| visible in the other half: named there | {shown(count(again, len(visible)))} |"]
+    lines += [f"| named in both: betas alike within {SIGMAS:g} sigma | {shown(alike)} |"]
+    lines += ["", "| log | effect | in half | beta | lambda in the other | named there | z |", "| --- " * 7 + "|"]
+    return "\n".join([*lines, *(_row(row) for row in rows), ""])
+
+
+def _row(row: Replicated) -> str:
+    information = "-" if row.again else f"{row.information:.0f}"
+    again = "yes" if row.again else "no" if row.visible else "not visible"
+    z, half = "-" if row.z is None else f"{row.z:.1f}", ("first", "second")[row.half]
+    beta = ", ".join(number(b) for b in row.beta)
+    return f"| {row.log} | {row.name} | {half} | {beta} | {information} | {again} | {z} |"
+
+
+def rows_of(asked: Sequence[Halves]) -> Iterator[Replicated]:
+    """Every log in turn."""
+    for halves in asked:
+        tell(halves.log)
+        yield from replicated(halves.log, halves.reports)
+
+
+def main(arguments: Sequence[str]) -> str:
+    """Trace, compare, print; write the page where asked to."""
+    asked, table = parsed(arguments, __doc__)
+    text = page(list(rows_of(asked)), [halves.log for halves in asked])
+    if table is not None:
+        write_text(table, text)
+    print(text)
+    return text
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
