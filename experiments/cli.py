@@ -71,7 +71,18 @@ Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, 
 
 
 def _say(work: Callable[[], str], json: Path | None, html: Path | None, **written: Path | None) -> None:
-    """Work whose files have a place to go; then the result, and every file that was written."""
+    """Work whose files have a place to go, and go there together at its end; then the result, and every file."""
+    from sensors.files import together
+
+    def whole() -> str:
+        with together():
+            return work()
+
+    _say_as_kept(whole, json, html, **written)
+
+
+def _say_as_kept(work: Callable[[], str], json: Path | None, html: Path | None, **written: Path | None) -> None:
+    """The same of work that keeps what is finished as it goes."""
     from experiments.report.files import require_place
 
     files = {what: path for what, path in {**written, "JSON": json, "page": html}.items() if path is not None}
@@ -291,7 +302,7 @@ def montecarlo(
     from experiments.monte_carlo_command import run
 
     _require_place_for(resume)
-    _say(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
+    _say_as_kept(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
 
 
 @app.command()
@@ -340,11 +351,11 @@ def blind(
     if measured:
         from experiments.blind.measured.command import run as run_measured
 
-        _say(lambda: run_measured(out, runs, seed, logs or [], workers, table), None, None, table=table)
+        _say_as_kept(lambda: run_measured(out, runs, seed, logs or [], workers, table), None, None, table=table)
         return
     from experiments.blind.command import run
 
-    _say(lambda: run(out, runs, seed, world.value, workers, html), None, html)
+    _say_as_kept(lambda: run(out, runs, seed, world.value, workers, html), None, html)
 
 
 def _require_whole_effects(arguments: list[str]) -> None:
@@ -398,6 +409,7 @@ def _leave_warnings_to_developers() -> None:
 def main() -> None:
     """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
     from sensors.errors import InputError
+    from sensors.files import cannot_write
 
     _leave_warnings_to_developers()
     try:
@@ -406,15 +418,15 @@ def main() -> None:
     except InputError as error:
         _fail(error)
     except OSError as error:
-        if error.filename is None:
-            raise
-        _fail(
-            InputError(os.fsdecode(error.filename), error.strerror or type(error).__name__, "a path that can be used")
-        )
+        if error.filename is None:  # of no file: the text could not be written
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left of it would fail again at the end
+            _fail(cannot_write("standard output", error, "an output that takes the text"))
+        _fail(cannot_write(os.fsdecode(error.filename), error, "a path that can be used"))
     except MemoryError:
         _fail(InputError(" ".join(sys.argv[1:]), "more than the memory holds", "a shorter log, or more memory"))
 
 
 def _fail(error: Exception) -> NoReturn:
-    sys.stderr.write(f"sinan: {error}\n")
+    sys.stderr.write(f"sinan: {error}
+")
     raise SystemExit(1) from None

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.calibrate import as_json, calibrate_triad, summary, warnings_of
 from experiments.datasets import field_unit_of
-from experiments.report.files import write_bytes, write_json
+from experiments.report.files import write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
 from experiments.report.trace_words import parameter_rows, trace_summary
@@ -21,6 +21,7 @@ from experiments.residual_loop.trace import trace
 from experiments.scenarios.loader import load_scenario
 from sensors.effects import CATALOGUE
 from sensors.errors import InputError
+from sensors.files import write_bytes
 from sensors.formats.plain import write_recording
 from sensors.recording import Recording
 from sensors.simulate import simulate

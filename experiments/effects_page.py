@@ -9,6 +9,7 @@ from pathlib import Path
 
 from experiments.residual_loop.manoeuvre import CLASS_BOUND, alike, apart, deciding, in_digits, most_alike, scenes
 from sensors.effects import CATALOGUE, Effect
+from sensors.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 SOURCE_FOLDER = "../sensors/effects"
@@ -199,7 +200,7 @@ def _row(effect: Effect) -> str:
 def main(arguments: list[str]) -> None:
     """Write the page, by default where it is kept."""
     out = Path(arguments[0]) if arguments else PAGE
-    out.write_text(page(), encoding="utf-8")
+    write_text(out, page())
     sys.stdout.write(f"{out}\n")
 
 

@@ -16,6 +16,7 @@ from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
 from experiments.refused import doubted_shares
 from sensors.arrays import FloatArray, finite_or_none
+from sensors.files import new_file
 from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sensors.rotation import quaternion_interpolate
 from sensors.simulate import BIAS_COLUMNS
@@ -195,7 +196,7 @@ def write_states(journal: Journal, path: Path) -> None:
     step = max(1, round(STATE_LOG_STEP / float(np.median(np.diff(journal.imu_t)))))
     labels = [f"{label}_std" for label in layout.labels]
     nominal = [*layout.labels[:6], *QUATERNION, *layout.labels[9:]]
-    with path.open("w", newline="") as file:
+    with new_file(path) as file:
         writer = csv.writer(file)
         writer.writerow(["t", *nominal, *labels])
         for t, x, var in zip(journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step], strict=True):

@@ -23,6 +23,7 @@ from experiments.residual_loop.pseudoranges import Called
 from sensors.arrays import FloatArray
 from sensors.effects.pseudorange_satellite_fault import EFFECT as FAULT
 from sensors.errors import InputError
+from sensors.files import new_file
 from sensors.formats.rinex import Navigation, read_navigation, read_observations
 from sensors.formats.rinex_text import WEEK, calendar
 from sensors.pseudorange import MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
@@ -350,24 +351,18 @@ def write_solution(path: Path | str, location: Location) -> None:
     head = ["gps_week", "tow_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "latitude_deg", "longitude_deg", "height_m"]
     head += [f"clock_{name}_m" for name in location.clock_names]
     head += ["satellites", "hdop", "vdop", "horizontal_protection_m", "vertical_protection_m", "integrity"]
-    try:
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(head)
-            for k in np.flatnonzero(fixes.solved).tolist():
-                numbers = [f"{x:.4f}" for x in fixes.position[k]] + [
-                    f"{lat[k]:.9f}",
-                    f"{lon[k]:.9f}",
-                    f"{height[k]:.4f}",
-                ]
-                numbers += [f"{x:.4f}" if np.isfinite(x) else "" for x in fixes.clock[k]]
-                numbers += [str(count[k]), f"{d.horizontal[k]:.3f}", f"{d.vertical[k]:.3f}"]
-                levels = [f"{x:.2f}" if np.isfinite(x) else "" for x in (checks.horizontal[k], checks.vertical[k])]
-                week, t = location.ranges.week, float(location.ranges.t[k])
-                row = [str(week + int(t // WEEK)), f"{t % WEEK:.7f}", *numbers, *levels, checks.statement(k)]
-                writer.writerow(row)
-    except OSError as error:
-        raise InputError(path, error.strerror or "cannot be written", "a file that can be written") from None
+    with new_file(Path(path)) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        for k in np.flatnonzero(fixes.solved).tolist():
+            numbers = [f"{x:.4f}" for x in fixes.position[k]]
+            numbers += [f"{lat[k]:.9f}", f"{lon[k]:.9f}", f"{height[k]:.4f}"]
+            numbers += [f"{x:.4f}" if np.isfinite(x) else "" for x in fixes.clock[k]]
+            numbers += [str(count[k]), f"{d.horizontal[k]:.3f}", f"{d.vertical[k]:.3f}"]
+            levels = [f"{x:.2f}" if np.isfinite(x) else "" for x in (checks.horizontal[k], checks.vertical[k])]
+            week, t = location.ranges.week, float(location.ranges.t[k])
+            row = [str(week + int(t // WEEK)), f"{t % WEEK:.7f}", *numbers, *levels, checks.statement(k)]
+            writer.writerow(row)
 
 
 def rms(value: FloatArray) -> float | None:

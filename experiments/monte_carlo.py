@@ -20,6 +20,7 @@ from experiments.one_flight import Flight, cramer_rao, fly
 from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.files import write_text
 from sensors.scenario import Scenario
 
 LEVEL = 0.95  # of the interval beside each average
@@ -284,7 +285,6 @@ class Kept:
 
     def __init__(self, folder: Path, scenario: Scenario, seed: int, relinearise: bool = False) -> None:
         self.folder = Path(folder)
-        self.folder.mkdir(parents=True, exist_ok=True)
         plan = {"format": 1, "scenario": scenario.name, "seed": seed, "digest": digest_of(scenario)}
         if relinearise:
             plan["relinearise"] = True
@@ -295,7 +295,7 @@ class Kept:
                 differing = ", ".join(k for k in {**plan, **(found or {})} if (found or {}).get(k) != plan.get(k))
                 raise InputError(file, f"runs of another {differing}", "the same scenario and seed, or an empty folder")
         else:
-            _write(file, plan)
+            write_text(file, json.dumps(plan))
 
     def flights(self, runs: int) -> dict[int, Flight]:
         """What is finished, of the first `runs` runs; a file that a kill left incomplete counts for nothing."""
@@ -304,7 +304,7 @@ class Kept:
 
     def keep(self, flight: Flight) -> None:
         """Write one run."""
-        _write(self._file(flight.run), flight.as_table())
+        write_text(self._file(flight.run), json.dumps(flight.as_table()))
 
     def _file(self, run: int) -> Path:
         return self.folder / f"run-{run:06d}.json"
@@ -329,13 +329,6 @@ def _read(file: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return table if isinstance(table, dict) else None
-
-
-def _write(file: Path, table: dict[str, Any]) -> None:
-    """Write beside the file, then move into place: a kill leaves the old file or the new one."""
-    beside = file.with_suffix(f".{os.getpid()}.tmp")
-    beside.write_text(json.dumps(table), encoding="utf-8")
-    beside.replace(file)
 
 
 def outside(summary: dict[str, Any]) -> Iterable[str]:

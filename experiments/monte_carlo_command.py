@@ -10,6 +10,7 @@ from experiments.monte_carlo import run as fly
 from experiments.report.console import progress
 from experiments.report.files import write_json
 from experiments.report.words import state_size
+from sensors.files import together
 
 
 def run(
@@ -36,12 +37,13 @@ def run(
             relinearise=relinearise,
         )
     document = result.summary()
-    if json is not None:
-        write_json(json, document)
-    if html is not None:
-        from experiments.report.monte_carlo_page import monte_carlo_page
+    with together():
+        if json is not None:
+            write_json(json, document)
+        if html is not None:
+            from experiments.report.monte_carlo_page import monte_carlo_page
 
-        monte_carlo_page(html, document)
+            monte_carlo_page(html, document)
     return summary(document)
 
 

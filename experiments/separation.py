@@ -32,6 +32,7 @@ import numpy as np
 from estimator.score import Evidence, squared_correlation, statistic_of
 from experiments.residual_loop.manoeuvre import CLASS_BOUND, TABLE
 from experiments.scenarios import load_scenario, scenario_names
+from sensors.files import write_text
 from sensors.scenario import Scenario
 from sensors.simulate import simulate
 
@@ -163,7 +164,7 @@ def main(arguments: list[str]) -> None:
     """Compute the table and write it, by default where it is shipped."""
     out = Path(arguments[0]) if arguments else TABLE
     document = table()
-    out.write_text(written(document), encoding="utf-8")
+    write_text(out, written(document))
     sys.stdout.write(
         f"{len(document['pairs'])} pairs above {CLASS_BOUND} in {len(document['scenarios'])} runs: {out}\n"
     )

@@ -21,6 +21,7 @@ from experiments.residual_loop.manoeuvre import (
     most_alike,
     scenes,
 )
+from sensors.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "notes" / "separation.md"
 
@@ -120,7 +121,7 @@ def _cell(look: Look | None) -> str:
 def main(arguments: list[str]) -> None:
     """Write the page, by default where it is kept."""
     out = Path(arguments[0]) if arguments else PAGE
-    out.write_text(page(), encoding="utf-8")
+    write_text(out, page())
     sys.stdout.write(f"{out}\n")
 
 

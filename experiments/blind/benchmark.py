@@ -16,6 +16,7 @@ from experiments.blind.examine import examine, index_of
 from experiments.blind.grade import REFUSED, Grade, grade
 from experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
 from sensors.errors import InputError
+from sensors.files import write_text
 
 REPORTS = "reports"
 
@@ -45,7 +46,6 @@ def run(
     """
     recordings = out / "recordings"
     make(recordings, seed, runs, kinds, world, classes)
-    (out / REPORTS).mkdir(parents=True, exist_ok=True)
     names = sorted(index_of(recordings))[:runs]
     work = partial(one, out)
     found: dict[str, Grade] = {}
@@ -77,7 +77,7 @@ def one(out: Path, name: str) -> Grade:
         document = refused(str(error))
     result = grade(recordings, name, document)
     kept = {"answer": answer, "report": document, "grade": asdict(result)}
-    path.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+    write_text(path, json.dumps(kept, indent=1))
     return result
 
 

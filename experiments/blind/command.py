@@ -8,6 +8,7 @@ from experiments.blind.benchmark import run as run_benchmark
 from experiments.blind.rates import as_json, text
 from experiments.report.console import progress
 from experiments.report.files import write_json
+from sensors.files import together, write_bytes
 
 
 def run(out: Path, runs: int, seed: int, world: str, workers: int | None, html: Path | None) -> str:
@@ -19,12 +20,14 @@ def run(out: Path, runs: int, seed: int, world: str, workers: int | None, html: 
     html : page with the figures; default: `out`/blind.html
     """
     from experiments.report.blind_page import blind_page, confusion, identification
+    from experiments.report.page import png
 
     with progress("recordings", flies=True) as tell:
         grades = run_benchmark(out, runs, seed, world, workers=workers or 1, tell=tell)
     document = as_json(grades)
-    write_json(out / "rates.json", document)
-    blind_page(html or out / "blind.html", grades, document)
-    for name, draw in (("identification", identification), ("confusion", confusion)):
-        draw(grades).savefig(out / f"{name}.png", dpi=100)
+    with together():
+        write_json(out / "rates.json", document)
+        blind_page(html or out / "blind.html", grades, document)
+        for name, draw in (("identification", identification), ("confusion", confusion)):
+            write_bytes(out / f"{name}.png", png(draw(grades)))
     return text(document["rates"])

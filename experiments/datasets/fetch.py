@@ -11,6 +11,7 @@ from pathlib import Path
 from experiments.datasets.inputs import DATA_VARIABLE, cache_folder
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 from sensors.errors import InputError
+from sensors.files import write_bytes
 
 #: Called before each file: data set, file, how many are done, how many there are.
 Progress = Callable[[str, str, int, int], None]
@@ -82,9 +83,6 @@ def _offline(dataset: Dataset, url: str) -> InputError:
 
 
 def _pack(original: Path, path: Path) -> None:
-    """Keep a file gzipped: written beside its place first, so that an interruption leaves no half file."""
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as raw, gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0) as packed:
-        packed.write(original.read_bytes())
-    part.replace(path)
+    """Keep a file gzipped."""
+    write_bytes(path, gzip.compress(original.read_bytes(), mtime=0))
     original.unlink()

@@ -28,6 +28,7 @@ from experiments.residual_loop.source import Source
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import Trace
 from sensors.errors import InputError
+from sensors.files import write_text
 from sensors.recording import Recording
 
 
@@ -253,7 +254,7 @@ def main(arguments: Sequence[str]) -> int:
     for name in arguments[1:] or LOGS:
         found = find(name)
         blocks[name] = block(found)
-        out.write_text(page(blocks[known] for known in LOGS if known in blocks), encoding="utf-8")
+        write_text(out, page(blocks[known] for known in LOGS if known in blocks))
         sys.stderr.write(f"{name}: {found.failure or found.document['verdict']}, {found.seconds:.0f} s\n")
         failed = failed or bool(found.failure)
     return int(failed)

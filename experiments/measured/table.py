@@ -20,6 +20,7 @@ from experiments.measured.engines import AGREEMENT, Agreement, agreement
 from experiments.measured.flights import LOGS, measured
 from experiments.measured.preparation import Prepared, prepared
 from experiments.report.words import number
+from sensors.files import write_text
 
 #: A bias whose sigma at the end is more than this share of its first one was not seen.
 UNSEEN = 0.7
@@ -160,7 +161,7 @@ def main(arguments: Sequence[str]) -> int:
     out, rows = Path(arguments[0]), list[Row]()
     for name in arguments[1:] or LOGS:
         rows.append(row_of(name))
-        out.write_text(page(rows), encoding="utf-8")
+        write_text(out, page(rows))
         sys.stderr.write(f"{name}: {', '.join(cells(rows[-1])[1:])}\n")
     return int(not all(row.engines.holds for row in rows))
 

@@ -1,4 +1,4 @@
-"""Writing a result to a file, whole or not at all."""
+"""Where a result is written: whether it can be, before the work; JSON."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sensors.errors import InputError
+from sensors.files import cannot_write, is_device, write_text
 
 
 def require_place(path: Path) -> None:
@@ -17,11 +18,13 @@ def require_place(path: Path) -> None:
     ------
     InputError : it is a folder; its folder cannot be made or written, or would be the second that is made
     """
+    if is_device(path):
+        return
     require_parent(path.parent)
     try:
         path.parent.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None
+        raise cannot_write(path, error, "a file that can be written") from None
     if path.is_dir():
         raise InputError(path, "a folder", "a file that can be written")
     if not os.access(path.parent, os.W_OK):
@@ -37,27 +40,6 @@ def require_parent(folder: Path) -> None:
     """
     if not folder.is_dir() and not folder.absolute().parent.is_dir():
         raise InputError(folder, f"no folder {folder.parent}", "a folder that is there, or one in such a folder")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, UTF-8, whole or not at all."""
-    write_bytes(path, text.encode("utf-8"))
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file by way of a temporary one beside it, so that a killed run leaves no half of it.
-
-    Raises
-    ------
-    InputError : the folder cannot be made or written
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.{os.getpid()}")
-        partial.write_bytes(content)
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(path, f"{error.strerror or error}", "a file that can be written") from None
 
 
 def write_json(path: Path, document: Mapping[str, object]) -> None:

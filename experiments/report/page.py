@@ -11,7 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.report.files import write_text
+from sensors.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

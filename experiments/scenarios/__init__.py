@@ -14,6 +14,7 @@ from experiments.scenarios.loader import load_scenario, scenario_names
 from sensors.arrays import finite_or_none
 from sensors.effects import CATALOGUE, Effect, effect
 from sensors.errors import InputError
+from sensors.files import together, write_text
 from sensors.simulate import Present, simulate
 
 __all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder", "size_note"]
@@ -150,11 +151,14 @@ def simulate_to_folder(
 
     Raises
     ------
-    InputError : no such scenario or effect, or one that does not fit; the folder is in use
+    InputError : no such scenario or effect, or one that does not fit; the folder or the answer is in use
     """
     from sensors.formats.plain import require_free, write_recording
 
-    require_free(Path(out), force)
+    out = Path(out)
+    answer = answer_file(out)
+    require_free(out, force)
+    _require_free_answer(answer, force)
     present = [parse_effect(text) for text in effects]
     names = [entry.effect.name for entry in present]
     if len(set(names)) < len(names):
@@ -170,9 +174,6 @@ def simulate_to_folder(
     field = 1.0 if m_n is None else float(np.linalg.norm(m_n))
     for note in filter(None, (size_note(entry, field) for entry in present)):
         tell(note)
-    out = Path(out)
-    write_recording(recording, out, truth)
-    answer = out.with_name(out.name + ".answer.json")
     entries = [
         {
             "name": entry.effect.name,
@@ -183,5 +184,34 @@ def simulate_to_folder(
         for entry in present
     ]
     content = {"format": 1, "scenario": str(scenario), "seed": seed, "declared": declare, "effects": entries}
-    answer.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    with together():
+        write_recording(recording, out, truth)
+        write_text(answer, json.dumps(content, indent=1) + "\n")
     return answer
+
+
+def answer_file(out: Path) -> Path:
+    """Where the answer of a recording is: beside its folder."""
+    out = out if out.name.strip(".") else out.resolve()
+    return out.with_name(out.name + ".answer.json")
+
+
+def _require_free_answer(answer: Path, force: bool) -> None:
+    """Raise unless an answer may be written: there is none, or it is to be replaced, and is one.
+
+    Raises
+    ------
+    InputError : a link; something else; an answer that may not be replaced
+    """
+    if answer.is_symlink():
+        raise InputError(answer, "a link", "another folder: the answer is written beside it")
+    if not answer.exists():
+        return
+    try:
+        found = json.loads(answer.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        found = None
+    if not (isinstance(found, dict) and {"format", "effects"} <= set(found)):
+        raise InputError(answer, "no answer of a simulation", "another folder: the answer is written beside it")
+    if not force:
+        raise InputError(answer, "an answer that was written before", "another folder, or --force to replace it")

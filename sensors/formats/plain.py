@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
@@ -10,11 +11,12 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.files import can_be_replaced, cannot_replace, new_folder
 from sensors.formats.csv_table import read_csv, read_header_line
 from sensors.formats.geodetic import to_ned
 from sensors.formats.header import read_header
 from sensors.formats.plausible import check_units
-from sensors.formats.toml_table import load_toml
+from sensors.formats.toml_table import Table, load_toml
 from sensors.recording import (
     ACCEL,
     GEODETIC,
@@ -34,6 +36,8 @@ FORMAT = 1
 HEADER_FILE = "recording.toml"
 TRUTH_FILE = "truth.csv"
 KINDS = ("flight", "poses")
+#: The files of a recording, by the names of their streams.
+FILES = (*REQUIRED_COLUMNS, "truth")
 
 #: The format's own columns of each stream: they must be numbers. Every other column is a covariate.
 _OWN_COLUMNS: Mapping[str, tuple[str, ...]] = {
@@ -83,11 +87,14 @@ def read_recording(folder: Path) -> Recording:
     if kind is None:
         raise table.error("kind", "no such key", '"flight" or "poses"')
     declared = read_header(table)
+    rows = _rows(table)
     table.done()
+    _check_there(folder, rows)
     streams, notes = _read_streams(folder)
     if not streams:
         files = ", ".join(f"{stream}.csv" for stream in REQUIRED_COLUMNS)
         raise InputError(folder, "no stream", f"at least one of {files}")
+    _check_whole(folder, rows, streams)
     if kind == "flight" and set(streams) == {"poses"}:
         raise table.error("kind", '"flight", with poses.csv alone', '"poses"')
     _check_base(folder, streams, declared.origin, declared.sensors.get("base"))
@@ -102,7 +109,7 @@ def read_recording(folder: Path) -> Recording:
         origin=origin,
         effects=declared.effects,
         source=str(folder),
-        notes=notes + chosen,
+        notes=notes + chosen + _without_truth(folder, rows),
     )
     check_units(recording)
     return recording
@@ -125,6 +132,8 @@ def read_truth(folder: Path) -> Stream:
     columns, _ = read_csv(path, _AllColumns())
     truth = _timed(path, columns)
     check_rows(path, truth)
+    if (header := path.with_name(HEADER_FILE)).is_file():
+        _check_whole(path.parent, _rows(load_toml(header)), {"truth": truth})
     return truth
 
 
@@ -139,28 +148,34 @@ def require_free(folder: Path, force: bool = False) -> None:
     ------
     InputError : the folder is in use
     """
-    from sensors.formats.plain_text import WRITTEN_BY
-
     folder = Path(folder)
     if folder.is_file():
         raise InputError(folder, "a file", "a folder to be made")
-    if not folder.is_dir() or not any(folder.iterdir()):
+    if not folder.is_dir():
+        parent = folder.resolve().parent
+        if parent.is_dir() and not os.access(parent, os.W_OK):
+            raise InputError(folder, "in a folder without permission to write", "a folder that can be written")
+        return
+    if not any(folder.iterdir()):
         return
     header = folder / HEADER_FILE
-    ours = header.is_file() and header.read_bytes().startswith(WRITTEN_BY.encode())
-    if not ours:
+    if header.is_symlink():
+        raise InputError(header, "a link", "a recording that sinan wrote, a new or an empty folder")
+    if not _is_ours(header):
         raise InputError(folder, "a folder with files that were not written by sinan", "a new or an empty folder")
     if not force:
         raise InputError(folder, "a recording that was written before", "another folder, or --force to replace it")
+    if not can_be_replaced(folder):
+        raise cannot_replace(folder)
 
 
 def write_recording(recording: Recording, folder: Path, truth: Stream | None = None) -> None:
-    """Write a recording as a plain folder, so that reading it back gives the same bits.
+    """Write a recording as a plain folder, so that reading it back gives the same bits: whole, or not at all.
 
     Parameters
     ----------
     recording : what to write; its `notes` and `source` are not written
-    folder : made where it does not exist; its files are replaced
+    folder : made where it does not exist; a recording in it is replaced, other files stay
     truth : written as `truth.csv`
 
     Raises
@@ -169,18 +184,12 @@ def write_recording(recording: Recording, folder: Path, truth: Stream | None = N
     """
     from sensors.formats.plain_text import header_text
 
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for stale in [*REQUIRED_COLUMNS, "truth"]:
-            (folder / f"{stale}.csv").unlink(missing_ok=True)
-        (folder / HEADER_FILE).write_text(header_text(recording), encoding="utf-8")
-        for name, stream in recording.streams.items():
-            _write_csv(folder / f"{name}.csv", stream)
-        if truth is not None:
-            _write_csv(folder / TRUTH_FILE, truth)
-    except OSError as error:
-        raise InputError(folder, error.strerror or type(error).__name__, "a folder that can be written") from None
+    streams = dict(recording.streams) if truth is None else {**recording.streams, "truth": truth}
+    with new_folder(Path(folder), [*(f"{name}.csv" for name in FILES), HEADER_FILE]) as beside:
+        for name, stream in streams.items():
+            _write_csv(beside / f"{name}.csv", stream)
+        rows = {name: len(stream) for name, stream in streams.items()}
+        (beside / HEADER_FILE).write_text(header_text(recording, rows), encoding="utf-8")
 
 
 #: Columns that effects use wherever they stand, so that a gap in one is not passed over.
@@ -213,6 +222,59 @@ def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
         streams[name] = _timed(path, columns)
         check_stream(path, name, streams[name])
     return streams, tuple(notes)
+
+
+def _rows(table: Table) -> dict[str, int]:
+    """How many rows each file has, by the name of its stream, as `[rows]` says; nothing of those it does not name."""
+    rows = table.table("rows")
+    counts = {name: rows.whole(name, at_least=1) for name in FILES if name in rows}
+    rows.done()
+    return {name: count for name, count in counts.items() if count is not None}
+
+
+def _check_there(folder: Path, rows: Mapping[str, int]) -> None:
+    """Raise where a stream that `[rows]` counts has no file: what is there is a part."""
+    missing = [f"no {name}.csv with its {count} rows" for name, count in rows.items()
+               if name != "truth" and not (folder / f"{name}.csv").is_file()]  # fmt: skip
+    if missing:
+        raise _a_part(folder, missing)
+
+
+def _check_whole(folder: Path, rows: Mapping[str, int], streams: Mapping[str, Stream]) -> None:
+    """Raise where a file has another number of rows than `[rows]` says, or, written here, ends within its last one."""
+    ours, wrong = _is_ours(folder / HEADER_FILE), []
+    for name in (name for name in rows if name in streams):
+        if len(streams[name]) != rows[name]:
+            wrong.append(f"{name}.csv with {len(streams[name])} of {rows[name]} rows")
+        elif ours and not _ends_whole(folder / f"{name}.csv"):
+            wrong.append(f"{name}.csv whose last row has no end")
+    if wrong:
+        raise _a_part(folder, wrong)
+
+
+def _a_part(folder: Path, what: list[str]) -> InputError:
+    expected = f"what [rows] of {HEADER_FILE} counts; where rows were changed on purpose, delete their lines there"
+    return InputError(folder, f"a part of a recording: {', '.join(what)}", expected)
+
+
+def _is_ours(header: Path) -> bool:
+    """Whether `write_recording` wrote a recording."""
+    from sensors.formats.plain_text import WRITTEN_BY
+
+    return header.is_file() and header.read_bytes().startswith(WRITTEN_BY.encode())
+
+
+def _ends_whole(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read() in (b"\n", b"\r")
+
+
+def _without_truth(folder: Path, rows: Mapping[str, int]) -> tuple[str, ...]:
+    """A note where the truth that `[rows]` counts is not there: nothing is scored."""
+    if "truth" not in rows or (folder / TRUTH_FILE).is_file():
+        return ()
+    return (f"no {TRUTH_FILE}, of which {HEADER_FILE} counts {rows['truth']} rows: nothing can be scored",)
 
 
 def _numbered(path: Path, prefix: str | None) -> tuple[str, ...]:

@@ -15,9 +15,15 @@ WRITTEN_BY = "# written by sinan"
 _ORIGIN = ("latitude", "longitude", "height")
 
 
-def header_text(recording: Recording) -> str:
-    """The text of `recording.toml`; what was not declared is not written."""
+def header_text(recording: Recording, rows: Mapping[str, int]) -> str:
+    """The text of `recording.toml`; what was not declared is not written.
+
+    Parameters
+    ----------
+    rows : of each CSV file, by the name of its stream
+    """
     lines = [WRITTEN_BY, "format = 1", f"name = {_value(recording.name)}", f"kind = {_value(recording.kind)}"]
+    lines += ["", "[rows]", *(f"{name} = {count}" for name, count in rows.items())]
     if recording.origin is not None:
         lines += _table("origin", dict(zip(_ORIGIN, recording.origin, strict=True)))
     lines += _table("environment", _declared(recording.environment, Environment()))

@@ -257,3 +257,40 @@ def test_any_bytes_raise_only_input_errors(tmp_path_factory: pytest.TempPathFact
     (path / "mag.csv").write_bytes(b"t,mag_x,mag_y,mag_z\n" + csv)
     with pytest.raises(InputError):
         open_log(path)
+
+
+def test_rows_are_counted_where_the_recording_says_how_many(tmp_path: Path) -> None:
+    folder(tmp_path, FLIGHT + "[rows]\nimu = 3\n")
+    assert len(read_recording(tmp_path).streams["imu"]) == 3
+    folder(tmp_path, FLIGHT + "[rows]\nimu = 4\nmag = 7\n")
+    assert "no mag.csv with its 7 rows" in error(tmp_path)
+    folder(tmp_path, FLIGHT + "[rows]\nimu = 4\n")
+    assert "imu.csv with 3 of 4 rows" in error(tmp_path)
+    folder(tmp_path, FLIGHT + "[rows]\nimu = 2\n")
+    assert "imu.csv with 3 of 2 rows" in error(tmp_path)
+    folder(tmp_path, FLIGHT + "[rows]\nimu = 3.5\n")
+    assert "[rows] imu" in error(tmp_path)
+    folder(tmp_path, FLIGHT + "[rows]\nnose = 3\n")
+    assert "unknown key" in error(tmp_path)
+
+
+def test_a_last_row_that_was_cut_off_is_seen(tmp_path: Path) -> None:
+    """Two digits less, and it still is a number."""
+    written = read_recording(folder(tmp_path))
+    write_recording(written, tmp_path / "out")
+    path = tmp_path / "out" / "imu.csv"
+    path.write_bytes(path.read_bytes()[:-2])
+    assert "imu.csv whose last row has no end" in error(tmp_path / "out")
+
+
+def test_truth_is_counted_too(tmp_path: Path) -> None:
+    truth = Stream(np.array([0.0, 1.0, 2.0]), {"north": np.array([1.0, 2.0, 3.0])})
+    write_recording(read_recording(folder(tmp_path)), tmp_path / "out", truth)
+    path = tmp_path / "out" / "truth.csv"
+    path.write_text("t,north\n0,1\n1,2\n")
+    with pytest.raises(InputError, match=r"truth\.csv with 2 of 3 rows"):
+        read_truth(tmp_path / "out")
+    path.unlink()
+    assert read_recording(tmp_path / "out").notes == (
+        "no truth.csv, of which recording.toml counts 3 rows: nothing can be scored",
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from experiments.blind.maker.drawing import CLASSES, Made, Order, draw_order
 from experiments.blind.maker.flight_recording import make_flight
 from experiments.blind.maker.rough import WORLDS
 from sensors.errors import InputError
+from sensors.files import new_folder, together, write_text
 from sensors.formats.plain import write_recording
 from sensors.recording import Stream
 
@@ -86,18 +86,19 @@ def make_one(
     made = MAKERS[kind](rng, order, run_name(index))
     folder = out / run_name(index)
     sealed = answers_folder(out) / run_name(index)
-    write_recording(made.recording, folder)
-    write_answer(sealed, seed, index, what, order, made)
+    with together():
+        write_recording(made.recording, folder)
+        write_answer(sealed, seed, index, what, order, made)
     return folder
 
 
 def write_answer(sealed: Path, seed: int, index: int, what: str, order: Order, made: Made) -> None:
     """`answer.json` and, where something moves, `truth.csv`."""
-    shutil.rmtree(sealed, ignore_errors=True)
-    sealed.mkdir(parents=True)
-    (sealed / ANSWER_FILE).write_text(json.dumps(answer(seed, index, what, order, made), indent=1), encoding="utf-8")
-    if made.truth is not None:
-        write_table(sealed / TRUTH_FILE, made.truth)
+    with new_folder(sealed, [TRUTH_FILE, ANSWER_FILE]) as beside:
+        if made.truth is not None:
+            write_table(beside / TRUTH_FILE, made.truth)
+        content = json.dumps(answer(seed, index, what, order, made), indent=1)
+        (beside / ANSWER_FILE).write_text(content, encoding="utf-8")
 
 
 def answer(seed: int, index: int, what: str, order: Order, made: Made) -> dict[str, object]:
@@ -148,7 +149,7 @@ def write_index(out: Path) -> None:
         if (out / found["run"]).is_dir():
             index[found["run"]] = {"kind": "flight" if found["kind"] in (FLIGHT, HAND) else "poses",
                                    "sensor": found["sensor"]}  # fmt: skip
-    (out / INDEX_FILE).write_text(json.dumps(index, indent=1), encoding="utf-8")
+    write_text(out / INDEX_FILE, json.dumps(index, indent=1))
 
 
 def write_table(path: Path, stream: Stream) -> None:

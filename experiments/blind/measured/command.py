@@ -10,8 +10,9 @@ from experiments.blind.measured.page import page, rates
 from experiments.blind.rates import shown
 from experiments.measured.flights import LOGS
 from experiments.report.console import progress
-from experiments.report.files import write_json, write_text
+from experiments.report.files import write_json
 from sensors.errors import InputError
+from sensors.files import together, write_text
 
 
 def run(out: Path, runs: int, seed: int, logs: Sequence[str], workers: int, table: Path | None) -> str:
@@ -28,8 +29,9 @@ def run(out: Path, runs: int, seed: int, logs: Sequence[str], workers: int, tabl
         benchmark.run(out, names, runs, seed, workers, tell)
     controls, found = (benchmark.collected(out, part) for part in (benchmark.CONTROLS, benchmark.RUNS))
     asked = rates(found)
-    write_json(out / "rates.json", {"format": 1, "rates": asked})
-    write_text(table or out / "blind_measured.md", page(controls, found))
+    with together():
+        write_json(out / "rates.json", {"format": 1, "rates": asked})
+        write_text(table or out / "blind_measured.md", page(controls, found))
     return "\n".join(f"{what:80} {shown(entry)}" for what, entry in asked.items())
 
 
