@@ -16,10 +16,13 @@ from experiments.cli import _spread
 from experiments.scenarios import simulate_to_folder
 from sensors.errors import InputError
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error::RuntimeWarning", "-m", "experiments", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # whatever is installed, wherever it runs
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, env=environment, check=False)
 
 
 @pytest.fixture(scope="module")
