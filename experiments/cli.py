@@ -427,6 +427,5 @@ def main() -> None:
 
 
 def _fail(error: Exception) -> NoReturn:
-    sys.stderr.write(f"sinan: {error}
-")
+    sys.stderr.write(f"sinan: {error}\n")
     raise SystemExit(1) from None
