@@ -20,13 +20,13 @@ from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
 from sensors.rotation import (
     cross,
     quaternion_conjugate,
-    quaternion_exp,
     quaternion_from_matrix,
     quaternion_interpolate,
     quaternion_log,
     quaternion_multiply,
     rotate,
     rpy_from_quaternion,
+    turned_since_start,
 )
 from sensors.sonar import Sonar
 
@@ -120,7 +120,7 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     """
     imu = recording.streams["imu"]
     t0, window = imu.t[0], imu.t <= imu.t[0] + WINDOW
-    turn = _turned_since_start(imu.t[window], imu.array(GYRO)[window])
+    turn = turned_since_start(imu.t[window], imu.array(GYRO)[window])
     f = rotate(turn, imu.array(ACCEL)[window])
     f_b = f.mean(axis=0)
     if np.linalg.norm(f_b) < 0.1 * np.linalg.norm(model.g_n):
@@ -149,16 +149,6 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
     covariance = covariance + (bias_std**2 + float(mag.R[0, 0])) * J_m @ J_m.T
     return q, covariance, {**beside, "b_mag": -(bias_std**2) * J_m}
-
-
-def _turned_since_start(t: FloatArray, w: FloatArray) -> FloatArray:
-    """(n, 4) attitude relative to the first instant, from the rates (n, 3)."""
-    steps = 0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None]
-    turn, reach = quaternion_exp(np.concatenate([np.zeros((1, 3)), steps])), 1
-    while reach < len(turn):  # each is the product of the last `reach` steps
-        turn[reach:] = quaternion_multiply(turn[:-reach], turn[reach:])
-        reach *= 2
-    return turn
 
 
 def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:

@@ -34,8 +34,8 @@ MEASURED = "rfly_course/MagRaw.mat"
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
     """Simulate, calibrate, trace, draw; then the same on the course's measured magnetometer where it is at hand."""
-    recording, truth = simulate(load_scenario(SCENARIO), np.random.default_rng(SEED), HIDDEN)
-    write_recording(recording, out / "recording", truth)
+    recording, _ = simulate(load_scenario(SCENARIO), np.random.default_rng(SEED), HIDDEN)
+    write_recording(recording, out / "recording")
     hidden = "; ".join(f"{name} = {', '.join(f'{b:g}' for b in beta)}" for name, beta in HIDDEN.items())
     say(f"1. A recording, simulated: {recording.name}. Its own files do not say what is hidden in it:\n   {hidden}")
     document = demonstrate(recording, out, "simulated", say, HIDDEN)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,68 +11,39 @@ import numpy as np
 
 from estimator.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from estimator.filter import Engine, choose_engine, prepare, run_filter
-from estimator.flight_model import FlightModel, flight_model
+from estimator.flight_model import FlightModel
 from estimator.journal import Journal
+from experiments.measured.reference import Mounted, covered, described, errors_of, states_at
 from experiments.refused import doubted_shares
 from sensors.arrays import FloatArray, finite_or_none
 from sensors.files import new_file
-from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
-from sensors.rotation import quaternion_interpolate
+from sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
 from sensors.simulate import BIAS_COLUMNS
 
-QUATERNION = ("qw", "qx", "qy", "qz")
 STATE_LOG_STEP = 0.02  # s between rows of the table of states, at least
 
 
-def run(
-    recording: Recording,
-    engine: Engine = "auto",
-    *,
-    specs: Mapping[str, SensorSpec] | None = None,
-    truth: Stream | None = None,
-    states: Path | None = None,
-    model: FlightModel | None = None,
-    **options: Any,
-) -> dict[str, Any]:
+def estimated(
+    recording: Recording, model: FlightModel, engine: Engine = "auto", states: Path | None = None
+) -> tuple[Journal, dict[str, Any]]:
     """Run the filter and report.
 
     Parameters
     ----------
     recording : a flight
+    model : of it
     engine : see `run_filter`
-    specs : noise that was estimated for what the recording does not declare
-    truth : from `read_truth`; read after the filter has run, for scoring alone
     states : CSV to write: t, the nominal state, and the 1-sigma of the error state
-    model : in place of the one made from the recording
-    options : further options of `flight_model`
 
     Returns
     -------
-    the keys of `sinan estimate --json`, with further ones: `interval` of each NIS, `accepted`, `notes`,
-    `log_likelihood`
+    the journal of the run, and the keys of `sinan estimate --json` that need no reference
     """
-    return estimated(recording, engine, specs=specs, truth=truth, states=states, model=model, **options)[1]
-
-
-def estimated(
-    recording: Recording,
-    engine: Engine = "auto",
-    *,
-    specs: Mapping[str, SensorSpec] | None = None,
-    truth: Stream | None = None,
-    states: Path | None = None,
-    model: FlightModel | None = None,
-    **options: Any,
-) -> tuple[Journal, dict[str, Any]]:
-    """The journal of the run and its report; parameters as for `run`."""
-    model = flight_model(recording, specs=specs, **options) if model is None else model
     journal = run_filter(recording, model, engine=engine)
     if states is not None:
         write_states(journal, states)
     report = report_of(journal)
     report["engine"] = choose_engine(engine, prepare(recording, model)) if engine == "auto" else engine
-    if truth is not None:
-        report["truth"] = score(journal, truth)
     return journal, report
 
 
@@ -96,16 +66,17 @@ class BiasCourse:
     truth: FloatArray
 
 
-def bias_courses(journal: Journal, truth: Stream | None, most: int = 600) -> list[BiasCourse]:
-    """Every bias of a run over time, at most `most` instants."""
+def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> list[BiasCourse]:
+    """Every bias of a run over time, at most `most` instants, beside that of a reference where it knows it."""
+    truth = Stream(np.empty(0), {}) if target is None else target.reference
     layout = journal.model.layout
     step = max(1, len(journal.imu_t) // most)
     t, x, var = journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step]
-    true, known = true_states(journal, truth, t) if truth is not None else (np.zeros((len(t), layout.n + 1)), set())
     courses = []
     for name in layout.names:
         if name.startswith("b_"):
-            there = true[:, layout.nominal(name)] if name in known else np.empty((0, 0))
+            columns = BIAS_COLUMNS[name[2:]]
+            there = _at(t, truth.t, truth.array(columns)) if truth.has(columns) else np.empty((0, 0))
             sigma = np.sqrt(var[:, layout.slice(name)])
             courses.append(BiasCourse(name[2:], t, x[:, layout.nominal(name)], sigma, there))
     return courses
@@ -139,54 +110,58 @@ def report_of(journal: Journal) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def score(journal: Journal, truth: Stream) -> dict[str, Any]:
-    """Error against the truth over the whole flight, and NEES at its end.
+def score(journal: Journal, truth: Truth, target: Mounted) -> dict[str, Any]:
+    """Errors against a reference, of what it knows and at its stamps, with what it is.
+
+    Of a reference with the recording's own axes and north also how often the filter's sigmas hold (`within`), the
+    errors of the biases, and the NEES where it lasts to the end.
 
     Parameters
     ----------
-    truth : columns of `truth.csv`; biases and quaternion where they are known
+    truth : of the recording
+    target : the same as brought to its axes and clock
     """
-    layout, x, t = journal.model.layout, journal.imu_x, journal.imu_t
-    inside = (t >= truth.t[0]) & (t <= truth.t[-1])
-    true, known = true_states(journal, truth, t[inside])
-    error, sigma = layout.difference(true, x[inside]), np.sqrt(journal.imu_var[inside])
-    result: dict[str, Any] = {}
-    if journal.model.translation:
-        result["position_rms"] = _rms(error[:, 0:3])
-        result["velocity_rms"] = _rms(error[:, 3:6])
-    result["attitude_rms"] = _rms(error[:, 6:9])
-    result["within"] = {
-        BLOCK_NAMES[name]: {str(k): float(np.mean(np.abs(error[:, part]) <= k * sigma[:, part])) for k in (1, 2, 3)}
-        for name, part in ((name, layout.slice(name)) for name in layout.names if name in known)
+    result: dict[str, Any] = {
+        **described(truth, target),
+        **errors_of(target, journal.imu_t, journal.imu_x, journal.model.translation),
     }
-    result["bias_error"] = {
-        n[2:]: error[-1, layout.slice(n)].tolist() for n in layout.names if n[:2] == "b_" and n in known
+    stamps = target.reference.rows(covered(target.reference.t, journal.imu_t))
+    return result | _held(journal, stamps) if target.same_north and len(stamps) else result
+
+
+def _held(journal: Journal, truth: Stream) -> dict[str, Any]:
+    """How the errors compare with the filter's sigmas, at the stamps of a truth in the recording's own axes."""
+    model, layout = journal.model, journal.model.layout
+    true, known = true_states(journal, truth)
+    error = layout.difference(true, states_at(truth.t, journal.imu_t, journal.imu_x))
+    sigma = np.sqrt(_at(truth.t, journal.imu_t, journal.imu_var))
+    asked = [name for name in layout.names if model.translation or name not in ("position", "velocity")]
+    parts = {name: layout.slice(name) for name in asked if name in known}
+    result: dict[str, Any] = {
+        "within": {
+            BLOCK_NAMES[name]: {str(k): float(np.mean(np.abs(error[:, part]) <= k * sigma[:, part])) for k in (1, 2, 3)}
+            for name, part in parts.items()
+        },
+        "bias_error": {name[2:]: error[-1, part].tolist() for name, part in parts.items() if name.startswith("b_")},
     }
-    if set(layout.names) <= known and inside[-1]:
-        final = nees_by_block(error[-1], journal.P_end, layout, journal.model.translation)
-        rows = np.arange(0 if journal.model.translation else 6, layout.n)
+    step = float(np.median(np.diff(journal.imu_t)))
+    if set(asked) <= known and journal.t_end - truth.t[-1] < 1.5 * step:
+        rows = np.concatenate([np.arange(layout.n)[part] for part in parts.values()])
         result["nees_per_dof"] = nees(error[-1][rows], journal.P_end[np.ix_(rows, rows)]) / len(rows)
-        result["nees"] = dict(final)
+        result["nees"] = dict(nees_by_block(error[-1], journal.P_end, layout, model.translation))
     return result
 
 
-def true_states(journal: Journal, truth: Stream, t: FloatArray) -> tuple[FloatArray, set[str]]:
-    """(m, n + 1) true nominal states at the instants t, and the blocks of which the truth is known."""
+def true_states(journal: Journal, truth: Stream) -> tuple[FloatArray, set[str]]:
+    """(m, n + 1) nominal states at the stamps of a truth, and the blocks of which it is known."""
     layout = journal.model.layout
-    true, known = np.zeros((len(t), layout.n + 1)), set()
-    kinematics: tuple[tuple[str, tuple[str, ...]], ...] = (("position", POSITION), ("velocity", VELOCITY))
-    for name, columns in kinematics:
-        if truth.has(columns):
-            true[:, layout.nominal(name)] = _at(t, truth, columns)
-            known.add(name)
+    true = np.zeros((len(truth), layout.n + 1))
     true[:, 6] = 1.0
-    if truth.has(QUATERNION):
-        true[:, 6:10] = quaternion_interpolate(t, truth.t, truth.array(QUATERNION))
-        known.add("attitude")
-    for sensor, columns in BIAS_COLUMNS.items():
-        if layout.has(f"b_{sensor}") and truth.has(columns):
-            true[:, layout.nominal(f"b_{sensor}")] = _at(t, truth, columns)
-            known.add(f"b_{sensor}")
+    columns = {"position": POSITION, "velocity": VELOCITY, "attitude": QUATERNION}
+    columns |= {f"b_{sensor}": names for sensor, names in BIAS_COLUMNS.items()}
+    known = {name for name, names in columns.items() if layout.has(name) and truth.has(names)}
+    for name in known:
+        true[:, layout.nominal(name)] = truth.array(columns[name])
     return true, known
 
 
@@ -203,9 +178,6 @@ def write_states(journal: Journal, path: Path) -> None:
             writer.writerow([f"{t:.6f}", *(f"{v:.9g}" for v in x), *(f"{v:.6g}" for v in np.sqrt(var))])
 
 
-def _at(t: FloatArray, stream: Stream, columns: tuple[str, ...]) -> FloatArray:
-    return np.stack([np.interp(t, stream.t, stream[name]) for name in columns], axis=-1)
-
-
-def _rms(error: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+def _at(t: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
+    """(m, k) values (n, k) between the instants at which they are known."""
+    return np.stack([np.interp(t, known, column) for column in values.T], axis=-1)

@@ -10,10 +10,10 @@ import numpy as np
 
 from estimator.filter import Engine
 from estimator.journal import Journal
-from experiments.datasets import called, has_truth, reference_of, resolve
+from experiments.datasets import called, resolve
 from experiments.estimate import bias_courses, estimated, score
 from experiments.measured.preparation import prepared
-from experiments.measured.reference import in_frame, mounted
+from experiments.measured.reference import reference_of
 from experiments.refused import refused
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
@@ -23,8 +23,8 @@ from experiments.report.words import (
     bias_rows,
     number,
     off_by,
-    reference_name,
-    reference_value,
+    reference_notes,
+    reference_rows,
     trace_call,
     with_sigma,
 )
@@ -52,14 +52,11 @@ def run(
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
     with working("running the filter", flies=True):
         ready = prepared(recording)
-        truth = reference_of(input, map_file)
         model = ready.model.replace(relinearise=relinearise)
-        journal, document = estimated(ready.recording, engine, model=model, states=states)  # type: ignore[arg-type]
-    if truth is not None:
-        truth = (
-            truth if has_truth(input) else in_frame(mounted(recording, truth), journal.imu_t, journal.imu_x[:, 6:10])
-        )
-        document["truth"] = score(journal, truth)
+        journal, document = estimated(ready.recording, model, engine, states)  # type: ignore[arg-type]
+        target = reference_of(recording)
+    if recording.truth is not None and target is not None:
+        document["truth"] = score(journal, recording.truth, target)
     document["called"] = called(input, recording)
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
@@ -71,7 +68,7 @@ def run(
     if html is not None:
         from experiments.report.estimate_page import estimate_page
 
-        estimate_page(html, document["called"], document, bias_courses(journal, truth))
+        estimate_page(html, document["called"], document, bias_courses(journal, target))
     return summary(document["called"], document)
 
 
@@ -129,10 +126,9 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
         size = "no reading" if nis is None else f"{nis:.3f}" if nis < 1e4 else f"{nis:.3g}"
         assumed = " (an assumption of the filter, no sensor)" if sensor in document.get("assumed", ()) else ""
         lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused{assumed}")
-    for quantity, value in (document.get("truth") or {}).items():
-        if quantity.endswith("_rms"):
-            lines.append(f"  {reference_name(quantity)}: {reference_value(quantity, value)}")
-    lines += [f"  note: {note}" for note in [*document["noise"], *document.get("notes", [])]]
+    lines += [f"  {name}: {value}" for name, value in reference_rows(document)]
+    notes = [*reference_notes(document), *document["noise"], *document.get("notes", [])]
+    lines += [f"  note: {note}" for note in notes]
     lines += [f"  warning: {warning}" for warning in document["warnings"] if warning not in first]
     return "\n".join(lines)
 

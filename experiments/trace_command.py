@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.datasets import called, has_truth, reference_of, resolve
+from experiments.datasets import called, resolve
 from experiments.refused import doubted_shares, refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
@@ -31,9 +31,8 @@ def run(
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
-    reference = reference_of(input, map_file) if recording.kind == "flight" else None
     with working(_what(recording), flies=recording.kind == "flight"):
-        source, result = trace_recording(recording, sensor, alpha, gravity, reference, not has_truth(input))
+        source, result = trace_recording(recording, sensor, alpha, gravity)
     document = report(source, result)
     document["called"] = called(input, recording)
     notes = taken_from_the_log(recording, source)

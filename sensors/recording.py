@@ -1,6 +1,5 @@
-"""`Recording`: timed SI streams with what was declared about them; the only thing an estimator sees.
-
-The truth is not part of it: what scores reads `truth.csv` by itself (`sensors.formats.plain.read_truth`).
+"""`Recording`: timed SI streams with what was declared about them, and beside them what its estimates may be scored
+against.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ MAG = ("mag_x", "mag_y", "mag_z")
 POSITION = ("north", "east", "down")
 VELOCITY = ("vel_north", "vel_east", "vel_down")
 GEODETIC = ("latitude", "longitude", "height")
+QUATERNION = ("qw", "qx", "qy", "qz")
 #: What a receiver says of its own fix: 1-sigma of the position, horizontal and down [m], and of the velocity [m/s] (a
 #: standard deviation, whatever the name says: it is PX4's); dilutions of precision; satellites used.
 FIX_QUALITY = ("eph", "epv", "s_variance", "hdop", "vdop", "pdop", "satellites")
@@ -150,6 +150,53 @@ class Initial:
     attitude_std: float | None = None
 
 
+#: What a reference may be. An autopilot's own estimate is a comparison, not a truth; of `other` nobody says what it is.
+TRUTH_KINDS = ("simulation", "cameras", "robot", "rtk", "autopilot", "other")
+#: What a reference may know, and the columns that hold it: any of the alternatives.
+KNOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "position": (POSITION,),
+    "velocity": (VELOCITY,),
+    "attitude": (QUATERNION, ("roll", "pitch")),
+}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a recording may be scored against. Nothing that estimates may read it.
+
+    Attributes
+    ----------
+    stream : columns of `truth.csv`, of what is known alone; attitude as a quaternion, or as `roll, pitch` where the
+        reference has no heading; where simulated the biases
+    kind : of `TRUTH_KINDS`; empty: the recording does not say
+    """
+
+    stream: Stream
+    kind: str = ""
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Which of position, velocity and attitude are known."""
+        return tuple(name for name, columns in KNOWN_BY.items() if any(map(self.stream.has, columns)))
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it has the recording's own axes, clock and north, which another instrument's has not."""
+        return self.kind in ("", "simulation")
+
+    @classmethod
+    def of(cls, stream: Stream, kind: str = "", known: Sequence[str] | None = None) -> Truth:
+        """Of a stream with columns that may hold more than is known; None: what the columns hold."""
+        unknown = {
+            column
+            for name, alternatives in KNOWN_BY.items()
+            if known is not None and name not in known
+            for columns in alternatives
+            for column in columns
+        }
+        return cls(Stream(stream.t, {n: values for n, values in stream.columns.items() if n not in unknown}), kind)
+
+
 @dataclass(frozen=True)
 class Recording:
     """Timed SI streams of one experiment, checked, with what its maker declared.
@@ -164,6 +211,7 @@ class Recording:
     effects : declared effects by name, with their parameters; every estimator models them
     source : where it was read from, for messages
     notes : what its reader chose or left out, for reports
+    truth : what it may be scored against, or None; nothing that estimates may read it
     """
 
     name: str
@@ -176,6 +224,7 @@ class Recording:
     effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     source: str = ""
     notes: tuple[str, ...] = ()
+    truth: Truth | None = None
 
     def __post_init__(self) -> None:
         if not self.streams:

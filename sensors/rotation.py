@@ -165,6 +165,18 @@ def cos_tilt(q: FloatArray) -> FloatArray:
     return 1.0 - 2.0 * (x * x + y * y)
 
 
+def turned_since_start(t: FloatArray, w: FloatArray) -> FloatArray:
+    """(n, 4) attitude relative to that at the first instant, from rates (n, 3) in the turning axes [rad/s]."""
+    turn = np.zeros((len(t), 4))
+    turn[0, 0] = 1.0
+    turn[1:] = quaternion_exp(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
+    reach = 1
+    while reach < len(t):  # each row is the product of the `reach` steps before it
+        turn[reach:] = quaternion_multiply(turn[:-reach], turn[reach:])
+        reach *= 2
+    return turn / np.linalg.norm(turn, axis=1, keepdims=True)
+
+
 def quaternion_interpolate(t: FloatArray, t_q: FloatArray, q: FloatArray) -> FloatArray:
     """Spherical linear interpolation of q (m, 4) at t_q (m,) to the instants t (n,); extrapolates beyond the ends."""
     if len(t_q) == 1:

@@ -11,7 +11,17 @@ from sensors.arrays import FloatArray
 from sensors.effects import effect
 from sensors.errors import InputError
 from sensors.readings import ON_THE_IMU_CLOCK, Present, World, bias_at, columns_of, instants, model_of, read, scale_of
-from sensors.recording import Environment, Initial, Recording, SensorSpec, Stream
+from sensors.recording import (
+    POSITION,
+    QUATERNION,
+    VELOCITY,
+    Environment,
+    Initial,
+    Recording,
+    SensorSpec,
+    Stream,
+    Truth,
+)
 from sensors.rotation import quaternion_exp, quaternion_multiply
 from sensors.scenario import Scenario
 from sensors.trajectory import Multicopter
@@ -71,6 +81,7 @@ def simulate(
         initial=_initial(world),
         origin=scenario.origin,
         effects={p.effect.name: tuple(float(b) for b in p.beta) for p in present} if declare else {},
+        truth=Truth(truth, "simulation"),
     )
     return recording, truth
 
@@ -167,9 +178,9 @@ def _truth(world: World) -> Stream:
     t = world.clock[::every]
     motion = world.vehicle.trajectory.motion(t)
     columns = {
-        **dict(zip(("north", "east", "down"), motion.p_n.T, strict=True)),
-        **dict(zip(("vel_north", "vel_east", "vel_down"), motion.v_n.T, strict=True)),
-        **dict(zip(("qw", "qx", "qy", "qz"), motion.q_nb.T, strict=True)),
+        **dict(zip(POSITION, motion.p_n.T, strict=True)),
+        **dict(zip(VELOCITY, motion.v_n.T, strict=True)),
+        **dict(zip(QUATERNION, motion.q_nb.T, strict=True)),
     }
     for name in scenario.sensors:
         if name in BIAS_COLUMNS and model_of(name, scenario.sensors[name]).bias is not None:

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.compass import compass_of, corrected
-from experiments.datasets import reference_of, resolve
+from experiments.datasets import resolve
 from experiments.measured.preparation import prepared
-from experiments.measured.reference import AttitudeError, attitude_error, mounted
+from experiments.measured.reference import AttitudeError, attitude_error, reference_of
+from experiments.report.words import reference_words
 from sensors.arrays import FloatArray
 from sensors.recording import ACCEL, GYRO, MAG, Recording
 from sensors.rotation import quaternion_from_matrix, quaternion_multiply
@@ -47,11 +48,13 @@ class Comparison:
 
     Attributes
     ----------
+    against : what the reference is
     errors : by estimator
     worse : by other estimator, the mean squared error of this filter minus the other's, over the other's, with its
         interval of 95 %: this filter is significantly worse where the interval lies above zero
     """
 
+    against: str
     errors: Mapping[str, AttitudeError]
     worse: Mapping[str, tuple[float, float, float]]
 
@@ -130,9 +133,11 @@ def compare(name: str, rng: np.random.Generator, correct: bool = False) -> Compa
     rng : source of randomness
     correct : all get the log with its hard iron taken off and its disturbed stretches left out
     """
-    recording, reference = resolve(LOGS[name]), reference_of(LOGS[name])
-    assert reference is not None
-    target = mounted(recording, reference)
+    recording = resolve(LOGS[name])
+    target = reference_of(recording)
+    assert target is not None
+    assert recording.truth is not None
+    against = reference_words(recording.truth.kind)
     if correct and "mag" in recording.streams:
         recording = corrected(recording, compass_of(recording))
     errors = {}
@@ -142,7 +147,7 @@ def compare(name: str, rng: np.random.Generator, correct: bool = False) -> Compa
             t, q = estimate(recording)
         errors[label] = attitude_error(t, q, target)
     others = {label: error for label, error in errors.items() if label != OURS}
-    return Comparison(errors, {label: paired(errors[OURS], error, rng) for label, error in others.items()})
+    return Comparison(against, errors, {label: paired(errors[OURS], error, rng) for label, error in others.items()})
 
 
 def paired(mine: AttitudeError, other: AttitudeError, rng: np.random.Generator) -> tuple[float, float, float]:
@@ -181,7 +186,10 @@ def main(seed: int = 0) -> dict[str, dict[str, dict[str, float]]]:
             cells = [f"{rms_degrees(e.total):.2f} ({rms_degrees(e.tilt):.2f})" for e in comparison.errors.values()]
             worse = [(label, low, high) for label, (_, low, high) in comparison.worse.items() if low > 0.0]
             better = [f"{label} {low:+.2f}..{high:+.2f}" for label, low, high in worse]
-            print(f"| {name} | " + " | ".join(cells) + f" | {', '.join(better) or '-'} |", flush=True)
+            print(
+                f"| {name}, against {comparison.against} | " + " | ".join(cells) + f" | {', '.join(better) or '-'} |",
+                flush=True,
+            )
             result[f"{title}: {name}"] = {
                 label: {"total": rms_degrees(error.total), "tilt": rms_degrees(error.tilt)}
                 for label, error in comparison.errors.items()

@@ -4,7 +4,7 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from experiments.datasets.inputs import called, convert, field_unit_of, has_truth, reference_of, resolve
+from experiments.datasets.inputs import called, convert, field_unit_of, resolve
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
 __all__ = [
@@ -14,8 +14,6 @@ __all__ = [
     "convert",
     "dataset_names",
     "field_unit_of",
-    "has_truth",
     "load_dataset",
-    "reference_of",
     "resolve",
 ]

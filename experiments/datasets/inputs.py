@@ -8,7 +8,7 @@ from pathlib import Path
 
 from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
 from sensors.errors import InputError, printable
-from sensors.recording import Recording, Stream
+from sensors.recording import Recording
 
 #: Environment variable that names a folder with the data sets.
 DATA_VARIABLE = "SINAN_DATA"
@@ -59,39 +59,8 @@ def field_unit_of(text: str, map_file: Path | None = None) -> str:
     return "gauss" if any(isinstance(one, dict) and one.get("unit") in UNITS["field"] for one in named) else ""
 
 
-def reference_of(text: str, map_file: Path | None = None) -> Stream | None:
-    """What the recording of `resolve` may be scored against, for scoring alone: its truth, or what its map calls one.
-
-    Columns as in `truth.csv`; None where there is none.
-    """
-    from sensors.formats.columns import content_of
-    from sensors.formats.plain import TRUTH_FILE, read_truth
-
-    path, kept = (Path(text), map_file) if Path(text).exists() else locate(text)
-    if kept is not None:
-        from sensors.formats.map_file import read_map
-        from sensors.formats.mapped import read_reference
-
-        rules = read_map(kept)
-        origin = resolve(text, map_file).origin if rules.reference else None
-        return read_reference(path, rules, origin) if rules.reference else None
-    if path.is_dir():
-        return read_truth(path) if (path / TRUTH_FILE).is_file() else None
-    if content_of(path) == "ulog":
-        from sensors.formats.ulog import reference_ulog
-
-        return reference_ulog(path)
-    return None
-
-
-def has_truth(text: str) -> bool:
-    """Whether the reference of a log is the truth of the recording itself, in its own axes, and not another body's."""
-    path = Path(text)
-    return path.is_dir() and (path / "truth.csv").is_file()
-
-
 def convert(text: str, folder: Path, map_file: Path | None = None, force: bool = False) -> Recording:
-    """Write any readable log as a plain recording; the truth of a plain one goes with it.
+    """Write any readable log as a plain recording, with what it may be scored against.
 
     Parameters
     ----------
@@ -101,15 +70,14 @@ def convert(text: str, folder: Path, map_file: Path | None = None, force: bool =
     ------
     InputError : what `resolve` finds wrong; the folder is the log itself, is in use or cannot be written
     """
-    from sensors.formats.plain import TRUTH_FILE, read_truth, require_free, write_recording
+    from sensors.formats.plain import require_free, write_recording
 
     source = Path(text)
     if source.exists() and source.resolve() == Path(folder).resolve():
         raise InputError(folder, "the log itself", "another folder")
     require_free(folder, force)
     recording = resolve(text, map_file)
-    truth = read_truth(source) if (source / TRUTH_FILE).is_file() else None
-    write_recording(recording, Path(folder), truth)
+    write_recording(recording, Path(folder))
     return recording
 
 

@@ -13,11 +13,12 @@ from calibration.noise_levels import OUTLIER_LEVEL
 from estimator.filter import prepare, run
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
-from experiments.datasets import reference_of, resolve
+from experiments.datasets import resolve
 from experiments.measured.arguments import usage
 from experiments.measured.preparation import Prepared, prepared
-from experiments.measured.reference import attitude_error, mounted
+from experiments.measured.reference import errors_of, reference_of
 from experiments.measured.withheld import Predicted, predicted, windows
+from experiments.report.words import reference_words
 from sensors.arrays import FloatArray
 from sensors.recording import Recording, Stream
 
@@ -127,44 +128,46 @@ def measure(name: str) -> dict[str, Any]:
     Where the likelihood asks for a delay of GPS, the log is prepared and predicted again with it taken off the stamps.
     """
     recording = resolve(LOGS[name])
-    reference, ready = reference_of(LOGS[name]), prepared(recording)
-    entry = measured(name, reference, ready)
+    ready = prepared(recording)
+    entry = measured(name, ready)
     if "gps" in ready.recording.streams:
-        entry |= with_delay(recording, reference, ready)
+        entry |= with_delay(recording, ready)
     return entry
 
 
-def measured(name: str, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
+def measured(name: str, ready: Prepared) -> dict[str, Any]:
     """The same of a log that is read and prepared already, but for the delay."""
     journal = ready.run()
     entry: dict[str, Any] = {
         "log": name, "levels": list(ready.noise.notes), "nis": dict(journal.nis_per_dof()),
         "counts": journal.counts(), "whiteness": dict(whiteness(journal)),
     }  # fmt: skip
-    if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
-        entry["attitude"] = attitude_of(journal, ready, reference)
     if "gps" in ready.recording.streams:
         entry["withheld"] = [asdict(prediction) for prediction in predictions(ready)]
-    return entry
+    attitude = attitude_of(journal, ready)
+    return entry | {"attitude": attitude} if attitude else entry
 
 
-def with_delay(recording: Recording, reference: Stream | None, ready: Prepared) -> dict[str, Any]:
+def with_delay(recording: Recording, ready: Prepared) -> dict[str, Any]:
     """Delay of GPS by the likelihood, and the errors with it taken off the stamps."""
     delay, gain = likeliest_delay(ready)
     entry: dict[str, Any] = {"gps_delay": delay, "gps_delay_gain": gain}
     if gain > CONVINCING:
         again = prepared(earlier(recording, "gps", delay))
         entry["withheld_without_delay"] = [asdict(prediction) for prediction in predictions(again)]
-        if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
-            entry["attitude_without_delay"] = attitude_of(again.run(), again, reference)
+        attitude = attitude_of(again.run(), again)
+        entry |= {"attitude_without_delay": attitude} if attitude else {}
     return entry
 
 
-def attitude_of(journal: Journal, ready: Prepared, reference: Stream) -> dict[str, float]:
-    """RMS of total error, tilt and heading [deg]."""
-    error = attitude_error(journal.imu_t, journal.imu_x[:, 6:10], mounted(ready.recording, reference))
-    parts = {"total": error.total, "tilt": error.tilt, "heading": error.heading}
-    return {part: float(np.rad2deg(rms(angle))) for part, angle in parts.items()}
+def attitude_of(journal: Journal, ready: Prepared) -> dict[str, Any]:
+    """RMS of total error, tilt and heading [deg] as far as the reference knows them, and what that is; else nothing."""
+    truth, target = ready.recording.truth, reference_of(ready.recording)
+    if truth is None or target is None:
+        return {}
+    errors = errors_of(target, journal.imu_t, journal.imu_x, translation=False)
+    found = {name.removesuffix("_rms"): float(np.rad2deg(value)) for name, value in errors.items()}
+    return {**found, "against": reference_words(truth.kind)} if found else {}
 
 
 def main(arguments: Sequence[str]) -> int:

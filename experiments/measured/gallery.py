@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from experiments.datasets import reference_of, resolve
+from experiments.datasets import resolve
 from experiments.measured.arguments import usage
 from experiments.measured.published import PARAMETERS, SETTINGS, published
-from experiments.measured.reference import QUATERNION, gyro_error, mounted
-from experiments.measured.scoring import AttitudeScore, withheld_errors
-from experiments.report.words import number
+from experiments.measured.reference import gyro_error, reference_of
+from experiments.measured.scoring import withheld_errors
+from experiments.report.words import number, reference_words
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.open_source import triad_readings
 from experiments.residual_loop.report import report
@@ -126,16 +126,16 @@ def find(name: str) -> Finding:
         return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
-    beside = published_words(entry, document) or settings_words(entry, document) or gyro_words(entry, source)
+    beside = published_words(entry, document) or settings_words(entry, document) or gyro_words(source)
     return Finding(entry, name, document, notes, references, undecided, beside, seconds, not_finite(document))
 
 
-def gyro_words(entry: Entry, source: Source) -> str:
+def gyro_words(source: Source) -> str:
     """What the rates of a reference on the same body say of the gyroscope."""
-    reference = reference_of(entry.input) if isinstance(source, FlightSource) else None
-    if reference is None or not reference.has(QUATERNION) or not isinstance(source, FlightSource):
+    target = reference_of(source.recording) if isinstance(source, FlightSource) else None
+    if target is None or not target.knows_heading or not isinstance(source, FlightSource):
         return ""
-    found = gyro_error(source.recording, mounted(source.recording, reference))
+    found = gyro_error(source.recording, target)
     scale, cross = (", ".join(f"{value:.3f}" for value in part) for part in (found.scale, found.cross_axis))
     return f"gyro.scale {scale} and crookedness {cross}, by the rates of the reference to {number(found.rms)} rad/s"
 
@@ -180,14 +180,14 @@ def references_of(
     if not isinstance(source, FlightSource):
         return list(_published(entry, recording, source, result))
     found: list[tuple[str, float, float, str]] = []
-    whole = (result.selection.plain, result.selection.final)
-    reference = reference_of(entry.input)
-    if reference is not None and (reference.has(("qw",)) or reference.has(("roll",))):
-        score = AttitudeScore(source.recording, reference)
-        for held_out, fits, words in ((False, whole, "all data"), (True, result.proof.fits, "last third")):
-            before, after = (score(source, fit, held_out) for fit in fits)
-            found += [(f"{k}, {words}", float(np.rad2deg(v)), float(np.rad2deg(after[k])), "deg")
-                      for k, v in before.items()]  # fmt: skip
+    whose = reference_words(recording.truth.kind if recording.truth else None)
+    for pair, words in ((result.truth, "all data"), (result.truth_held_out, "last third")):
+        before, after = pair or ({}, {})
+        for name in ("attitude", "tilt", "heading"):
+            key = f"{name}_rms"
+            if key in before and key in after:
+                first, last = (float(np.rad2deg(errors[key])) for errors in (before, after))
+                found.append((f"{name} against {whose}, {words}", first, last, "deg"))
     if "gps" in source.recording.streams:
         before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.proof.fits)
         found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age[age], "m")

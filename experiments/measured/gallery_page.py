@@ -19,9 +19,10 @@ belongs to a log.
 How to read it:
 
 - **held out** is the RMS of the residual on the part of the data that took no part in the fit, before and after.
-- **reference** is what the loop was not shown: attitude of cameras, a robot or an autopilot (mounting, delay and one
-  constant heading taken off); fixes that were withheld; for poses the spread of the norm that a published calibration
-  leaves. "Last third" counts the held-out part alone, with parameters fitted on the rest.
+- **reference** is what the loop was not shown: attitude of cameras, a robot or an autopilot, whose own estimate is a
+  comparison and no truth (mounting, delay and one constant heading taken off); fixes that were withheld; for poses the
+  spread of the norm that a published calibration leaves. "Last third" counts the held-out part alone, with parameters
+  fitted on the rest.
 - An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
   coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
   can name.
@@ -85,9 +86,9 @@ def held_out(one: Finding) -> str:
 
 def first_reference(one: Finding) -> str:
     """The reference that tells most, in few words: attitude, else position after 5 s, else a published calibration."""
-    for wanted in ("attitude, last", "tilt, last", "position, 5 s", "spread"):
+    for wanted, part in (("attitude", "last third"), ("tilt", "last third"), ("position, 5 s", ""), ("spread", "")):
         for label, before, after, unit in one.references:
-            if label.startswith(wanted):
+            if label.startswith(wanted) and label.endswith(part):
                 changed = wanted == "spread" or bool(one.document["effects"])
                 numbers = f"{number(before)} -> {number(after)}" if changed else number(before)
                 return f"{label.split(',')[0]} {numbers} {unit}".rstrip()

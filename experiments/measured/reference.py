@@ -1,31 +1,40 @@
-"""Attitude error against a reference on another body: mounting and delay from the rates, whatever the estimator."""
+"""Errors against what a recording may be scored against, at the reference's own stamps, whatever the estimator.
+
+A reference on another body is brought to the sensor's axes and clock first: mounting and delay from the rates.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.recording import GYRO, Recording, Stream
+from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
 from sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_matrix,
-    quaternion_from_rpy,
     quaternion_interpolate,
     quaternion_log,
     quaternion_multiply,
     rpy_from_quaternion,
+    turned_since_start,
 )
 
-QUATERNION = ("qw", "qx", "qy", "qz")
 #: A reference that turns faster than this is wrong: three turns a second are beyond hands and robots [rad/s].
 FASTEST = 20.0
 #: Rows left out on either side of such a jump [s]: interpolation carried it that far.
 AROUND = 0.08
-#: Delays that are tried, their step, and the width over which rates are averaged before they are compared [s].
-LARGEST_DELAY, DELAY_STEP, WIDTH = 0.2, 0.01, 0.2
+#: Delays that are tried, their step, the width over which rates are averaged before they are compared, and the spacing
+#: of such stretches [s].
+LARGEST_DELAY, DELAY_STEP, WIDTH, SPACING = 0.2, 0.01, 0.2, 0.05
 GRID = 0.02
+#: A turn between two stamps that is nearer to half a turn may have been the other way round [rad]; so few turns show
+#: no mounting.
+_NEARLY_HALF, _FEWEST_TURNS = 2.5, 3
+#: An estimate is not known in gaps of the IMU longer than so many of its steps.
+_GAP = 3.0
+_NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -37,11 +46,27 @@ class Mounted:
     reference : on the recording's clock, its jumps left out
     mounting : (4,) sensor axes -> axes of the reference
     delay : how much later the recording's stamps are than the reference's [s]
+    same_north : it has the recording's north; else one constant heading is taken off
     """
 
     reference: Stream
     mounting: FloatArray
     delay: float
+    same_north: bool = False
+
+    @property
+    def knows_heading(self) -> bool:
+        """Whether it has an attitude with heading; one of roll and pitch scores the tilt alone."""
+        return self.reference.has(QUATERNION)
+
+    @property
+    def knows_attitude(self) -> bool:
+        """Whether it has an attitude at all."""
+        return self.knows_heading or self.reference.has(("roll", "pitch"))
+
+    def after(self, t: float) -> Mounted:
+        """The part of it after an instant."""
+        return replace(self, reference=self.reference.rows(self.reference.t > t))
 
 
 @dataclass(frozen=True)
@@ -62,21 +87,46 @@ class AttitudeError:
     north: float
 
 
+def reference_of(recording: Recording) -> Mounted | None:
+    """What a recording may be scored against, in its own axes and on its clock; None where there is nothing."""
+    truth = recording.truth
+    if truth is None or not truth.is_own:
+        return None if truth is None else mounted(recording, truth.stream)
+    return Mounted(truth.stream, _NO_TURN, 0.0, same_north=True)
+
+
+def described(truth: Truth, target: Mounted) -> dict[str, object]:
+    """What a reference is and what was done to it, for JSON: kind, known, mounting (sensor -> reference), delay [s]."""
+    said: dict[str, object] = {"kind": truth.kind or None, "known": list(truth.known)}
+    if target.knows_heading and not target.same_north:
+        said |= {"mounting": target.mounting.tolist(), "delay": target.delay}
+    return said
+
+
 def mounted(recording: Recording, reference: Stream) -> Mounted:
     """Find mounting and delay of a reference with attitude from the recording's gyroscope alone.
 
-    Least squares over rotations C and delays: sum |w_gyro(t + delay) - C w_reference(t)|^2, averaged over `WIDTH`.
+    Least squares over rotations C and delays: sum |w_gyro - C w_reference|^2, w being the turn between two stamps of
+    the reference over the time between them, of the gyroscope as much later as the delay.
     Source of the rotation: G. Wahba's problem, solved by SVD (F. L. Markley, J. Astronaut. Sci. 36, 1988).
-    A reference without heading is returned as it is.
+    A reference without heading is returned as it is; one whose turns are not seen loses its attitude.
     """
     if not reference.has(QUATERNION):
-        return Mounted(reference, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
-    reference = without_jumps(reference)
-    t, w_reference = _rates_of(reference, recording.streams["imu"])
-    integral = _integral(recording.streams["imu"])
+        return Mounted(reference, _NO_TURN, 0.0)
+    reference, imu = without_jumps(reference), recording.streams["imu"]
+    a, b = _pairs(reference.t, imu.t[0] + LARGEST_DELAY, imu.t[-1] - LARGEST_DELAY)
+    q, q_gyro = reference.array(QUATERNION), turned_since_start(imu.t, imu.array(GYRO))
+    turn = _turn(q[a], q[b])
+    told = np.linalg.norm(turn, axis=1) < _NEARLY_HALF
+    if np.sum(told) < _FEWEST_TURNS:
+        return Mounted(Stream(reference.t, {n: c for n, c in reference.columns.items() if n not in QUATERNION}),
+                       _NO_TURN, 0.0)  # fmt: skip
+    start, stop = reference.t[a[told]], reference.t[b[told]]
+    w_reference = turn[told] / (stop - start)[:, None]
     best, found = np.inf, (np.eye(3), 0.0)
     for delay in np.arange(-LARGEST_DELAY, LARGEST_DELAY + 1e-9, DELAY_STEP):
-        w_gyro = _rates(t + delay, *integral)
+        ends = (quaternion_interpolate(t + delay, imu.t, q_gyro) for t in (start, stop))
+        w_gyro = _turn(*ends) / (stop - start)[:, None]
         u, _, vt = np.linalg.svd(w_gyro.T @ w_reference)
         C = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
         miss = float(np.sum((w_gyro - w_reference @ C.T) ** 2))
@@ -84,6 +134,23 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
             best, found = miss, (C, float(delay))
     C, delay = found
     return Mounted(Stream(reference.t + delay, reference.columns), quaternion_from_matrix(C.T), delay)
+
+
+def _pairs(t: FloatArray, first: float, last: float) -> tuple[IntArray, IntArray]:
+    """Rows a, b of stamps between `first` and `last`: about `WIDTH` apart, or neighbours where they are rarer; not
+    across a gap. One pair every `SPACING`.
+    """
+    a = np.flatnonzero((t >= first) & (t <= last))
+    a = a[np.unique(np.floor(t[a] / SPACING), return_index=True)[1]]
+    b = np.searchsorted(t, t[a] + WIDTH - 1e-9)
+    a, b = a[b < len(t)], b[b < len(t)]
+    near = (t[b] <= last) & (t[b] - t[a] <= 2.0 * max(WIDTH, float(np.median(np.diff(t)))))
+    return a[near], b[near]
+
+
+def _turn(q: FloatArray, q_later: FloatArray) -> FloatArray:
+    """(n, 3) rotation vector from one attitude to a later one, in the turning axes."""
+    return quaternion_log(quaternion_multiply(quaternion_conjugate(q), q_later))
 
 
 @dataclass(frozen=True)
@@ -122,7 +189,7 @@ def gyro_error(recording: Recording, target: Mounted) -> GyroError:
 def without_jumps(reference: Stream) -> Stream:
     """The reference without rows around turns that no body makes, such as interpolation through a change of sign."""
     q = reference.array(QUATERNION)
-    rate = np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(q[:-1]), q[1:])), axis=1)
+    rate = np.linalg.norm(_turn(q[:-1], q[1:]), axis=1)
     jumps = reference.t[1:][rate / np.diff(reference.t) > FASTEST]
     if not len(jumps):
         return reference
@@ -130,6 +197,53 @@ def without_jumps(reference: Stream) -> Stream:
     before = np.clip(after - 1, 0, None)
     near = np.minimum(np.abs(jumps[after] - reference.t), np.abs(jumps[before] - reference.t))
     return reference.rows(near > AROUND)
+
+
+def errors_of(target: Mounted, t: FloatArray, x: FloatArray, translation: bool = True) -> dict[str, float]:
+    """RMS errors of estimated states, of what the reference knows and at its own stamps.
+
+    Parameters
+    ----------
+    t, x : (n,) s, (n, 10 or more) nominal states: position, velocity, quaternion
+    translation : position and velocity are estimated
+
+    Returns
+    -------
+    `position_rms`, `height_rms` [m], `velocity_rms` [m/s], `attitude_rms`, `tilt_rms`, `heading_rms` [rad]: those that
+    are known; none where the estimate is not known at any stamp of the reference
+    """
+    target = replace(target, reference=target.reference.rows(covered(target.reference.t, t)))
+    reference, errors = target.reference, dict[str, float]()
+    if not len(reference):
+        return errors
+    x = states_at(reference.t, t, x)
+    if translation and reference.has(POSITION):
+        away = x[:, 0:3] - reference.array(POSITION)
+        errors |= {"position_rms": _rms(away), "height_rms": _rms(away[:, 2:])}
+    if translation and reference.has(VELOCITY):
+        errors["velocity_rms"] = _rms(x[:, 3:6] - reference.array(VELOCITY))
+    if target.knows_attitude:
+        error = attitude_error(reference.t, x[:, 6:10], target)
+        parts = {"attitude": error.total, "tilt": error.tilt, "heading": error.heading}
+        known = parts if target.knows_heading else {"tilt": error.tilt}
+        errors |= {f"{part}_rms": _rms(angle[:, None]) for part, angle in known.items()}
+    return errors
+
+
+def covered(stamps: FloatArray, t: FloatArray) -> BoolArray:
+    """Which stamps lie among the instants of an estimate, and in none of its gaps."""
+    if len(t) < 2:
+        return np.zeros(len(stamps), dtype=bool)
+    after = np.clip(np.searchsorted(t, stamps), 1, len(t) - 1)
+    whole = t[after] - t[after - 1] <= _GAP * np.median(np.diff(t))
+    return np.asarray((stamps >= t[0]) & (stamps <= t[-1]) & whole)
+
+
+def states_at(stamps: FloatArray, t: FloatArray, x: FloatArray) -> FloatArray:
+    """(m, n + 1) nominal states between those at the instants t: attitude on the sphere, everything else linearly."""
+    between = np.stack([np.interp(stamps, t, column) for column in x.T], axis=-1)
+    between[:, 6:10] = quaternion_interpolate(stamps, t, x[:, 6:10])
+    return between
 
 
 def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> AttitudeError:
@@ -146,7 +260,7 @@ def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Attitude
     inside = (target.reference.t >= t[0]) & (target.reference.t <= t[-1])
     reference = target.reference.rows(inside)
     q = quaternion_interpolate(reference.t, t, q_nb)
-    if not reference.has(QUATERNION):
+    if not target.knows_heading:
         rpy = rpy_from_quaternion(q)
         between = np.sum(_down(rpy[:, 0], rpy[:, 1]) * _down(reference["roll"], reference["pitch"]), axis=1)
         tilt = np.arccos(np.clip(between, -1.0, 1.0))
@@ -155,7 +269,7 @@ def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Attitude
     q_reference = quaternion_multiply(q_reference, np.broadcast_to(target.mounting, q_reference.shape))
     d = quaternion_multiply(q, quaternion_conjugate(q_reference))  # in NED
     heading = 2.0 * np.arctan2(d[:, 3], d[:, 0])
-    north = float(np.angle(np.mean(np.exp(1j * heading))))
+    north = 0.0 if target.same_north else float(np.angle(np.mean(np.exp(1j * heading))))
     back = np.array([np.cos(0.5 * north), 0.0, 0.0, -np.sin(0.5 * north)])
     d = quaternion_multiply(np.broadcast_to(back, d.shape), d)
     heading = np.angle(np.exp(2j * np.arctan2(d[:, 3], d[:, 0])))
@@ -163,28 +277,9 @@ def attitude_error(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Attitude
     return AttitudeError(reference.t, np.linalg.norm(quaternion_log(d), axis=1), tilt, heading, north)
 
 
-def in_frame(target: Mounted, t: FloatArray, q_nb: FloatArray) -> Stream:
-    """A mounted reference as if it were the truth of the recording: its axes, its clock, the north of an estimate.
-
-    A reference of roll and pitch is given the heading of the estimate, so that its attitude error is that of the tilt.
-
-    Parameters
-    ----------
-    t, q_nb : (n,), (n, 4) the estimate
-    """
-    reference = target.reference.rows((target.reference.t >= t[0]) & (target.reference.t <= t[-1]))
-    if reference.has(("roll", "pitch")) and len(reference):
-        yaw = rpy_from_quaternion(quaternion_interpolate(reference.t, t, q_nb))[:, 2]
-        q = quaternion_from_rpy(np.stack([reference["roll"], reference["pitch"], yaw], axis=-1))
-    elif reference.has(QUATERNION) and len(reference):
-        north = attitude_error(t, q_nb, target).north
-        turn = np.array([np.cos(0.5 * north), 0.0, 0.0, np.sin(0.5 * north)])
-        q = quaternion_multiply(reference.array(QUATERNION), np.broadcast_to(target.mounting, (len(reference), 4)))
-        q = quaternion_multiply(np.broadcast_to(turn, q.shape), q)
-    else:
-        return reference
-    rest = {name: values for name, values in reference.columns.items() if name not in ("roll", "pitch")}
-    return Stream(reference.t, {**rest, **dict(zip(QUATERNION, q.T, strict=True))})
+def _rms(error: FloatArray) -> float:
+    """Root of the mean squared length."""
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
 
 def _down(roll: FloatArray, pitch: FloatArray) -> FloatArray:
@@ -196,8 +291,7 @@ def _rates_of(reference: Stream, imu: Stream) -> tuple[FloatArray, FloatArray]:
     """A grid of instants that both cover, and the averaged rates of the reference between them."""
     t = np.arange(max(imu.t[0], reference.t[0]) + 0.5, min(imu.t[-1], reference.t[-1]) - 0.5, GRID)
     at = quaternion_interpolate(t, reference.t, reference.array(QUATERNION))
-    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(at[:-1]), at[1:])) / GRID
-    return t, _averaged(turn)
+    return t, _averaged(_turn(at[:-1], at[1:]) / GRID)
 
 
 def _integral(imu: Stream) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from estimator.journal import Journal
-from experiments.datasets import reference_of, resolve
+from experiments.datasets import resolve
 from experiments.measured.arguments import usage
 from experiments.measured.engines import AGREEMENT, Agreement, agreement
 from experiments.measured.flights import LOGS, measured
@@ -31,8 +31,8 @@ Written by `python -m experiments.measured.table docs/notes/measured_logs.md`; w
 row alone. `sinan estimate INPUT` shows a run in full. Noise levels, field, hard iron and first heading come from the
 log where its map declares none (`docs/notes/noise_levels.md`).
 
-- **attitude**: RMS of tilt and heading [deg] against cameras, a robot or an autopilot's own estimate; mounting, delay
-  and one constant heading taken off.
+- **attitude**: RMS of tilt and heading [deg] against the reference that is named; mounting, delay and one constant
+  heading taken off. An autopilot's own estimate is a comparison, not a truth.
 - **position**: RMS [m] of what the filter predicts 1, 5 and 10 s after the last fix, where ten seconds of fixes are
   withheld in every thirty. Some logs ask for a delay of their GPS: `python -m experiments.measured.flights` says which.
 - **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
@@ -67,21 +67,19 @@ class Row:
 
 def row_of(name: str) -> Row:
     """Run everything on one log."""
-    recording, reference = resolve(LOGS[name]), reference_of(LOGS[name])
+    recording = resolve(LOGS[name])
     ready = prepared(recording)
     journal = ready.run()
     streams = {"imu": recording.streams["imu"]} | {n: recording.streams[n] for n in journal.sensors if n != "level"}
-    words = []
-    if reference is not None and reference.has(("qw",)):
-        words.append("attitude")
-    elif reference is not None and reference.has(("roll",)):
-        words.append("roll, pitch")
+    entry, words = measured(name, ready), list[str]()
+    if attitude := entry.get("attitude"):
+        words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
     if "gps" in journal.sensors:
         words.append("withheld fixes")
     return Row(
         name, LOGS[name], journal.t_end - journal.t_start,
         {n: 1.0 / float(np.median(np.diff(s.t))) for n, s in streams.items()}, ", ".join(words) or "none",
-        measured(name, reference, ready), agreement(ready), undecided(ready, journal, recording.notes),
+        entry, agreement(ready), undecided(ready, journal, recording.notes),
     )  # fmt: skip
 
 
@@ -130,7 +128,7 @@ def cells(row: Row) -> list[str]:
     """The cells of a row."""
     attitude = row.entry.get("attitude")
     tilt = "-" if attitude is None else f"{attitude['tilt']:.2f}"
-    if attitude is not None and row.reference.startswith("attitude"):
+    if attitude is not None and "heading" in attitude:
         tilt += f", {attitude['heading']:.2f}"
     refused = {name: count.get("gated", 0) for name, count in row.entry["counts"].items()}
     nis = ", ".join(f"{n} {v:.2g}" + (f" ({refused[n]} refused)" if refused.get(n) else "")

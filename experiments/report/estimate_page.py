@@ -15,8 +15,8 @@ from experiments.report.words import (
     counted,
     number,
     off_by,
-    reference_name,
-    reference_value,
+    reference_notes,
+    reference_rows,
     with_sigma,
 )
 
@@ -24,8 +24,7 @@ from experiments.report.words import (
 def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:
     """Write the page."""
     page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {verdict(document)}")
-    truth = {k: v for k, v in (document.get("truth") or {}).items() if k.endswith("_rms")}
-    page.numbers([(reference_value(name, value), reference_name(name)) for name, value in truth.items()])
+    page.numbers([(value, name) for name, value in reference_rows(document)])
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
     page.heading("Biases")
@@ -67,7 +66,7 @@ def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: S
     ]
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
-    for note in [*document.get("noise", []), *document.get("notes", [])]:
+    for note in [*reference_notes(document), *document.get("noise", []), *document.get("notes", [])]:
         page.text(str(note), note=True)
     page.write(path)
 

@@ -251,12 +251,7 @@ def _numbers(page: Page, document: Mapping[str, Any]) -> None:
     error = document["error"]
     part, sensor = error["held_out_part"], words.SENSORS.get(error["stream"], error["stream"])
     cards = [(trace_words.residual_change(error), f"RMS of the {sensor} residual, {part}")]
-    held = error.get("truth_held_out")
-    if held:
-        cards += [
-            (words.reference_change(name, before, held["after"][name]), f"{name.removesuffix('_rms')} error, {part}")
-            for name, before in held["before"].items()
-        ]
+    cards += [(change, f"{name}, {part}") for name, change in trace_words.reference_changes(document, "truth_held_out")]
     page.numbers(cards)
 
 
@@ -295,17 +290,16 @@ def _effect_section(
 
 
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
-    whole, held = document["error"].get("truth"), document["error"].get("truth_held_out")
+    whole = trace_words.reference_changes(document, "truth")
     if not whole:
         return
-    rows = []
-    for name, before in whole["before"].items():
-        row = [f"{name.removesuffix('_rms')} error", words.reference_change(name, before, whole["after"][name])]
-        known = held and name in held["before"] and name in held["after"]
-        row.append(words.reference_change(name, held["before"][name], held["after"][name]) if known else "-")
-        rows.append(row)
-    page.text("RMS errors against the reference, which nothing above has seen:")
-    page.table(["", "all data, before → after", f"{document['error']['held_out_part']}, before → after"], rows, (1, 2))
+    held = dict(trace_words.reference_changes(document, "truth_held_out"))
+    page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")
+    head = ["", "all data, before → after", f"{document['error']['held_out_part']}, before → after"]
+    page.table(head, [[name, change, held.get(name, "-")] for name, change in whole], (1, 2))
+    truth = document["error"]["truth"]
+    if note := words.reference_note(truth, truth["before"]):
+        page.text(note, note=True)
 
 
 def _candidate_tables(page: Page, result: Trace, document: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ from experiments.report.words import (
     SENSORS,
     change,
     counted,
+    is_truth,
     number,
     p_value_words,
     per_unit,
@@ -100,7 +101,7 @@ def headline_error(document: Mapping[str, Any]) -> str:
     part = f"on the {error['held_out_part']}"
     held = error.get("truth_held_out")
     name = _SPOILED.get(error["stream"], "")
-    if held and name in held["before"] and name in held["after"]:
+    if held and is_truth(held.get("kind")) and name in held["before"] and name in held["after"]:
         before, after = held["before"][name], held["after"][name]
         if abs(after - before) > _TELLING * before:
             return f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {part}"
@@ -242,16 +243,28 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
     if document["effects"] and document["error"]["same_names_on_fitting_part"]:
         lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
-    truth = document["error"].get("truth") or {"before": {}, "after": {}}
-    for name, before in truth["before"].items():
-        if document["effects"]:
-            change_ = reference_change(name, before, truth["after"][name])
-            lines.append(f"  {reference_name(name)}, all data: {change_}")
+    if document["effects"]:
+        lines += [f"  {name}, all data: {change_}" for name, change_ in reference_changes(document, "truth")]
     if not document["effects"]:
         sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c and not c.get("refused")]
         lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
     lines += [f"  remains: {remaining_sentence(item)}" for item in document["remaining"]]
     return "\n".join(lines)
+
+
+def reference_changes(document: Mapping[str, Any], which: str) -> list[tuple[str, str]]:
+    """Each error against the reference, with what that is, before and after.
+
+    Parameters
+    ----------
+    which : "truth", of all data, or "truth_held_out"
+    """
+    errors = document["error"].get(which) or {"before": {}, "after": {}}
+    return [
+        (reference_name(name, errors.get("kind")), reference_change(name, before, errors["after"][name]))
+        for name, before in errors["before"].items()
+        if name in errors["after"]
+    ]
 
 
 def remaining_sentence(item: Mapping[str, Any]) -> str:

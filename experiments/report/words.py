@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, log10
+from math import acos, degrees, floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -142,8 +142,14 @@ _REFERENCE_UNITS = {
     "height_rms": ("m", 1.0),
     "velocity_rms": ("m/s", 1.0),
     "attitude_rms": ("deg", 57.29577951308232),
+    "tilt_rms": ("deg", 57.29577951308232),
     "heading_rms": ("deg", 57.29577951308232),
 }
+#: What a recording is scored against, by the kind of its reference.
+_REFERENCES = {
+    "simulation": "the simulation", "cameras": "the cameras", "robot": "the robot", "rtk": "RTK",
+    "autopilot": "the autopilot's own estimate", "other": "a reference of no named kind",
+}  # fmt: skip
 
 
 def reference_change(name: str, before: float, after: float) -> str:
@@ -158,9 +164,49 @@ def reference_value(name: str, value: float) -> str:
     return f"{number(factor * value)} {unit}".strip()
 
 
-def reference_name(name: str) -> str:
-    """What an error against a reference is."""
-    return f"{name.removesuffix('_rms')} error (RMS) against the reference"
+def reference_words(kind: str | None) -> str:
+    """What a recording is scored against."""
+    return _REFERENCES.get(kind or "", "the truth that it holds")
+
+
+def is_truth(kind: str | None) -> bool:
+    """Whether a difference from such a reference is an error: an autopilot's own estimate errs itself."""
+    return kind != "autopilot"
+
+
+def reference_name(name: str, kind: str | None) -> str:
+    """What an error against a reference is, and what the reference is."""
+    quantity, whose = name.removesuffix("_rms"), reference_words(kind)
+    if not is_truth(kind):
+        return f"{quantity} difference (RMS) from {whose}, which is no truth"
+    return f"{quantity} error (RMS) against {whose}"
+
+
+def reference_rows(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The errors of an estimate against its reference: name, and value with its unit."""
+    truth = document.get("truth") or {}
+    errors = {name: value for name, value in truth.items() if name.endswith("_rms")}
+    return [(reference_name(name, truth.get("kind")), reference_value(name, value)) for name, value in errors.items()]
+
+
+def reference_notes(document: Mapping[str, Any]) -> list[str]:
+    """What was done to the reference of an estimate before it scored, or why there are no errors."""
+    truth = document.get("truth")
+    return [note] if truth and (note := reference_note(truth, truth)) else []
+
+
+def reference_note(reference: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
+    """What was done to a reference before it scored, or why there are no errors; else empty."""
+    whose = reference_words(reference.get("kind"))
+    if not any(name.endswith("_rms") for name in errors):
+        return f"no error: of what is estimated, {whose} knows nothing at any instant of the flight"
+    if "delay" not in reference:
+        return ""
+    angle = 2.0 * degrees(acos(min(abs(reference["mounting"][0]), 1.0)))
+    return (
+        f"taken off before {whose} was compared: its mounting ({number(angle)} deg), its delay "
+        f"({reference['delay']:.2f} s) and one constant heading"
+    )
 
 
 #: sensor -> unit of its bias; ranges and heights are in metres

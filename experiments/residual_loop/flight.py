@@ -484,10 +484,12 @@ class FlightSource:
     # ---- residuals and states
 
     def states(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
-        """Time [s] and nominal state of the filter after each reading that was used."""
-        journal = _state(fit).journal
-        used = journal.accepted
-        return journal.t[used], journal.x[used]
+        """Time [s] and nominal state of the filter at the samples of the IMU."""
+        state = _state(fit)
+        journal, _ = self._passes.run_without_slow_error(
+            [], state.effects, state.beta, state.motion, state.recording, stride=1
+        )
+        return journal.imu_t, journal.imu_x
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """Innovations of every sensor with the effects of the fit at their beta, over everything."""

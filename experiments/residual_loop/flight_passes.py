@@ -141,8 +141,9 @@ class FlightPasses:
         beta: Sequence[FloatArray],
         motion: Motion,
         recording: Recording,
+        stride: int = 0,
     ) -> tuple[Journal, Sensitivity]:
-        """The same where the noise of the GPS is white."""
+        """The same where the noise of the GPS is white; `stride` IMU samples between logged states, 0: none."""
         pairs: Any = list(zip(effects, beta, strict=True))
         return sensitivity_pass(
             self._started(recording, motion),
@@ -152,7 +153,7 @@ class FlightPasses:
             motion=motion,
             blocks=0,
             keep_rows=1,
-            stride=0,
+            stride=stride,
             table=self.table,
         )
 

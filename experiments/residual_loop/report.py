@@ -33,8 +33,8 @@ def report(source: Source, result: Trace) -> dict[str, object]:
         },
         "untested": [term.name for term in proof.untested],
     }
-    error["truth"] = _before_after(result.truth)
-    error["truth_held_out"] = _before_after(result.truth_held_out)
+    error["truth"] = _before_after(result.truth, result.reference)
+    error["truth_held_out"] = _before_after(result.truth_held_out, result.reference)
     error["held_out_part"] = held_out_part(source, result)
     counted = time_is_count(source, result)
     colour = any(item.kind == "colour" for item in result.remaining)
@@ -74,8 +74,10 @@ def _candidates(selection: Selection) -> list[Statistic]:
     return [replace(s, detectable_from=final.get(s.name, s).detectable_from) for s in selection.plain_statistics]
 
 
-def _before_after(pair: tuple[Mapping[str, float], Mapping[str, float]] | None) -> dict[str, object] | None:
-    return None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
+def _before_after(
+    pair: tuple[Mapping[str, float], Mapping[str, float]] | None, reference: Mapping[str, object] | None
+) -> dict[str, object] | None:
+    return None if pair is None else {**(reference or {}), "before": dict(pair[0]), "after": dict(pair[1])}
 
 
 def held_out_part(source: Source, result: Trace) -> str:

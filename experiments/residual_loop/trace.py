@@ -43,6 +43,7 @@ class Trace:
     remaining : what the final model leaves
     truth : errors against a reference, plain and final; None without one
     truth_held_out : the same on the held-out part alone, of the models as fitted on the rest
+    reference : what the errors in `truth` are against, for JSON
     separates : for an ambiguous verdict, the manoeuvre that would decide
     """
 
@@ -57,6 +58,7 @@ class Trace:
     truth: tuple[Mapping[str, float], Mapping[str, float]] | None
     separates: str
     truth_held_out: tuple[Mapping[str, float], Mapping[str, float]] | None = None
+    reference: Mapping[str, object] | None = None
 
 
 def trace(

@@ -166,7 +166,7 @@ def simulate_to_folder(
     for note in filter(None, map(interval_note, present)):
         tell(note)
     flown = load_scenario(scenario)
-    recording, truth = simulate(flown, np.random.default_rng(seed), present, declare)
+    recording, _ = simulate(flown, np.random.default_rng(seed), present, declare)
     for name in () if flown.static else flown.sensors:
         if name not in ("accel", "gyro") and name not in recording.streams:
             tell(f"{name}: no reading arrives, all are out of range, lost or in a drop-out: the recording has none")
@@ -185,7 +185,7 @@ def simulate_to_folder(
     ]
     content = {"format": 1, "scenario": str(scenario), "seed": seed, "declared": declare, "effects": entries}
     with together():
-        write_recording(recording, out, truth)
+        write_recording(recording, out)
         write_text(answer, json.dumps(content, indent=1) + "\n")
     return answer
 

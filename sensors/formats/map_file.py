@@ -24,7 +24,7 @@ from sensors.formats.map_rules import (
 from sensors.formats.records import TYPES, RecordLayout
 from sensors.formats.toml_table import Table, load_toml
 from sensors.formats.units import COUNT, UNITS
-from sensors.recording import Kind
+from sensors.recording import TRUTH_KINDS, Kind
 
 #: The most lines to pass over at either end of a text: an hour of them at 200 Hz, and more.
 _MOST_SKIPPED = 10**6
@@ -53,13 +53,16 @@ def read_map(path: Path) -> Map:
         if stream in streams_table
     )
     streams_table.done()
-    reference = None
+    reference, kind_of_reference = None, ""
     if "reference" in table:
-        reference = _stream(table.table("reference"), "reference", REFERENCE_QUANTITIES, files)
+        said = table.table("reference")
+        kind_of_reference = said.text("kind", TRUTH_KINDS) or "other"
+        reference = _stream(said, "reference", REFERENCE_QUANTITIES, files)
     table.done()
     if not streams:
         raise table.error("streams", "no stream", "at least one of " + ", ".join(f"[streams.{s}]" for s in QUANTITIES))
-    return Map(path, cast(Kind, kind), name, header, files, streams, reference, (note,) if note else ())
+    notes = (note,) if note else ()
+    return Map(path, cast(Kind, kind), name, header, files, streams, reference, kind_of_reference, notes)
 
 
 def _files(table: Table) -> dict[str, FileOptions]:
@@ -130,7 +133,7 @@ def _stream(
         }
         | _covariates(table.table("covariates"), files),
         keep=tuple(_keep(entry) for entry in _tables(table, "keep")),
-        drop=_drops(table),
+        drop=table.names_of("drop", DROPS) or (),
         skip_rows=table.whole("skip_rows") or 0,
         align=table.text("align", ("rows", "interpolate")) or "rows",
     )
@@ -289,11 +292,3 @@ def _keep(table: Table) -> Keep:
     )
     table.done()
     return keep
-
-
-def _drops(table: Table) -> tuple[str, ...]:
-    value = table.get("drop")
-    entries = value if isinstance(value, list) else [value]
-    if value is not None and any(entry not in DROPS for entry in entries):
-        raise table.wrong("drop", "some of " + ", ".join(f'"{drop}"' for drop in DROPS))
-    return tuple(str(entry) for entry in entries) if value is not None else ()

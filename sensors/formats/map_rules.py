@@ -11,7 +11,7 @@ import numpy as np
 from sensors.arrays import FloatArray
 from sensors.formats.columns import FileOptions
 from sensors.formats.header import Header
-from sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, VELOCITY, Kind
+from sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Kind
 
 _PLACE: Mapping[str, tuple[tuple[str, ...], str]] = {
     "latitude": (("latitude",), "degrees"),
@@ -55,7 +55,7 @@ QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
 }
 REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
     **_PLACE,
-    "quaternion": (("qw", "qx", "qy", "qz"), "number"),
+    "quaternion": (QUATERNION, "number"),
     "roll_pitch_yaw": (("roll", "pitch", "yaw"), "angle"),
     "roll_pitch": (("roll", "pitch"), "angle"),
 }
@@ -173,7 +173,8 @@ class Map:
     header : what the map declares of origin, environment and noise
     files : by name; the log itself is `""`
     streams : of the recording
-    reference : what the recording may be scored against; never part of it
+    reference : what the recording may be scored against
+    kind_of_reference : what that is, of `TRUTH_KINDS`; empty where there is none
     notes : for the recording's
     """
 
@@ -184,4 +185,5 @@ class Map:
     files: Mapping[str, FileOptions]
     streams: tuple[StreamMap, ...]
     reference: StreamMap | None = None
+    kind_of_reference: str = ""
     notes: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ from sensors.formats.geodetic import ned_columns, to_ned
 from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sensors.formats.plausible import check_field, check_units
 from sensors.formats.units import UNITS
-from sensors.recording import GEODETIC, Recording, Stream, check_rows
+from sensors.recording import GEODETIC, QUATERNION, Recording, Stream, Truth, check_rows
 from sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
 
 Columns = Mapping[str, FloatArray]
@@ -52,10 +52,11 @@ def read_mapped(path: Path, rules: Map) -> Recording:
         notes += [f"{stream_map.name}: {entry}" for entry in dropped]
     header = rules.header
     streams, origin, chosen = to_ned(path, streams, header.origin)
+    truth, dropped = _truth(log, origin)
     recording = Recording(
         name=rules.name or path.stem, kind=rules.kind, streams=streams, sensors=header.sensors,
         environment=header.environment, initial=header.initial, origin=origin, source=str(path),
-        notes=(*notes, *chosen),
+        notes=(*notes, *dropped, *chosen), truth=truth,
     )  # fmt: skip
     check_units(recording)
     units = {quantity.unit for stream in rules.streams for name, quantity in stream.quantities.items() if name == "mag"}
@@ -64,39 +65,32 @@ def read_mapped(path: Path, rules: Map) -> Recording:
     return recording
 
 
-def read_reference(path: Path, rules: Map, origin: tuple[float, float, float] | None = None) -> Stream:
-    """What a log may be scored against, on the recording's clock; nothing that estimates may call this.
+def _truth(log: _Log, origin: tuple[float, float, float] | None) -> tuple[Truth | None, list[str]]:
+    """What a log may be scored against, and what was left out of it; None where the map has no `[reference]`.
 
     Parameters
     ----------
-    path, rules : the log and its map
-    origin : of the recording's NED frame, where the reference is geodetic
-
-    Returns
-    -------
-    Columns as in `truth.csv` (`north ... qz`); `roll, pitch` alone where the reference has no heading
+    origin : of the recording's NED frame, where the reference is geodetic; None: its first row is
 
     Raises
     ------
-    InputError : the map has no `[reference]`; what `read_mapped` finds wrong
+    InputError : what `read_mapped` finds wrong
     """
-    if rules.reference is None:
-        raise InputError(rules.path, "no [reference]", "a map that has one")
-    stream, _ = _stream(_Log(path, rules), rules.reference)
+    if log.rules.reference is None:
+        return None, []
+    stream, dropped = _stream(log, log.rules.reference)
+    check_rows(log.path, stream, "reference")
     columns = dict(stream.columns)
     if stream.has(GEODETIC):
         lla = stream.array(GEODETIC)
         first = (float(lla[0, 0]), float(lla[0, 1]), float(lla[0, 2]))
-        columns = ned_columns(lla, origin or rules.header.origin or first) | {
-            name: values for name, values in columns.items() if name not in GEODETIC
-        }
+        columns = {name: values for name, values in columns.items() if name not in GEODETIC}
+        columns = ned_columns(lla, origin or first) | columns
     if stream.has(("roll", "pitch", "yaw")):
         quaternion = quaternion_from_rpy(stream.array(("roll", "pitch", "yaw")))
         columns = {name: values for name, values in columns.items() if name not in ("roll", "pitch", "yaw")}
-        columns |= {name: quaternion[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
-    reference = Stream(stream.t, columns)
-    check_rows(path, reference, "reference")
-    return reference
+        columns |= dict(zip(QUATERNION, quaternion.T, strict=True))
+    return Truth(Stream(stream.t, columns), log.rules.kind_of_reference), [f"reference: {entry}" for entry in dropped]
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,16 @@ from sensors.recording import (
     ACCEL,
     GEODETIC,
     GYRO,
+    KNOWN_BY,
     MAG,
     POSITION,
     REQUIRED_COLUMNS,
+    TRUTH_KINDS,
     VELOCITY,
     Kind,
     Recording,
     Stream,
+    Truth,
     check_rows,
     check_stream,
 )
@@ -58,7 +61,7 @@ _NUMBERED = {"motors": "motor_", "laser": "range_"}
 
 
 def read_recording(folder: Path) -> Recording:
-    """Read a plain recording, without its truth.
+    """Read a plain recording.
 
     Parameters
     ----------
@@ -88,13 +91,14 @@ def read_recording(folder: Path) -> Recording:
         raise table.error("kind", "no such key", '"flight" or "poses"')
     declared = read_header(table)
     rows = _rows(table)
+    truth = _truth(folder, table)
     table.done()
     _check_there(folder, rows)
     streams, notes = _read_streams(folder)
     if not streams:
         files = ", ".join(f"{stream}.csv" for stream in REQUIRED_COLUMNS)
         raise InputError(folder, "no stream", f"at least one of {files}")
-    _check_whole(folder, rows, streams)
+    _check_whole(folder, rows, streams if truth is None else {**streams, "truth": truth.stream})
     if kind == "flight" and set(streams) == {"poses"}:
         raise table.error("kind", '"flight", with poses.csv alone', '"poses"')
     _check_base(folder, streams, declared.origin, declared.sensors.get("base"))
@@ -110,30 +114,34 @@ def read_recording(folder: Path) -> Recording:
         effects=declared.effects,
         source=str(folder),
         notes=notes + chosen + _without_truth(folder, rows),
+        truth=truth,
     )
     check_units(recording)
     return recording
 
 
-def read_truth(folder: Path) -> Stream:
-    """The truth of a recording, for scoring alone: nothing that estimates may call this.
-
-    Returns
-    -------
-    `t` and the columns of `truth.csv`, SI units, NED
+def _truth(folder: Path, table: Table) -> Truth | None:
+    """`truth.csv`, with what `[truth]` says of it; None where it is not there.
 
     Raises
     ------
-    InputError : no truth, or a fault in it
+    InputError : a kind that is none; something known that the columns do not hold; a fault in the file
     """
-    path = Path(folder) / TRUTH_FILE
+    said = table.table("truth")
+    kind = said.text("kind", TRUTH_KINDS) or ("other" if "truth" in table else "")
+    known = said.names_of("known", tuple(KNOWN_BY))
+    said.done()
+    path = folder / TRUTH_FILE
     if not path.is_file():
-        raise InputError(path, "no such file", "a recording with truth")
+        return None
     columns, _ = read_csv(path, _AllColumns())
-    truth = _timed(path, columns)
-    check_rows(path, truth)
-    if (header := path.with_name(HEADER_FILE)).is_file():
-        _check_whole(path.parent, _rows(load_toml(header)), {"truth": truth})
+    stream = _timed(path, columns)
+    check_rows(path, stream)
+    truth = Truth.of(stream, kind, known)
+    for name in known or ():
+        if name not in truth.known:
+            needed = " or ".join(", ".join(alternative) for alternative in KNOWN_BY[name])
+            raise said.error("known", f'"{name}", of which {TRUTH_FILE} has no columns', f"columns {needed}")
     return truth
 
 
@@ -169,14 +177,13 @@ def require_free(folder: Path, force: bool = False) -> None:
         raise cannot_replace(folder)
 
 
-def write_recording(recording: Recording, folder: Path, truth: Stream | None = None) -> None:
+def write_recording(recording: Recording, folder: Path) -> None:
     """Write a recording as a plain folder, so that reading it back gives the same bits: whole, or not at all.
 
     Parameters
     ----------
     recording : what to write; its `notes` and `source` are not written
     folder : made where it does not exist; a recording in it is replaced, other files stay
-    truth : written as `truth.csv`
 
     Raises
     ------
@@ -184,7 +191,9 @@ def write_recording(recording: Recording, folder: Path, truth: Stream | None = N
     """
     from sensors.formats.plain_text import header_text
 
-    streams = dict(recording.streams) if truth is None else {**recording.streams, "truth": truth}
+    streams = dict(recording.streams)
+    if recording.truth is not None:
+        streams["truth"] = recording.truth.stream
     with new_folder(Path(folder), [*(f"{name}.csv" for name in FILES), HEADER_FILE]) as beside:
         for name, stream in streams.items():
             _write_csv(beside / f"{name}.csv", stream)

@@ -30,6 +30,8 @@ def header_text(recording: Recording, rows: Mapping[str, int]) -> str:
     lines += _table("initial", _declared(recording.initial, Initial()))
     for sensor, spec in recording.sensors.items():
         lines += ["", f"[sensors.{sensor}]", *_entries(_declared(spec, SensorSpec()))]
+    if recording.truth is not None and recording.truth.kind:
+        lines += _table("truth", {"kind": recording.truth.kind, "known": recording.truth.known})
     lines += _table("effects", {name: list(beta) for name, beta in recording.effects.items()})
     return "\n".join(lines) + "\n"
 

@@ -159,6 +159,16 @@ class Table:
             raise self.wrong(key, _one_of(value, choices))
         return value
 
+    def names_of(self, key: str, choices: Sequence[str]) -> tuple[str, ...] | None:
+        """Some of `choices`, or None where the key is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        entries = value if isinstance(value, list) else [value]
+        if any(entry not in choices for entry in entries):
+            raise self.wrong(key, "some of " + ", ".join(f'"{choice}"' for choice in choices))
+        return tuple(str(entry) for entry in entries)
+
     def flag(self, key: str) -> bool | None:
         """true or false, or None where the key is missing."""
         value = self.get(key)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.recording import Recording, Stream
+from sensors.recording import QUATERNION, Recording, Stream, Truth
 
 MAGIC = b"ULog\x01\x12\x35"
 
@@ -19,6 +19,8 @@ MAGIC = b"ULog\x01\x12\x35"
 _HEADER_SIZE = 16
 _MESSAGE_TYPES = b"BFIMPQALCRDOS"
 _MICROSECOND = 1e-6
+#: A quaternion whose norm is off one by more is none: PX4 logs zeros or NaN before its estimator has an attitude.
+_UNIT = 0.01
 #: `distance_sensor.type` and `.orientation` of PX4's message definition: 0 laser, 1 ultrasound; 25 looks down.
 _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
 
@@ -72,8 +74,8 @@ def _check_chain(path: Path) -> None:
 def read_ulog(path: Path) -> Recording:
     """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
 
-    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. What the
-    vehicle's own estimator says is not read.
+    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. Of what the
+    vehicle's own estimator says the attitude is kept, as a reference.
 
     Raises
     ------
@@ -95,22 +97,20 @@ def read_ulog(path: Path) -> Recording:
     start = min(float(stream.t[0]) for stream in streams.values())
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, notes = to_ned(path, streams, None)
-    recording = Recording(path.stem, "flight", streams, origin=origin, source=str(path), notes=notes)
+    truth = _own_attitude(topics, start)
+    recording = Recording(path.stem, "flight", streams, origin=origin, source=str(path), notes=notes, truth=truth)
     check_units(recording)
     return recording
 
 
-def reference_ulog(path: Path) -> Stream | None:
-    """The attitude of the vehicle's own estimator, for scoring alone; on the clock of `read_ulog`."""
-    topics = read_topics(path)
-    if "vehicle_attitude.q[0]" not in topics:
-        return None
-    names = {column: f"q[{k}]" for k, column in enumerate(("qw", "qx", "qy", "qz"))}
+def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | None:
+    """The attitude of the vehicle's own estimator, where it had one; `start` is t = 0 of the recording [s]."""
+    names = {column: f"q[{k}]" for k, column in enumerate(QUATERNION)}
     stream = _columns(topics, "vehicle_attitude", names)
-    recording_start = min(
-        float(s.t[0]) for s in (_imu(topics), _mag(topics), _baro(topics), _gps(topics)) if s is not None
-    )
-    return None if stream is None else Stream(stream.t - recording_start, stream.columns)
+    if stream is None:
+        return None
+    stream = stream.rows(np.abs(np.linalg.norm(stream.array(QUATERNION), axis=1) - 1.0) < _UNIT)
+    return Truth(Stream(stream.t - start, stream.columns), "autopilot") if len(stream) else None
 
 
 def _columns(

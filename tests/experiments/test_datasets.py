@@ -20,7 +20,6 @@ from experiments.datasets import (
     dataset_names,
     field_unit_of,
     load_dataset,
-    reference_of,
     resolve,
 )
 from experiments.datasets import fetch as fetch_module
@@ -257,9 +256,9 @@ def test_convert_keeps_streams_and_truth(tmp_path: Path) -> None:
     (source / "poses.csv").write_text("accel_x,accel_y,accel_z\n0,0,-9.8\n")
     (source / "truth.csv").write_text("t,north\n0,1\n")
     convert(str(source), tmp_path / "out")
-    reference = reference_of(str(tmp_path / "out"))
-    assert reference is not None
-    assert reference["north"] == 1.0
+    truth = resolve(str(tmp_path / "out")).truth
+    assert truth is not None
+    assert truth.stream["north"] == 1.0
     np.testing.assert_array_equal(open_log(tmp_path / "out").streams["poses"]["accel_z"], [-9.8])
 
 
@@ -284,6 +283,28 @@ def test_every_log_resolves_and_survives_the_plain_format(measured: Path, log: s
     for name, stream in recording.streams.items():
         for column in stream.columns:
             np.testing.assert_array_equal(again.streams[name][column], stream[column])
+    if recording.truth is None or again.truth is None:
+        assert again.truth is recording.truth
+        return
+    assert (again.truth.kind, again.truth.known) == (recording.truth.kind, recording.truth.known)
+    for column in recording.truth.stream.columns:
+        np.testing.assert_array_equal(again.truth.stream[column], recording.truth.stream[column])
+
+
+#: Which of the logs were followed by something that knows better than they do, or at least otherwise.
+BETTER = {
+    "broad_orientation": "cameras", "robot_arm_marg": "robot", "boulder_walk_imu_2025": "rtk",
+    "px4_vio_quad": "other",
+}  # fmt: skip
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("log", ALL_LOGS)
+def test_every_log_says_what_its_reference_is(measured: Path, log: str) -> None:
+    """By the READMEs of the data sets: all others have what an autopilot thought of itself, or nothing."""
+    truth = resolve(log).truth
+    assert truth is None or truth.kind == BETTER.get(log.split("/")[0], "autopilot")
+    assert truth is None or truth.known
 
 
 @pytest.mark.measured
@@ -366,9 +387,9 @@ def test_at_rest_the_accelerometer_shows_minus_g_down(measured: Path, log: str, 
     ],
 )
 def test_reference_attitude_turns_the_mean_force_upright(measured: Path, log: str) -> None:
-    recording, reference = resolve(log), reference_of(log)
-    assert reference is not None
-    imu = recording.streams["imu"]
+    recording = resolve(log)
+    assert recording.truth is not None
+    imu, reference = recording.streams["imu"], recording.truth.stream
     inside = (imu.t > reference.t[0]) & (imu.t < reference.t[-1])
     q = quaternion_interpolate(imu.t[inside], reference.t, reference.array(("qw", "qx", "qy", "qz")))
     mean_force = rotate(q, imu.array(ACCEL)[inside]).mean(axis=0)
@@ -379,9 +400,10 @@ def test_reference_attitude_turns_the_mean_force_upright(measured: Path, log: st
 def test_quaternions_interpolated_through_their_change_of_sign_are_left_out(measured: Path) -> None:
     """The robot's pose is interpolated component by component to the sensor's stamps: 18 rows are no attitude."""
     name = "robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat"
-    reference = reference_of(name)
-    assert reference is not None
-    assert len(reference) == len(resolve(name).streams["imu"]) + 1 - 18
+    recording = resolve(name)
+    assert recording.truth is not None
+    assert len(recording.truth.stream) == len(recording.streams["imu"]) + 1 - 18
+    assert any(note.startswith("reference: 18 rows left out") for note in recording.notes)
 
 
 @pytest.mark.measured

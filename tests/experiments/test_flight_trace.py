@@ -15,12 +15,13 @@ from estimator.score import statistic_of
 from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
 from experiments.refused import doubted_shares, refused
-from experiments.report.trace_words import effect_line
+from experiments.report.trace_page import trace_page
+from experiments.report.trace_words import effect_line, trace_summary
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.flight_passes import FlightPasses
 from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.reference import score_against
 from experiments.residual_loop.report import report
+from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
@@ -28,7 +29,7 @@ from experiments.scenarios import load_scenario, parse_effect
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.recording import Initial, Recording, SensorSpec, Stream
-from sensors.rotation import cos_tilt
+from sensors.rotation import cos_tilt, quaternion_interpolate
 from sensors.simulate import simulate
 
 #: Of an accelerometer, 3 sigma [m/s^2].
@@ -218,7 +219,7 @@ def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
     found = trace(source)
     (finding,) = [f for f in found.selection.findings if f.term.in_mean]
     t, x = source.states(found.selection.final)
-    tilt = np.arccos(cos_tilt(x[:, 6:10]))[np.isin(t, recording.streams["sonar"].t)]
+    tilt = np.arccos(cos_tilt(quaternion_interpolate(recording.streams["sonar"].t, t, x[:, 6:10])))
     assert finding.term.name == "sonar.beam_cone"
     assert 0.8 * np.max(tilt) < finding.beta[0] < 1.05 * np.max(tilt)
     assert np.isinf(finding.std[0])
@@ -267,12 +268,13 @@ def test_no_effect_is_a_statement() -> None:
     assert sum(bool(c["detectable_from"]) and c["detectable_from"][0] is not None for c in document["candidates"]) > 10
 
 
-def test_report_has_the_errors_before_and_after() -> None:
-    recording, truth = flown("yaw_turns", 23, "mag.current=0.004,-0.002,0.001")
-    source = FlightSource(recording, flight_model(recording))
-    document = json.loads(
-        json.dumps(report(source, trace(source, score=score_against(truth, source))), allow_nan=False)
-    )
+def test_report_has_the_errors_before_and_after(tmp_path: Path) -> None:
+    recording, _ = flown("yaw_turns", 23, "mag.current=0.004,-0.002,0.001")
+    source, result = trace_recording(recording)
+    document = json.loads(json.dumps(report(source, result), allow_nan=False))
+    trace_page(tmp_path / "page.html", source, result, {**document, "called": "run"})
+    assert "heading error (RMS) against the simulation" in (tmp_path / "page.html").read_text()
+    assert "heading error (RMS) against the simulation, all data: " in trace_summary(document)
     assert document["verdict"] == "effects"
     assert [e["name"] for e in document["effects"]] == ["mag.current"]
     assert document["error"]["stream"] == "mag"
@@ -281,6 +283,8 @@ def test_report_has_the_errors_before_and_after() -> None:
     assert document["error"]["after"]["nis_per_dof"] == pytest.approx(1.0, abs=0.1)
     truth_errors = document["error"]["truth"]
     assert truth_errors["after"]["attitude_rms"] < truth_errors["before"]["attitude_rms"]
+    assert truth_errors["kind"] == "simulation"
+    assert truth_errors["known"] == ["position", "velocity", "attitude"]
     sizes = {c["name"]: c["detectable_from"] for c in document["candidates"]}
     assert any(s is not None for s in sizes["baro.temperature"]) if "baro.temperature" in sizes else True
 

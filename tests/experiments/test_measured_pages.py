@@ -116,7 +116,7 @@ def test_published_calibrations_make_the_norm_constant(data: Path, log: str, sen
 def test_table_of_a_short_log(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "table.md"
     assert table.main([str(out), "course, quadrotor"]) == 0
-    assert "| course, quadrotor | 31 s | imu 250 | roll, pitch |" in out.read_text()
+    assert "| course, quadrotor | 31 s | imu 250 | roll, pitch of the autopilot's own estimate |" in out.read_text()
 
 
 def test_names_that_are_no_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from experiments.scenarios import (
     size_note,
 )
 from sensors.errors import InputError
-from sensors.formats.plain import read_recording, read_truth
+from sensors.formats.plain import read_recording
 
 
 def test_every_scenario_says_what_it_is() -> None:
@@ -175,7 +175,9 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "flight")
     assert recording.effects == {"gps.latency": (0.1,)}
     assert set(recording.streams) >= {"imu", "mag", "baro", "gps", "base", "power", "motors", "air"}
-    assert "bias_gps_down" in read_truth(tmp_path / "flight")
+    truth = read_recording(tmp_path / "flight").truth
+    assert truth is not None
+    assert "bias_gps_down" in truth.stream
 
 
 @pytest.mark.parametrize("name", scenario_names())

@@ -11,9 +11,7 @@ import scipy.io
 
 from sensors.errors import InputError
 from sensors.formats import open_log
-from sensors.formats.map_file import read_map
-from sensors.formats.mapped import read_reference
-from sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
+from sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording
 
 ROUNDING = 1e-12
 TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"
@@ -312,14 +310,18 @@ def test_reference_is_apart(tmp_path: Path) -> None:
         IMU
         + """
 [reference]
+kind = "robot"
 time = { column = 1, unit = "ms" }
 roll_pitch_yaw = { columns = [5, 6, 7], unit = "deg" }
 position = { columns = [2, 3, 4], enu = true }
 """
     )
     recording = read(tmp_path, rules)
-    reference = read_reference(tmp_path / "log.txt", read_map(tmp_path / "map.toml"))
     assert set(recording.streams) == {"imu"}
+    assert recording.truth is not None
+    assert recording.truth.known == ("position", "attitude")
+    assert recording.truth.kind == "robot"
+    reference = recording.truth.stream
     np.testing.assert_allclose([reference[name][0] for name in ("north", "east", "down")], [0.2, 0.1, -1.0])
     assert reference["qw"][0] == pytest.approx(np.cos(np.radians(0.5)), abs=1e-3)
 
@@ -334,9 +336,10 @@ time = { column = 1, unit = "ms" }
 quaternion = { columns = [8, 9, 10, 11], enu = true, axes = ["x", "-y", "-z"] }
 """
     )
-    read(tmp_path, rules, "".join(line + " 1 0 0 0\n" for line in TEXT.splitlines()))
-    reference = read_reference(tmp_path / "log.txt", read_map(tmp_path / "map.toml"))
-    q = np.array([reference[name][0] for name in ("qw", "qx", "qy", "qz")])
+    recording = read(tmp_path, rules, "".join(line + " 1 0 0 0\n" for line in TEXT.splitlines()))
+    assert recording.truth is not None
+    assert recording.truth.kind == "other"  # nobody says what it is
+    q = recording.truth.stream.array(QUATERNION)[0]
     np.testing.assert_allclose(np.abs(q), [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], atol=1e-12)
     assert q[0] * q[3] > 0.0
 

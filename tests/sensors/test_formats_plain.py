@@ -13,8 +13,8 @@ from hypothesis.extra.numpy import arrays
 
 from sensors.errors import InputError
 from sensors.formats import open_log
-from sensors.formats.plain import read_recording, read_truth, write_recording
-from sensors.recording import ACCEL, GYRO, MAG, Environment, Initial, Recording, SensorSpec, Stream
+from sensors.formats.plain import read_recording, write_recording
+from sensors.recording import ACCEL, GYRO, MAG, POSITION, Environment, Initial, Recording, SensorSpec, Stream, Truth
 
 MILLIMETRE = 1e-3
 FLIGHT = 'format = 1\nkind = "flight"\n'
@@ -97,12 +97,41 @@ def test_header_round_trip(tmp_path: Path) -> None:
     assert again.spec("accel").imu_samples == "average"
 
 
-def test_truth_is_not_in_the_recording(tmp_path: Path) -> None:
-    recording = read_recording(folder(tmp_path))
-    truth = Stream(np.array([0.0, 1.0]), {"north": np.array([1.0, 2.0])})
-    write_recording(recording, tmp_path / "out", truth)
-    assert set(read_recording(tmp_path / "out").streams) == {"imu"}
-    np.testing.assert_array_equal(read_truth(tmp_path / "out")["north"], [1.0, 2.0])
+@pytest.mark.parametrize("kind", ["", "cameras"])
+def test_truth_is_no_stream_and_keeps_what_it_is(tmp_path: Path, kind: str) -> None:
+    truth = Truth(Stream(np.array([0.0, 1.0]), dict.fromkeys(POSITION, np.array([1.0, 2.0]))), kind)
+    write_recording(read_recording(folder(tmp_path)).replace(truth=truth), tmp_path / "out")
+    again = read_recording(tmp_path / "out")
+    assert set(again.streams) == {"imu"}
+    assert again.truth is not None
+    assert (again.truth.kind, again.truth.known) == (kind, ("position",))
+    np.testing.assert_array_equal(again.truth.stream["north"], [1.0, 2.0])
+
+
+TRUTH = "t,north,east,down,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n1,0,0,0,1,0,0,0\n"
+
+
+def test_a_truth_knows_what_the_recording_says_it_knows(tmp_path: Path) -> None:
+    """Columns of what is not known hold zeros in many logs: nothing is scored against them."""
+    header = FLIGHT + '[truth]\nkind = "robot"\nknown = ["attitude"]\n'
+    truth = read_recording(folder(tmp_path, header, imu="\n".join([IMU, *ROWS]), truth=TRUTH)).truth
+    assert truth is not None
+    assert (truth.kind, truth.known, truth.is_own) == ("robot", ("attitude",), False)
+    assert "north" not in truth.stream
+
+
+@pytest.mark.parametrize(
+    ("said", "places"),
+    [
+        ('kind = "lidar"', ["[truth] kind", "'lidar'", "simulation, cameras, robot, rtk, autopilot, other"]),
+        ('known = ["heading"]', ["[truth] known", "heading", '"position", "velocity", "attitude"']),
+        ('known = ["velocity"]', ["[truth] known", '"velocity", of which truth.csv has no columns', "vel_north"]),
+        ('sort = "robot"', ["[truth] sort", "unknown key", "kind"]),
+    ],
+)
+def test_what_is_wrong_with_a_truth_is_named(tmp_path: Path, said: str, places: list[str]) -> None:
+    text = error(folder(tmp_path, f"{FLIGHT}[truth]\n{said}\n", imu="\n".join([IMU, *ROWS]), truth=TRUTH))
+    assert all(place in text for place in places)
 
 
 def test_poses_without_time_are_counted(tmp_path: Path) -> None:
@@ -285,11 +314,10 @@ def test_a_last_row_that_was_cut_off_is_seen(tmp_path: Path) -> None:
 
 def test_truth_is_counted_too(tmp_path: Path) -> None:
     truth = Stream(np.array([0.0, 1.0, 2.0]), {"north": np.array([1.0, 2.0, 3.0])})
-    write_recording(read_recording(folder(tmp_path)), tmp_path / "out", truth)
+    write_recording(read_recording(folder(tmp_path)).replace(truth=Truth(truth)), tmp_path / "out")
     path = tmp_path / "out" / "truth.csv"
     path.write_text("t,north\n0,1\n1,2\n")
-    with pytest.raises(InputError, match=r"truth\.csv with 2 of 3 rows"):
-        read_truth(tmp_path / "out")
+    assert "truth.csv with 2 of 3 rows" in error(tmp_path / "out")
     path.unlink()
     assert read_recording(tmp_path / "out").notes == (
         "no truth.csv, of which recording.toml counts 3 rows: nothing can be scored",
