@@ -1,201 +1,214 @@
-"""Attitude from IMU and magnetometer: this filter, VQF, Madgwick, Mahony and an EKF on measured logs with a reference.
+"""Attitude against a reference: this project's filter and smoother beside VQF, in real time and with the whole log.
 
-Every estimator has one setting for all logs, its authors'. All get the same readings; in the second table all get them
-with the hard iron taken off and the disturbed stretches left out that this project finds in the log itself.
-Needs `vqf` and `ahrs`: pip install '.[benchmark]' in the clone.
+    python -m experiments.benchmarks.attitude [--json FILE] [NAME ...]        (BROAD: all names that begin so)
+
+One setting for all logs: VQF has its authors', this project finds its sizes in the log. All get the same readings. The
+error is that of the whole log where its reference counts; one constant heading is taken off for all alike, since the
+norths of cameras, robots and compasses differ. Needs `vqf`: pip install '.[benchmark]' in the clone.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
-from calibration.compass import compass_of, corrected
+from estimator.smoother import smooth
 from experiments.datasets import resolve
+from experiments.measured.arguments import usage
+from experiments.measured.logs import FLIGHTS
 from experiments.measured.preparation import prepared
-from experiments.measured.reference import AttitudeError, attitude_error, reference_of
-from experiments.report.words import reference_words
-from sensors.arrays import FloatArray
-from sensors.recording import ACCEL, GYRO, MAG, Recording
+from experiments.measured.reference import Mounted, attitude_error, mounted
+from sensors.arrays import FloatArray, finite_or_none
+from sensors.errors import InputError
+from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sensors.rotation import quaternion_from_matrix, quaternion_multiply
 
-LOGS = {
-    "hand, undisturbed": "broad_orientation/02_undisturbed_slow_rotation_B.mat",
-    "hand, magnet": "broad_orientation/32_disturbed_attached_magnet_1cm.mat",
-    "robot, MPU-9150": "robot_arm_marg/eV50p/Sequencia1/MPU9150.mat",
-    "robot, LSM9DS0": "robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat",
-    "robot fast, LSM9DS0": "robot_arm_marg/V_800/Sequencia3/LSM9DS0.mat",
-    "quadrotor": "rfly_course/attitude_logdata.mat",
-    "turned by hand": "rfly_course/e4_A.bin",
-}
-OURS = "this filter"
-#: Length of the blocks that are drawn: longer than the errors' memory in the best of the estimators [s].
-BLOCK = 5.0
-DRAWS = 2000
-#: Forward-left-up from forward-right-down, and north-east-down from east-north-up and from north-west-up.
+VQF, VQF_OFFLINE, FILTER, SMOOTHER = "VQF", "VQF offline", "filter", "smoother"
+ESTIMATORS = (VQF, VQF_OFFLINE, FILTER, SMOOTHER)
+#: Instants (n,) [s] and attitude q_nb (n, 4) there.
+Attitude = tuple[FloatArray, FloatArray]
+
+
+#: Logs whose reference is a truth: cameras, a robot.
+TRUTHS = tuple(name for name in FLIGHTS if name.startswith(("BROAD", "robot")))
+#: Logs whose reference is an autopilot's own estimate, or the odometry of a camera on board: a comparison, no truth.
+COMPARISONS = (
+    "course, quadrotor", "course, turned by hand", "aeroplane", "quad, 14 m/s", "quad, slow", "quad, laser",
+    "strapped to a Phantom", "strapped to a Phantom, RTK", "PX4, IMU at 10 Hz", "PX4 indoors", "PX4 indoors, odometry",
+)  # fmt: skip
+NAMES = (*TRUTHS, *COMPARISONS)
+#: Where the reference sits on another body or clock: mounting and delay are found from the rates.
+ON_ANOTHER_BODY = ("robot", "strapped")
+#: Forward-left-up from forward-right-down, and north-east-down from east-north-up.
 FLIP = np.diag([1.0, -1.0, -1.0])
 FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
-Estimator = Callable[[Recording], tuple[FloatArray, FloatArray]]
-
 
 @dataclass(frozen=True)
-class Comparison:
-    """One log.
+class Score:
+    """RMS error of an attitude [deg].
 
     Attributes
     ----------
-    against : what the reference is
-    errors : by estimator
-    worse : by other estimator, the mean squared error of this filter minus the other's, over the other's, with its
-        interval of 95 %: this filter is significantly worse where the interval lies above zero
+    total : angle of the whole rotation; of the tilt where the reference has no heading
+    heading : about the vertical, less one constant; nan where the reference has none
+    tilt : of the vertical
     """
 
-    against: str
-    errors: Mapping[str, AttitudeError]
-    worse: Mapping[str, tuple[float, float, float]]
+    total: float
+    heading: float
+    tilt: float
 
 
-def ours(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """This filter with `level` and magnetometer; levels from the log."""
+#: Of an estimator that fails.
+NO_SCORE = Score(np.nan, np.nan, np.nan)
+
+
+def score(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Score:
+    """RMS error of an estimate at the stamps of a reference that it covers.
+
+    Parameters
+    ----------
+    t, q_nb : (n,) s, (n, 4) the estimate
+    target : the reference; of `target_of`, or `Mounted` of a stream that has the recording's axes and clock
+    """
+    error = attitude_error(t, q_nb, target)
+    total, heading, tilt = (
+        float(np.rad2deg(np.sqrt(np.mean(angle**2)))) for angle in (error.total, error.heading, error.tilt)
+    )
+    return Score(total, heading if target.knows_heading else np.nan, tilt)
+
+
+def target_of(name: str, recording: Recording) -> Mounted:
+    """The reference of a log in the axes and on the clock of its recording."""
+    if recording.truth is None:
+        raise InputError(name, "no reference", "a log with an attitude to score against")
+    reference = recording.truth.stream
+    return mounted(recording, reference) if name.startswith(ON_ANOTHER_BODY) else as_it_is(reference)
+
+
+def as_it_is(reference: Stream) -> Mounted:
+    """A reference in the recording's own axes and on its clock."""
+    return Mounted(reference, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+
+
+def ours(recording: Recording) -> Mapping[str, Attitude]:
+    """The filter, and the smoother behind it."""
     journal = prepared(recording).run()
-    return journal.imu_t, journal.imu_x[:, 6:10]
+    smoothed = smooth(journal)
+    return {FILTER: (journal.imu_t, journal.imu_x[:, 6:10]), SMOOTHER: (smoothed.t, smoothed.x[:, 6:10])}
 
 
-def vqf(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """VQF with the parameters of its paper. D. Laidig, T. Seel, Information Fusion 91 (2023) 187."""
-    from vqf import VQF
+def vqf(recording: Recording) -> Mapping[str, Attitude]:
+    """VQF with the parameters of its paper. D. Laidig, T. Seel, Information Fusion 91 (2023) 187.
 
-    t, gyro, accel, mag = readings(recording, FLIP)
-    estimator = VQF((t[-1] - t[0]) / (len(t) - 1))
-    if mag is None:
-        return t, in_ned(estimator.updateBatch(gyro, accel)["quat6D"], FROM_ENU)
-    return t, in_ned(estimator.updateBatch(gyro, accel, mag)["quat9D"], FROM_ENU)
+    It takes one sampling time for all; a rate times its own step over that time turns by what it turned.
+    """
+    from vqf import VQF as RealTime
+    from vqf import offlineVQF
 
-
-def complementary(name: str) -> Estimator:
-    """Madgwick or Mahony of `ahrs` with its own gains."""
-
-    def estimate(recording: Recording) -> tuple[FloatArray, FloatArray]:
-        from ahrs import filters
-
-        t, gyro, accel, mag = readings(recording, FLIP)
-        given = {} if mag is None else {"mag": mag}
-        run = getattr(filters, name)(gyr=gyro, acc=accel, frequency=(len(t) - 1) / (t[-1] - t[0]), **given)
-        return t, in_ned(run.Q, FLIP)
-
-    return estimate
+    t, gyro, accel, mag = readings(recording)
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    gyro = gyro * (np.diff(t, prepend=t[0] - step) / step)[:, None]
+    given = (gyro, accel) if mag is None else (gyro, accel, mag)
+    found = {VQF: RealTime(step).updateBatch(*given), VQF_OFFLINE: offlineVQF(gyro, accel, mag, step)}
+    return {name: (t, in_ned(states["quat6D" if mag is None else "quat9D"])) for name, states in found.items()}
 
 
-def ekf(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """EKF of `ahrs` with its own noises, in north-east-down; the dip is the log's, or it could not start."""
-    from ahrs import filters
-
-    t, gyro, accel, mag = readings(recording, np.eye(3))
-    rate, given = (len(t) - 1) / (t[-1] - t[0]), {}
-    if mag is not None:
-        given = {"mag": mag, "magnetic_ref": float(np.rad2deg(compass_of(recording).dip))}
-    run = filters.EKF(gyr=gyro, acc=-accel, frequency=rate, frame="NED", **given)
-    return t, np.asarray(run.Q)
-
-
-ESTIMATORS: Mapping[str, Estimator] = {
-    OURS: ours, "VQF": vqf, "Madgwick": complementary("Madgwick"), "Mahony": complementary("Mahony"), "EKF": ekf,
-}  # fmt: skip
-
-
-def readings(recording: Recording, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-    """t, rate, specific force and field (None: no magnetometer) at the IMU's instants, in other axes."""
+def readings(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+    """t, rate, specific force and field (None: no magnetometer) at the IMU's instants, forward-left-up."""
     imu = recording.streams["imu"]
-    gyro, accel = (np.ascontiguousarray(imu.array(names) @ axes.T) for names in (GYRO, ACCEL))
+    gyro, accel = (np.ascontiguousarray(imu.array(names) @ FLIP.T) for names in (GYRO, ACCEL))
     if "mag" not in recording.streams:
         return imu.t, gyro, accel, None
     mag = recording.streams["mag"]
     field = np.stack([np.interp(imu.t, mag.t, mag[name]) for name in MAG], axis=-1)
-    return imu.t, gyro, accel, np.ascontiguousarray(field @ axes.T)
+    return imu.t, gyro, accel, np.ascontiguousarray(field @ FLIP.T)
 
 
-def in_ned(q: FloatArray, world: FloatArray) -> FloatArray:
-    """Forward-left-up in another world -> forward-right-down in north-east-down."""
-    left, right = (np.broadcast_to(quaternion_from_matrix(C), q.shape) for C in (world, FLIP))
+def in_ned(q: FloatArray) -> FloatArray:
+    """Forward-left-up in east-north-up -> forward-right-down in north-east-down."""
+    left, right = (np.broadcast_to(quaternion_from_matrix(C), q.shape) for C in (FROM_ENU, FLIP))
     return quaternion_multiply(left, quaternion_multiply(q, right))
 
 
-def compare(name: str, rng: np.random.Generator, correct: bool = False) -> Comparison:
-    """All estimators on one log, with the paired block bootstrap.
-
-    Parameters
-    ----------
-    name : key of `LOGS`
-    rng : source of randomness
-    correct : all get the log with its hard iron taken off and its disturbed stretches left out
-    """
-    recording = resolve(LOGS[name])
-    target = reference_of(recording)
-    assert target is not None
-    assert recording.truth is not None
-    against = reference_words(recording.truth.kind)
-    if correct and "mag" in recording.streams:
-        recording = corrected(recording, compass_of(recording))
-    errors = {}
-    for label, estimate in ESTIMATORS.items():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            t, q = estimate(recording)
-        errors[label] = attitude_error(t, q, target)
-    others = {label: error for label, error in errors.items() if label != OURS}
-    return Comparison(against, errors, {label: paired(errors[OURS], error, rng) for label, error in others.items()})
+def compare(name: str) -> dict[str, Score]:
+    """Every estimator on one log, by its name; one that fails has no score, and the reason is said."""
+    recording = resolve(FLIGHTS[name].input)
+    target = target_of(name, recording)
+    scores = dict.fromkeys(ESTIMATORS, NO_SCORE)
+    for estimate in (vqf, ours):
+        try:
+            scores |= {label: score(t, q, target) for label, (t, q) in estimate(recording).items()}
+        except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
+            sys.stderr.write(f"{name}: {estimate.__name__} fails: {error}\n")
+    return scores
 
 
-def paired(mine: AttitudeError, other: AttitudeError, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Mean difference of squared errors over the other's mean, and its interval of 95 % from a paired block bootstrap.
-
-    Source: H. R. Kunsch, Ann. Statist. 17 (1989) 1217; blocks side by side.
-    """
-    t = mine.t[(mine.t >= other.t[0]) & (mine.t <= other.t[-1])]
-    block = ((t - t[0]) // BLOCK).astype(int)
-    squares = [np.interp(t, error.t, error.total) ** 2 for error in (mine, other)]
-    count = np.bincount(block)
-    filled = count > 0
-    sums = [np.bincount(block, square)[filled] for square in squares]
-    draws = rng.integers(0, int(filled.sum()), (DRAWS, int(filled.sum())))
-    ratio = (sums[0][draws].sum(axis=1) - sums[1][draws].sum(axis=1)) / sums[1][draws].sum(axis=1)
-    low, high = np.percentile(ratio, [2.5, 97.5])
-    return float(sums[0].sum() / sums[1].sum() - 1.0), float(low), float(high)
+def ratios(scores: Mapping[str, Mapping[str, Score]], mine: str, other: str) -> tuple[float, float, str]:
+    """Mean error of one estimator over the other's, the largest ratio of a log, and that log's name."""
+    pairs = {name: (row[mine].total, row[other].total) for name, row in scores.items()}
+    means = np.mean(list(pairs.values()), axis=0)
+    worst = max(pairs, key=lambda name: pairs[name][0] / pairs[name][1])
+    return float(means[0] / means[1]), pairs[worst][0] / pairs[worst][1], worst
 
 
-def rms_degrees(angle: FloatArray) -> float:
-    """Root mean square of an angle [deg]."""
-    return float(np.rad2deg(np.sqrt(np.mean(angle**2))))
+def table(names: Iterable[str]) -> dict[str, dict[str, Score]]:
+    """Score the named logs; print a row of Markdown for each as soon as it is there, at the end means and ratios."""
+    scores: dict[str, dict[str, Score]] = {}
+    print("| total (heading, tilt) [deg] | " + " | ".join(ESTIMATORS) + " |")
+    print("| --- " * (len(ESTIMATORS) + 1) + "|")
+    for name in names:
+        scores[name] = compare(name)
+        print(f"| {name} | " + " | ".join(_cell(scores[name][label]) for label in ESTIMATORS) + " |", flush=True)
+    for title, group in (("BROAD", "BROAD"), ("every log with a truth", "")):
+        rows = {name: row for name, row in scores.items() if name in TRUTHS and name.startswith(group)}
+        if len(rows) > 1:
+            _print_means(title, rows)
+    return scores
 
 
-def main(seed: int = 0) -> dict[str, dict[str, dict[str, float]]]:
-    """Both tables: RMS of total error and of tilt [deg] by log and estimator; printed as Markdown."""
-    rng = np.random.default_rng(seed)
-    result: dict[str, dict[str, dict[str, float]]] = {}
-    for correct in (False, True):
-        title = "hard iron taken off for all" if correct else "readings as they are"
-        heads = [f"{title}: total (tilt) [deg]", *ESTIMATORS, "significantly better than this filter"]
-        print("\n| " + " | ".join(heads) + " |")
-        print("| --- " * (len(ESTIMATORS) + 2) + "|")
-        for name in LOGS:
-            comparison = compare(name, rng, correct)
-            cells = [f"{rms_degrees(e.total):.2f} ({rms_degrees(e.tilt):.2f})" for e in comparison.errors.values()]
-            worse = [(label, low, high) for label, (_, low, high) in comparison.worse.items() if low > 0.0]
-            better = [f"{label} {low:+.2f}..{high:+.2f}" for label, low, high in worse]
-            print(
-                f"| {name}, against {comparison.against} | " + " | ".join(cells) + f" | {', '.join(better) or '-'} |",
-                flush=True,
-            )
-            result[f"{title}: {name}"] = {
-                label: {"total": rms_degrees(error.total), "tilt": rms_degrees(error.tilt)}
-                for label, error in comparison.errors.items()
-            }
-    return result
+def _cell(one: Score) -> str:
+    inside = f"{one.tilt:.2f}" if np.isnan(one.heading) else f"{one.heading:.2f}, {one.tilt:.2f}"
+    return "fails" if np.isnan(one.total) else f"{one.total:.2f} ({inside})"
+
+
+def _print_means(title: str, rows: Mapping[str, Mapping[str, Score]]) -> None:
+    for words, middle in (("mean", np.mean), ("median", np.median)):
+        cells = (f"{middle([row[label].total for row in rows.values()]):.2f}" for label in ESTIMATORS)
+        print(f"| {words} of {len(rows)}, {title} | " + " | ".join(cells) + " |")
+    for mine, other in ((FILTER, VQF), (SMOOTHER, VQF_OFFLINE)):
+        mean, worst, name = ratios(rows, mine, other)
+        print(f"\n{title}: {mine} over {other} {mean:.2f} in the mean, {worst:.2f} at worst ({name})", flush=True)
+
+
+def document(scores: Mapping[str, Mapping[str, Score]]) -> dict[str, dict[str, dict[str, float | None]]]:
+    """The scores by log, estimator and part; null where there is none."""
+    return {
+        name: {label: {part: finite_or_none(v) for part, v in asdict(one).items()} for label, one in row.items()}
+        for name, row in scores.items()
+    }
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the table of the logs whose names begin as is said, else of all; status 2 where none does."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.benchmarks.attitude", add_help=True)
+    parser.add_argument("--json", type=Path, help="file for the numbers")
+    parser.add_argument("names", nargs="*")
+    given = parser.parse_args(arguments)
+    if not all(any(name.startswith(begin) for name in NAMES) for begin in given.names):
+        return usage(NAMES, "[--json FILE] ")
+    scores = table(name for name in NAMES if not given.names or name.startswith(tuple(given.names)))
+    if given.json is not None:
+        given.json.write_text(json.dumps(document(scores), indent=1, allow_nan=False) + "\n")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(sys.argv[1:]))

@@ -15,6 +15,7 @@ from estimator.flight_model import flight_model
 from estimator.journal import Journal
 from experiments.datasets import resolve
 from experiments.measured.arguments import usage
+from experiments.measured.logs import FLIGHTS
 from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.reference import errors_of, reference_of
 from experiments.measured.withheld import Predicted, predicted, windows
@@ -22,24 +23,8 @@ from experiments.report.words import reference_words
 from sensors.arrays import FloatArray
 from sensors.recording import Recording, Stream
 
-LOGS = {
-    "walk, RTK": "boulder_walk_imu_2025/gnss_1730.ubx",
-    "quad, 14 m/s": "inertialnav_quads/quad106.zip",
-    "quad, slow": "inertialnav_quads/quad123.zip",
-    "quad, laser": "inertialnav_quads/quadOptFlowLogData.zip",
-    "F450": "inertialnav_quads/f450_glitch_log.zip",
-    "PX4, IMU at 10 Hz": "px4_esc_lidar_flight/esc_status_log.ulg",
-    "strapped to a Phantom": "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv",
-    "strapped to a Phantom, RTK": "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv#rtk",
-    "variometer": "vario_imu_baro/ms5611_datalog",
-    "hand, undisturbed": "broad_orientation/02_undisturbed_slow_rotation_B.mat",
-    "hand, magnet": "broad_orientation/32_disturbed_attached_magnet_1cm.mat",
-    "robot, MPU-9150": "robot_arm_marg/eV50p/Sequencia1/MPU9150.mat",
-    "robot, LSM9DS0": "robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat",
-    "robot fast, LSM9DS0": "robot_arm_marg/V_800/Sequencia3/LSM9DS0.mat",
-    "course, quadrotor": "rfly_course/attitude_logdata.mat",
-    "course, turned by hand": "rfly_course/e4_A.bin",
-}
+#: What a command takes for each flight and hand-held log, by name.
+LOGS = {name: entry.input for name, entry in FLIGHTS.items()}
 #: Fixes are withheld for so long, once in every so long, from the first on [s].
 WITHHELD, EVERY, FIRST = 10.0, 30.0, 20.0
 #: Ages of the last fix at which the prediction is scored [s], each with what lies within half a second.

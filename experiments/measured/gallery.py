@@ -16,6 +16,7 @@ import numpy as np
 
 from experiments.datasets import resolve
 from experiments.measured.arguments import usage
+from experiments.measured.logs import LOGS, Entry
 from experiments.measured.published import PARAMETERS, SETTINGS, published
 from experiments.measured.reference import gyro_error, reference_of
 from experiments.measured.scoring import withheld_errors
@@ -30,54 +31,6 @@ from experiments.residual_loop.trace import Trace
 from sensors.errors import InputError
 from sensors.files import write_text
 from sensors.recording import Recording
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One log: what `sinan trace` is given, and what is said of it beforehand."""
-
-    input: str
-    sensor: str | None = None
-    about: str = ""
-
-
-_PHANTOM = "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv"
-LOGS: Mapping[str, Entry] = {
-    "course, accelerometer": Entry("rfly_course/AccRaw.mat", about="Ten poses, each the mean of 100 readings."),
-    "course, magnetometer": Entry("rfly_course/MagRaw.mat", about="Six faces, turned about the vertical on each."),
-    "Xsens MTi, accelerometer": Entry("xsens_mti_imu_tk/xsens_acc.mat.gz", "accel", "Static poses, turned by hand."),
-    "Xsens MTi, gyroscope": Entry("xsens_mti_imu_tk/xsens_acc.mat.gz", "gyro", "The turns between those poses."),
-    **{
-        f"MPU-9150 {k}, {words}": Entry(f"mpu9150_imu_calib/imu{k}.log", sensor, "22 static poses, turned by hand.")
-        for k in range(3)
-        for sensor, words in (("accel", "accelerometer"), ("gyro", "gyroscope"))
-    },
-    "HMC5883L, sphere": Entry(
-        "mpu6050_hmc5883l/set-2/full-sphere/hmc5883l_compass.mat", about="Turned by hand through all directions."
-    ),
-    "QMC5883L, noisy": Entry("qmc5883l_mag_calib/noisy_raw_data.csv", about="Turned by hand."),
-    "QMC5883L, filtered": Entry(
-        "qmc5883l_mag_calib/filtered_raw_data.csv", about="Another recording, filtered in a way that is not stated."
-    ),
-    "course, quadrotor": Entry("rfly_course/attitude_logdata.mat", about="A flight without magnetometer or GPS."),
-    "course, turned by hand": Entry("rfly_course/e4_A.bin", about="The same autopilot in the hand."),
-    "hand, undisturbed": Entry("broad_orientation/02_undisturbed_slow_rotation_B.mat", about="Slow rotation."),
-    "hand, magnet": Entry(
-        "broad_orientation/32_disturbed_attached_magnet_1cm.mat", about="A magnet 1 cm beside the instrument."
-    ),
-    "robot, MPU-9150": Entry("robot_arm_marg/eV50p/Sequencia1/MPU9150.mat", about="Turned by a robot arm."),
-    "robot, LSM9DS0": Entry("robot_arm_marg/eV50p/Sequencia1/LSM9DS0.mat", about="The same path, another instrument."),
-    "robot fast, LSM9DS0": Entry("robot_arm_marg/V_800/Sequencia3/LSM9DS0.mat", about="A faster path."),
-    "variometer": Entry("vario_imu_baro/ms5611_datalog", about="Moved up and down by hand for 19 s."),
-    "walk, RTK": Entry("boulder_walk_imu_2025/gnss_1730.ubx", about="A walk with RTK and a consumer IMU."),
-    "strapped to a Phantom": Entry(_PHANTOM, about="An instrument strapped to a quadrotor, alone."),
-    "strapped to a Phantom, RTK": Entry(f"{_PHANTOM}#rtk", about="The same, aided by the aircraft's RTK."),
-    "PX4, IMU at 10 Hz": Entry("px4_esc_lidar_flight/esc_status_log.ulg", about="An IMU logged far below its rate."),
-    "F450": Entry("inertialnav_quads/f450_glitch_log.zip", about="A quadrotor with a disturbed GPS."),
-    "quad, slow": Entry("inertialnav_quads/quad123.zip", about="A quadrotor, slow flight at two heights."),
-    "quad, 14 m/s": Entry("inertialnav_quads/quad106.zip", about="A quadrotor with sonar, up to 14 m/s."),
-    "quad, laser": Entry("inertialnav_quads/quadOptFlowLogData.zip", about="A quadrotor with a laser, circles."),
-}
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Measured logs: errors against mounted references; the filter on real flights; the attitude benchmark's arithmetic."""
+"""Measured logs: errors against mounted references; the filter on real flights."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from estimator.flight_model import FlightModel, flight_model
-from experiments.benchmarks.attitude import LOGS, OURS, compare, in_ned, paired
 from experiments.measured import flights
 from experiments.measured.preparation import prepared
 from experiments.measured.reference import (
-    AttitudeError,
     Mounted,
     attitude_error,
     errors_of,
@@ -146,29 +144,6 @@ def test_a_jump_of_the_reference_is_left_out(handheld: tuple[Recording, Stream])
     assert len(kept) > len(truth) - 60
 
 
-def white_error(size: float, rng: np.random.Generator) -> AttitudeError:
-    """An error of that size, white in time."""
-    zero = np.zeros(2000)
-    return AttitudeError(np.arange(2000) * 0.1, size * np.abs(rng.standard_normal(2000)), zero, zero, 0.0)
-
-
-def test_paired_bootstrap_sees_a_worse_one() -> None:
-    rng = np.random.default_rng(1)
-    assert paired(white_error(1.5, rng), white_error(1.0, rng), rng)[1] > 0.0
-
-
-def test_paired_bootstrap_calls_few_equals_different() -> None:
-    """Interval of 95 %, forty blocks: about 7 % of equals; more than 8 of 40 has a probability of 1e-3."""
-    rng = np.random.default_rng(2)
-    intervals = [paired(white_error(1.0, rng), white_error(1.0, rng), rng)[1:] for _ in range(40)]
-    assert sum(not low < 0.0 < high for low, high in intervals) <= 8
-
-
-def test_frames_of_the_others() -> None:
-    level = in_ned(np.array([[1.0, 0.0, 0.0, 0.0]]), np.diag([1.0, -1.0, -1.0]))
-    assert abs(level[0, 0]) == pytest.approx(1.0)
-
-
 def test_withheld_fixes_are_predicted(handheld: tuple[Recording, Stream]) -> None:
     recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(8))
     found = flights.predictions(prepared(recording))
@@ -199,13 +174,3 @@ def test_gps_of_an_autopilot_is_late(data: Path) -> None:
     entry = flights.measure("quad, slow")
     assert entry["gps_delay"] == pytest.approx(0.22, abs=0.07)
     assert all(np.isfinite(value) for value in entry["nis"].values())
-
-
-@pytest.mark.measured
-@pytest.mark.parametrize("name", list(LOGS))
-def test_no_other_estimator_is_significantly_better(data: Path, name: str) -> None:
-    pytest.importorskip("vqf")
-    pytest.importorskip("ahrs")
-    comparison = compare(name, np.random.default_rng(0))
-    assert OURS in comparison.errors
-    assert all(low <= 0.0 for _, low, _ in comparison.worse.values())
