@@ -26,12 +26,11 @@ from experiments.benchmarks.attitude import (
 from experiments.datasets import resolve
 from experiments.measured.logs import FLIGHTS
 from experiments.scenarios import load_scenario
-from sensors.recording import Recording, Stream
+from sensors.recording import QUATERNION, Recording, Stream
 from sensors.rotation import quaternion_exp, quaternion_multiply, rpy_from_quaternion
 from sensors.simulate import simulate
 
 ROUNDING = 1e-6  # deg
-QUATERNION = ("qw", "qx", "qy", "qz")
 T = np.arange(0.0, 60.0, 0.01)
 
 
