@@ -169,10 +169,13 @@ class Truth:
     stream : columns of `truth.csv`, of what is known alone; attitude as a quaternion, or as `roll, pitch` where the
         reference has no heading; where simulated the biases
     kind : of `TRUTH_KINDS`; empty: the recording does not say
+    aligned : it has the instrument's axes and clock, as its makers say or because one board made both; its north may be
+        another
     """
 
     stream: Stream
     kind: str = ""
+    aligned: bool = False
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -185,7 +188,7 @@ class Truth:
         return self.kind in ("", "simulation")
 
     @classmethod
-    def of(cls, stream: Stream, kind: str = "", known: Sequence[str] | None = None) -> Truth:
+    def of(cls, stream: Stream, kind: str = "", known: Sequence[str] | None = None, aligned: bool = False) -> Truth:
         """Of a stream with columns that may hold more than is known; None: what the columns hold."""
         unknown = {
             column
@@ -194,7 +197,8 @@ class Truth:
             for columns in alternatives
             for column in columns
         }
-        return cls(Stream(stream.t, {n: values for n, values in stream.columns.items() if n not in unknown}), kind)
+        columns = {name: values for name, values in stream.columns.items() if name not in unknown}
+        return cls(Stream(stream.t, columns), kind, aligned)
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from experiments.datasets import resolve
 from experiments.measured.arguments import usage
 from experiments.measured.logs import FLIGHTS
 from experiments.measured.preparation import prepared
-from experiments.measured.reference import Mounted, attitude_error, mounted
+from experiments.measured.reference import Mounted, attitude_error, reference_of
 from sensors.arrays import FloatArray, finite_or_none
 from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sensors.recording import ACCEL, GYRO, MAG, Recording
 from sensors.rotation import quaternion_from_matrix, quaternion_multiply
 
 VQF, VQF_OFFLINE, FILTER, SMOOTHER = "VQF", "VQF offline", "filter", "smoother"
@@ -43,8 +43,6 @@ COMPARISONS = (
     "strapped to a Phantom", "strapped to a Phantom, RTK", "PX4, IMU at 10 Hz", "PX4 indoors", "PX4 indoors, odometry",
 )  # fmt: skip
 NAMES = (*TRUTHS, *COMPARISONS)
-#: Where the reference sits on another body or clock: mounting and delay are found from the rates.
-ON_ANOTHER_BODY = ("robot", "strapped")
 #: Forward-left-up from forward-right-down, and north-east-down from east-north-up.
 FLIP = np.diag([1.0, -1.0, -1.0])
 FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -76,7 +74,7 @@ def score(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Score:
     Parameters
     ----------
     t, q_nb : (n,) s, (n, 4) the estimate
-    target : the reference; of `target_of`, or `Mounted` of a stream that has the recording's axes and clock
+    target : the reference, of `reference_of`
     """
     error = attitude_error(t, q_nb, target)
     total, heading, tilt = (
@@ -87,15 +85,10 @@ def score(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Score:
 
 def target_of(name: str, recording: Recording) -> Mounted:
     """The reference of a log in the axes and on the clock of its recording."""
-    if recording.truth is None:
+    target = reference_of(recording)
+    if target is None or not target.knows_attitude:
         raise InputError(name, "no reference", "a log with an attitude to score against")
-    reference = recording.truth.stream
-    return mounted(recording, reference) if name.startswith(ON_ANOTHER_BODY) else as_it_is(reference)
-
-
-def as_it_is(reference: Stream) -> Mounted:
-    """A reference in the recording's own axes and on its clock."""
-    return Mounted(reference, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+    return target
 
 
 def ours(recording: Recording) -> Mapping[str, Attitude]:

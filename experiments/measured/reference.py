@@ -90,9 +90,11 @@ class AttitudeError:
 def reference_of(recording: Recording) -> Mounted | None:
     """What a recording may be scored against, in its own axes and on its clock; None where there is nothing."""
     truth = recording.truth
-    if truth is None or not truth.is_own:
-        return None if truth is None else mounted(recording, truth.stream)
-    return Mounted(truth.stream, _NO_TURN, 0.0, same_north=True)
+    if truth is None:
+        return None
+    if truth.is_own or truth.aligned:
+        return Mounted(truth.stream, _NO_TURN, 0.0, same_north=truth.is_own)
+    return mounted(recording, truth.stream)
 
 
 def described(truth: Truth, target: Mounted) -> dict[str, object]:

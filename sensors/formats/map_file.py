@@ -53,16 +53,16 @@ def read_map(path: Path) -> Map:
         if stream in streams_table
     )
     streams_table.done()
-    reference, kind_of_reference = None, ""
+    reference, kind_of_reference, aligned = None, "", False
     if "reference" in table:
         said = table.table("reference")
-        kind_of_reference = said.text("kind", TRUTH_KINDS) or "other"
+        kind_of_reference, aligned = said.text("kind", TRUTH_KINDS) or "other", said.flag("aligned") or False
         reference = _stream(said, "reference", REFERENCE_QUANTITIES, files)
     table.done()
     if not streams:
         raise table.error("streams", "no stream", "at least one of " + ", ".join(f"[streams.{s}]" for s in QUANTITIES))
     notes = (note,) if note else ()
-    return Map(path, cast(Kind, kind), name, header, files, streams, reference, kind_of_reference, notes)
+    return Map(path, cast(Kind, kind), name, header, files, streams, reference, kind_of_reference, aligned, notes)
 
 
 def _files(table: Table) -> dict[str, FileOptions]:

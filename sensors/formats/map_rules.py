@@ -175,6 +175,7 @@ class Map:
     streams : of the recording
     reference : what the recording may be scored against
     kind_of_reference : what that is, of `TRUTH_KINDS`; empty where there is none
+    aligned : whether it has the instrument's axes and clock
     notes : for the recording's
     """
 
@@ -186,4 +187,5 @@ class Map:
     streams: tuple[StreamMap, ...]
     reference: StreamMap | None = None
     kind_of_reference: str = ""
+    aligned: bool = False
     notes: tuple[str, ...] = ()

@@ -90,7 +90,8 @@ def _truth(log: _Log, origin: tuple[float, float, float] | None) -> tuple[Truth 
         quaternion = quaternion_from_rpy(stream.array(("roll", "pitch", "yaw")))
         columns = {name: values for name, values in columns.items() if name not in ("roll", "pitch", "yaw")}
         columns |= dict(zip(QUATERNION, quaternion.T, strict=True))
-    return Truth(Stream(stream.t, columns), log.rules.kind_of_reference), [f"reference: {entry}" for entry in dropped]
+    truth = Truth(Stream(stream.t, columns), log.rules.kind_of_reference, log.rules.aligned)
+    return truth, [f"reference: {entry}" for entry in dropped]
 
 
 @dataclass(frozen=True)

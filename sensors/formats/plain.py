@@ -129,7 +129,7 @@ def _truth(folder: Path, table: Table) -> Truth | None:
     """
     said = table.table("truth")
     kind = said.text("kind", TRUTH_KINDS) or ("other" if "truth" in table else "")
-    known = said.names_of("known", tuple(KNOWN_BY))
+    known, aligned = said.names_of("known", tuple(KNOWN_BY)), said.flag("aligned") or False
     said.done()
     path = folder / TRUTH_FILE
     if not path.is_file():
@@ -137,7 +137,7 @@ def _truth(folder: Path, table: Table) -> Truth | None:
     columns, _ = read_csv(path, _AllColumns())
     stream = _timed(path, columns)
     check_rows(path, stream)
-    truth = Truth.of(stream, kind, known)
+    truth = Truth.of(stream, kind, known, aligned)
     for name in known or ():
         if name not in truth.known:
             needed = " or ".join(", ".join(alternative) for alternative in KNOWN_BY[name])

@@ -31,7 +31,8 @@ def header_text(recording: Recording, rows: Mapping[str, int]) -> str:
     for sensor, spec in recording.sensors.items():
         lines += ["", f"[sensors.{sensor}]", *_entries(_declared(spec, SensorSpec()))]
     if recording.truth is not None and recording.truth.kind:
-        lines += _table("truth", {"kind": recording.truth.kind, "known": recording.truth.known})
+        aligned = {"aligned": True} if recording.truth.aligned else {}
+        lines += _table("truth", {"kind": recording.truth.kind, "known": recording.truth.known, **aligned})
     lines += _table("effects", {name: list(beta) for name, beta in recording.effects.items()})
     return "\n".join(lines) + "\n"
 

@@ -110,7 +110,7 @@ def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | Non
     if stream is None:
         return None
     stream = stream.rows(np.abs(np.linalg.norm(stream.array(QUATERNION), axis=1) - 1.0) < _UNIT)
-    return Truth(Stream(stream.t - start, stream.columns), "autopilot") if len(stream) else None
+    return Truth(Stream(stream.t - start, stream.columns), "autopilot", aligned=True) if len(stream) else None
 
 
 def _columns(

@@ -17,7 +17,6 @@ from experiments.benchmarks.attitude import (
     VQF,
     VQF_OFFLINE,
     Score,
-    as_it_is,
     ours,
     ratios,
     score,
@@ -25,6 +24,7 @@ from experiments.benchmarks.attitude import (
 )
 from experiments.datasets import resolve
 from experiments.measured.logs import FLIGHTS
+from experiments.measured.reference import Mounted
 from experiments.scenarios import load_scenario
 from sensors.recording import QUATERNION, Recording, Stream
 from sensors.rotation import quaternion_exp, quaternion_multiply, rpy_from_quaternion
@@ -36,6 +36,11 @@ T = np.arange(0.0, 60.0, 0.01)
 
 def stream(q: np.ndarray, t: np.ndarray = T) -> Stream:
     return Stream(t, dict(zip(QUATERNION, q.T, strict=True)))
+
+
+def as_it_is(reference: Stream) -> Mounted:
+    """A reference in the recording's own axes and on its clock."""
+    return Mounted(reference, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 
 
 def tumbling(t: np.ndarray = T) -> np.ndarray:

@@ -12,6 +12,7 @@ import pytest
 
 from experiments import estimate_command, trace_command
 from experiments.datasets import convert, resolve
+from experiments.measured.reference import mounted, reference_of
 from experiments.report.words import reference_name
 from experiments.scenarios import simulate_to_folder
 from sensors.formats.plain import read_recording, write_recording
@@ -29,6 +30,7 @@ from sensors.recording import (
     Stream,
     Truth,
 )
+from sensors.rotation import quaternion_log
 
 ROOT = Path(__file__).resolve().parents[2]
 DEGREE = np.deg2rad(1.0)
@@ -218,3 +220,19 @@ def test_nothing_that_estimates_reads_the_truth() -> None:
                 continue
             names = {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)}
             assert "truth" not in names, path
+
+
+@pytest.mark.measured
+def test_a_reference_that_its_makers_aligned_is_taken_as_it_is(
+    measured_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hand that hardly turns shows no mounting: from the rates it is more than a degree, where there is none."""
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    recording = resolve("broad_orientation/15_undisturbed_fast_translation_A.mat")
+    target = reference_of(recording)
+    assert recording.truth is not None
+    assert target is not None
+    assert (recording.truth.aligned, target.delay, target.same_north) == (True, 0.0, False)
+    np.testing.assert_array_equal(target.mounting, [1.0, 0.0, 0.0, 0.0])
+    from_rates = quaternion_log(mounted(recording, recording.truth.stream).mounting)
+    assert np.degrees(np.linalg.norm(from_rates)) > 1.0

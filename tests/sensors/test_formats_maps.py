@@ -311,6 +311,7 @@ def test_reference_is_apart(tmp_path: Path) -> None:
         + """
 [reference]
 kind = "robot"
+aligned = true
 time = { column = 1, unit = "ms" }
 roll_pitch_yaw = { columns = [5, 6, 7], unit = "deg" }
 position = { columns = [2, 3, 4], enu = true }
@@ -321,6 +322,7 @@ position = { columns = [2, 3, 4], enu = true }
     assert recording.truth is not None
     assert recording.truth.known == ("position", "attitude")
     assert recording.truth.kind == "robot"
+    assert recording.truth.aligned
     reference = recording.truth.stream
     np.testing.assert_allclose([reference[name][0] for name in ("north", "east", "down")], [0.2, 0.1, -1.0])
     assert reference["qw"][0] == pytest.approx(np.cos(np.radians(0.5)), abs=1e-3)

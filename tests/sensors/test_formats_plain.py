@@ -97,14 +97,14 @@ def test_header_round_trip(tmp_path: Path) -> None:
     assert again.spec("accel").imu_samples == "average"
 
 
-@pytest.mark.parametrize("kind", ["", "cameras"])
-def test_truth_is_no_stream_and_keeps_what_it_is(tmp_path: Path, kind: str) -> None:
-    truth = Truth(Stream(np.array([0.0, 1.0]), dict.fromkeys(POSITION, np.array([1.0, 2.0]))), kind)
+@pytest.mark.parametrize(("kind", "aligned"), [("", False), ("cameras", False), ("cameras", True)])
+def test_truth_is_no_stream_and_keeps_what_it_is(tmp_path: Path, kind: str, aligned: bool) -> None:
+    truth = Truth(Stream(np.array([0.0, 1.0]), dict.fromkeys(POSITION, np.array([1.0, 2.0]))), kind, aligned)
     write_recording(read_recording(folder(tmp_path)).replace(truth=truth), tmp_path / "out")
     again = read_recording(tmp_path / "out")
     assert set(again.streams) == {"imu"}
     assert again.truth is not None
-    assert (again.truth.kind, again.truth.known) == (kind, ("position",))
+    assert (again.truth.kind, again.truth.known, again.truth.aligned) == (kind, ("position",), aligned)
     np.testing.assert_array_equal(again.truth.stream["north"], [1.0, 2.0])
 
 
