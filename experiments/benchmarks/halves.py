@@ -16,7 +16,7 @@ from experiments.blind.measured.command import named
 from experiments.datasets import resolve
 from experiments.measured.flights import LOGS
 from experiments.measured.minutes import between, lively_starts
-from experiments.report.files import write_json
+from experiments.report.files import write_json, write_text
 from sensors.errors import InputError
 from sensors.recording import Recording
 
@@ -100,3 +100,11 @@ def parsed(arguments: Sequence[str], description: str | None) -> tuple[list[Halv
 def tell(log: str) -> None:
     """Progress, on the error output."""
     sys.stderr.write(f"{log}\n")
+
+
+def told(text: str, table: Path | None) -> str:
+    """The page on the terminal, and in a file where one is asked for."""
+    if table is not None:
+        write_text(table, text)
+    print(text)
+    return text

@@ -20,12 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarks.halves import Halves, parsed, tell
+from experiments.benchmarks.halves import Halves, parsed, tell, told
 from experiments.benchmarks.replication import lasting
 from experiments.measured.flights import FIRST
 from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.withheld import Predicted, Window, predicted
-from experiments.report.files import write_text
 from experiments.report.words import number
 from sensors.arrays import FloatArray, IntArray
 
@@ -219,11 +218,7 @@ def main(arguments: Sequence[str], seed: int = 0) -> str:
     for halves in asked:
         tell(halves.log)
         rows += of_log(halves, rng)
-    text = page(rows, [halves.log for halves in asked])
-    if table is not None:
-        write_text(table, text)
-    print(text)
-    return text
+    return told(page(rows, [halves.log for halves in asked]), table)
 
 
 if __name__ == "__main__":

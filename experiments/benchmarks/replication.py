@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from estimator.score import DETECTABLE_LAMBDA
-from experiments.benchmarks.halves import Halves, Reports, parsed, tell
+from experiments.benchmarks.halves import Halves, Reports, parsed, tell, told
 from experiments.blind.grade import SIGMAS, Named, deviation, effects_of
 from experiments.blind.measured.draw import detectable
 from experiments.blind.rates import count, shown
-from experiments.report.files import write_text
 from experiments.report.words import number
 from sensors.arrays import FloatArray
 
@@ -120,11 +119,7 @@ def rows_of(asked: Sequence[Halves]) -> Iterator[Replicated]:
 def main(arguments: Sequence[str]) -> str:
     """Trace, compare, print; write the page where asked to."""
     asked, table = parsed(arguments, __doc__)
-    text = page(list(rows_of(asked)), [halves.log for halves in asked])
-    if table is not None:
-        write_text(table, text)
-    print(text)
-    return text
+    return told(page(list(rows_of(asked)), [halves.log for halves in asked]), table)
 
 
 if __name__ == "__main__":

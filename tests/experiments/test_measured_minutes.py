@@ -488,6 +488,15 @@ def test_detectable_sizes_are_held_against_those_of_the_reference() -> None:
     assert list(against([before], sizes_of([before]))) == [1.0, 1.0, 1.0]
 
 
+def test_page_says_what_is_detectable() -> None:
+    """The median of the logs that show an effect, by its best component."""
+    two = {**control_of(gyro__scale=[0.03, 0.04, None]), "log": "another"}
+    three = {**control_of(gyro__scale=[None, None, None], baro__lag=[None]), "log": "a third"}
+    text = page([control_of(gyro__scale=[0.01, 0.02, 0.02]), two, three], [row()])
+    assert "| gyro.scale | 0.02 | 2, 3 | - |" in text
+    assert "| baro.lag | - | 0, 1 | - |" in text
+
+
 def test_page_says_what_was_put_in() -> None:
     rows = [row(), row(status=NOT_VISIBLE), row("gps.step", size=2.0, right=False, further=("baro.step",))]
     text = page([control_of()], rows)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.blind.measured import benchmark
-from experiments.blind.measured.page import page, rates
+from experiments.blind.measured.page import page, rates, sizes_of
 from experiments.blind.rates import shown
 from experiments.measured.flights import LOGS
 from experiments.report.console import progress
@@ -30,7 +30,7 @@ def run(out: Path, runs: int, seed: int, logs: Sequence[str], workers: int, tabl
     controls, found = (benchmark.collected(out, part) for part in (benchmark.CONTROLS, benchmark.RUNS))
     asked = rates(found)
     with together():
-        write_json(out / "rates.json", {"format": 1, "rates": asked})
+        write_json(out / "rates.json", {"format": 1, "rates": asked, "detectable": sizes_of(controls)})
         write_text(table or out / "blind_measured.md", page(controls, found))
     return "\n".join(f"{what:80} {shown(entry)}" for what, entry in asked.items())
 

@@ -16,7 +16,9 @@ from experiments.blind.rates import count, shown
 from experiments.report.words import number
 from sensors.arrays import FloatArray
 
-#: What is detectable by the reports of the controls that later ones are held against: {"seed log": {effect: sizes}}.
+#: By "seed log" and effect, what is detectable of each component; None: nothing.
+Sizes = Mapping[str, Mapping[str, Sequence[float | None]]]
+#: What is detectable by the reports of the controls that later ones are held against: `detectable` of a `rates.json`.
 REFERENCE = Path(__file__).with_name("detectable.json")
 RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, LOST, BETA = (
     "lasting, detectable by the control's own word: right name",
@@ -84,7 +86,7 @@ def key_of(control: Mapping[str, Any]) -> str:
     return f"{control['seed']} {control['log']}"
 
 
-def sizes_of(controls: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, list[float | None]]]:
+def sizes_of(controls: Sequence[Mapping[str, Any]]) -> Sizes:
     """What is detectable by the reports of controls; None: not at any size."""
     return {
         key_of(c): {n: [float(v) if np.isfinite(v) else None for v in d] for n, d in detectable(c["report"]).items()}
@@ -92,7 +94,7 @@ def sizes_of(controls: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, list[
     }
 
 
-def against(controls: Sequence[Mapping[str, Any]], reference: Mapping[str, Any]) -> FloatArray:
+def against(controls: Sequence[Mapping[str, Any]], reference: Sizes) -> FloatArray:
     """(k,) detectable sizes over those of the reference, one for each effect of each log that both have: the median of
     its components; infinite where it was visible and is not, zero where it is only now.
     """
@@ -110,7 +112,7 @@ def against(controls: Sequence[Mapping[str, Any]], reference: Mapping[str, Any])
 
 def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]]) -> str:
     """The whole page."""
-    reference = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.is_file() else {}
+    reference: Sizes = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.is_file() else {}
     states = {word: sum(r["status"] == word for r in runs) for word in (PUT, NOT_VISIBLE, BEYOND, REFUSED)}
     drawn = ", ".join(f"{n} {word}" for word, n in states.items() if n)
     seeds = ", ".join(sorted({str(r["seed"]) for r in runs}))
@@ -120,6 +122,13 @@ def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]
     lines += [f"| {what} | {value} |" for what, value in _values(controls, runs, reference).items()]
     lines += ["", "## Controls: nothing put in", "", "| log | from [s] | drawn | names | verdict | CPU s |"]
     lines += ["| --- " * 6 + "|", *(_control_row(c) for c in controls)]
+    lines += [
+        "",
+        "## What is detectable by the controls' reports: component seen best, median over logs that show it",
+        "",
+    ]
+    lines += ["| effect | detectable | logs that show it, of | in the reference |", "| --- " * 4 + "|"]
+    lines += _detectable_rows(sizes_of(controls), reference)
     lines += ["", "## Minutes with an effect", "", "| log | put in | size | gain | named | further | lost | z |"]
     lines += ["| --- " * 8 + "|", *(_run_row(r) for r in runs if r["status"] == PUT)]
     failed = [r for r in runs if r["status"] == REFUSED] + [c for c in controls if c["report"]["verdict"] == REFUSED]
@@ -129,7 +138,7 @@ def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]
 
 
 def _values(
-    controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]], reference: Mapping[str, Any]
+    controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]], reference: Sizes
 ) -> dict[str, str]:
     """What is no rate."""
     ratio = against(controls, reference)
@@ -149,6 +158,27 @@ def _control_row(control: Mapping[str, Any]) -> str:
     drawn = ", ".join(name.replace("_", " of ") for name in control["drawn"]) or "-"
     begin, seconds = f"{control['begin']:.0f}", f"{report['cpu_seconds']:.0f}"
     return f"| {control['log']} | {begin} | {drawn} | {names} | {report['verdict']} | {seconds} |"
+
+
+def _detectable_rows(sizes: Sizes, reference: Sizes) -> list[str]:
+    """Of each effect that a control asks for."""
+    rows = []
+    for name in sorted({name for of_log in sizes.values() for name in of_log}):
+        now, before = _best(name, sizes), _best(name, {key: reference[key] for key in sizes if key in reference})
+        shows = f"{int(np.sum(np.isfinite(now)))}, {len(now)}"
+        rows.append(f"| {name} | {_median(now)} | {shows} | {_median(before)} |")
+    return rows
+
+
+def _best(name: str, sizes: Sizes) -> FloatArray:
+    """(k,) smallest detectable component in each log that asks for an effect; infinite where none is."""
+    asked = [of_log[name] for of_log in sizes.values() if name in of_log]
+    return np.array([min((v for v in values if v is not None), default=np.inf) for values in asked])
+
+
+def _median(values: FloatArray) -> str:
+    seen = values[np.isfinite(values)]
+    return number(float(np.median(seen))) if len(seen) else "-"
 
 
 def _run_row(run: Mapping[str, Any]) -> str:
