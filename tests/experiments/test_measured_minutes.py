@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from estimator.score import DETECTABLE_LAMBDA
 from estimator.sensitivity import sensitivity_pass
@@ -19,7 +21,7 @@ from experiments.blind.maker.flights import draw_multirotor
 from experiments.blind.maker.instruments import Instrument, specs
 from experiments.blind.maker.measure import DELAYS, Plan, clean_reading
 from experiments.blind.maker.scene import Scene
-from experiments.blind.measured import benchmark
+from experiments.blind.measured import benchmark, command
 from experiments.blind.measured.command import named
 from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
 from experiments.blind.measured.grade import grade
@@ -53,6 +55,7 @@ from experiments.blind.measured.page import (
 )
 from experiments.blind.measured.surroundings import Shaken
 from experiments.blind.measured.wander import imu_wander, wander
+from experiments.cli import app
 from experiments.measured.flights import LOGS
 from experiments.measured.minutes import between, lively_starts
 from sensors.arrays import FloatArray
@@ -555,3 +558,14 @@ def test_an_unknown_log_is_named(tmp_path: Path) -> None:
     assert named(LOGS["walk, RTK"]) == "walk, RTK"
     with pytest.raises(InputError, match="no measured flight"):
         named("walk")
+
+
+def test_command_writes_page_and_rates(one_log: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "LOGS", {"a log": "folder/log"})
+    asked = ["blind", str(tmp_path / "out"), "--measured", "--logs", "folder/log", "--runs", "4"]
+    result = CliRunner().invoke(app, [*asked, "--table", str(tmp_path / "page.md")])
+    assert result.exit_code == 0, result.output
+    assert RIGHT in result.output
+    assert "4 draws of seed 0 from 1 logs" in (tmp_path / "page.md").read_text(encoding="utf-8")
+    kept = json.loads((tmp_path / "out" / "rates.json").read_text(encoding="utf-8"))
+    assert kept["detectable"]["0 a log"]["mag.scale"] == [0.01, 0.01, 0.01]
