@@ -13,15 +13,17 @@ density, with intervals of 95 % from a bootstrap of whole windows.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from experiments.benchmarks.halves import Halves, parsed, tell, told
 from experiments.benchmarks.replication import lasting
+from experiments.blind.measured.benchmark import FAILURES, words
 from experiments.measured.flights import FIRST
 from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.withheld import Predicted, Window, predicted
@@ -47,10 +49,6 @@ log density of a reading after less before, each with its interval of 95 % (boot
 """
 
 
-#: from [s], to [s], RMS before, RMS after, log density after less before
-Age = tuple[float, float, float, float, float]
-
-
 @dataclass(frozen=True)
 class Interval:
     """An estimate and its interval of 95 %."""
@@ -58,6 +56,29 @@ class Interval:
     value: float
     low: float
     high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Withheld readings against their predictions, without and with effects.
+
+    Attributes
+    ----------
+    readings, windows : how many were predicted, in how many windows
+    before, after : RMS distance
+    ratio : of after to before
+    density : mean log density of a reading, after less before
+    """
+
+    readings: int
+    windows: int
+    before: float
+    after: float
+    ratio: Interval
+    density: Interval
 
 
 @dataclass(frozen=True)
@@ -69,29 +90,21 @@ class Comparison:
     log, stream : whose readings are withheld
     length : for how long [s]
     effects : names that the first half has accepted
-    readings, windows : how many were predicted, in how many windows
-    before, after : RMS distance
-    ratio : of after to before
-    density : mean log density of a reading, after less before
-    by_age : for each age that occurs
+    errors : of all withheld readings
+    by_age : by place in `AGES`, of those whose last reading is so old
     """
 
     log: str
     stream: str
     length: float
     effects: tuple[str, ...]
-    readings: int
-    windows: int
-    before: float
-    after: float
-    ratio: Interval
-    density: Interval
-    by_age: tuple[Age, ...]
+    errors: Errors
+    by_age: Mapping[int, Errors]
 
     @property
     def worse(self) -> tuple[str, ...]:
         """By which measure the effects make prediction worse, beyond its interval."""
-        found = {"distance": self.ratio.low > 1.0, "density": self.density.high < 0.0}
+        found = {"distance": self.errors.ratio.low > 1.0, "density": self.errors.density.high < 0.0}
         return tuple(name for name, holds in found.items() if holds)
 
 
@@ -130,27 +143,29 @@ def compare(
     _, rows, same = np.intersect1d(plain.t, after.t, return_indices=True)  # a lateness moves some beyond the IMU's time
     if not len(rows):
         return None
-    plain, after, block = plain.rows(rows), after.rows(same), np.unique(window[rows], return_inverse=True)[1]
+    plain, after, block = plain.rows(rows), after.rows(same), window[rows]
     gain = after.log_density - plain.log_density
     columns = np.stack([plain.distance**2, after.distance**2, gain, np.ones(len(rows))], axis=-1)
+    inside = [(plain.age > low) & (plain.age <= high) for low, high in pairwise(AGES)]
+    by_age = {k: errors_of(columns[now], block[now], rng) for k, now in enumerate(inside) if np.any(now)}
+    return Comparison(log, stream, length, tuple(betas), errors_of(columns, block, rng), by_age)
+
+
+def errors_of(columns: FloatArray, block: IntArray, rng: np.random.Generator) -> Errors:
+    """Errors of readings.
+
+    Parameters
+    ----------
+    columns : (k, 4) squared distance before and after, gain of log density, one
+    block : (k,) window of each
+    """
+    block = np.unique(block, return_inverse=True)[1]
     sums = np.stack([np.bincount(block, column) for column in columns.T], axis=-1).astype(np.float64)
+    before, after = np.sqrt(columns[:, :2].mean(axis=0)).tolist()
     ratio = interval_of(sums, lambda s: np.sqrt(s[..., 1] / s[..., 0]), rng)
-    density = interval_of(sums, lambda s: s[..., 2] / s[..., 3], rng)
-    before_rms, after_rms = np.sqrt(columns[:, :2].mean(axis=0)).tolist()
-    by_age = [_of_age(plain.age, columns, low, high) for low, high in pairwise(AGES)]
-    return Comparison(
-        log, stream, length, tuple(betas), len(rows), len(sums), before_rms, after_rms, ratio, density,
-        tuple(part for part in by_age if part is not None),
-    )  # fmt: skip
-
-
-def _of_age(age: FloatArray, columns: FloatArray, low: float, high: float) -> Age | None:
-    """Of the readings whose age is in a range; None where there are none."""
-    inside = (age > low) & (age <= high)
-    if not np.any(inside):
-        return None
-    mean = columns[inside].mean(axis=0)
-    return low, high, float(np.sqrt(mean[0])), float(np.sqrt(mean[1])), float(mean[2])
+    return Errors(
+        len(columns), len(sums), before, after, ratio, interval_of(sums, lambda s: s[..., 2] / s[..., 3], rng)
+    )
 
 
 def interval_of(sums: FloatArray, statistic: Callable[[FloatArray], FloatArray], rng: np.random.Generator) -> Interval:
@@ -168,57 +183,54 @@ def betas_of(report: Mapping[str, Any]) -> dict[str, FloatArray]:
     return {name: one[2] for name, one in lasting(report).items()}
 
 
-def of_log(halves: Halves, rng: np.random.Generator) -> Iterator[Comparison]:
+def of_log(halves: Halves, rng: np.random.Generator) -> list[Comparison]:
     """Every stream and length; nothing where the first half has no lasting effect."""
     betas = betas_of(halves.report(0))
     if not betas:
-        return
+        return []
     ready = prepared(halves.parts[1])
-    for stream in asked_streams(ready):
-        for length in LENGTHS:
-            found = compare(halves.log, ready, stream, length, betas, rng)
-            if found is not None:
-                yield found
+    asked = product(asked_streams(ready), LENGTHS)
+    found = [compare(halves.log, ready, stream, length, betas, rng) for stream, length in asked]
+    return [one for one in found if one is not None]
 
 
-def page(rows: Sequence[Comparison], logs: Sequence[str]) -> str:
-    """The table, and how many logs are worse."""
+def page(rows: Sequence[Comparison], logs: Sequence[str], failed: Mapping[str, str] = MappingProxyType({})) -> str:
+    """The table, and how many logs are worse; `failed` says of some why they could not be run."""
     judged = [row for row in rows if row.length == JUDGED]
     of = {row.log for row in judged}
-    without = ", ".join(log for log in logs if log not in of) or "none"
+    without = ", ".join(log for log in logs if log not in {*of, *failed}) or "none"
     lines = [HEAD, f"{len(logs)} logs asked; without lasting effects in their first half: {without}.", ""]
     for measure in ("distance", "density"):
         worse = sorted({row.log for row in judged if measure in row.worse})
         lines.append(f"- worse by {measure}: {len(worse)} of {len(of)} logs" + f" ({', '.join(worse)})" * bool(worse))
+    lines += [f"- could not be run: {log}: {why}" for log, why in failed.items()]
     lines += ["", "| log, effects | withheld | readings | before | after | ratio | log density |", "| --- " * 7 + "|"]
-    lines += [_row(row) for row in rows]
-    heads = ["log", "withheld", *(f"{low:g} to {high:g} s" for low, high in pairwise(AGES))]
-    lines += ["", "By age of the last reading: RMS before and after, log density after less before.", ""]
-    lines += ["| " + " | ".join(heads) + " |", "| --- " * len(heads) + "|"]
-    return "\n".join([*lines, *(_age_row(row) for row in rows), ""])
+    lines += [_row(f"{row.log}: {', '.join(row.effects)}", row, row.errors) for row in rows]
+    lines += ["", "The same by age of the last reading that was given.", ""]
+    lines += ["| log, age | withheld | readings | before | after | ratio | log density |", "| --- " * 7 + "|"]
+    for row in rows:
+        ages = {k: f"{row.log}, {low:g} to {high:g} s" for k, (low, high) in enumerate(pairwise(AGES))}
+        lines += [_row(ages[k], row, errors) for k, errors in row.by_age.items()]
+    return "\n".join([*lines, ""])
 
 
-def _row(row: Comparison) -> str:
-    ratio, density = (f"{x.value:.3g} [{x.low:.3g}, {x.high:.3g}]" for x in (row.ratio, row.density))
-    asked = f"{row.stream}, {row.length:g} s", f"{row.readings} in {row.windows} windows"
-    cells = [f"{row.log}: {', '.join(row.effects)}", *asked, number(row.before), number(row.after), ratio, density]
-    return "| " + " | ".join(cells) + " |"
-
-
-def _age_row(row: Comparison) -> str:
-    cells = {low: f"{number(before)}, {number(after)}, {gain:+.2g}" for low, _, before, after, gain in row.by_age}
-    of_ages = [cells.get(low, "-") for low in AGES[:-1]]
-    return "| " + " | ".join([row.log, f"{row.stream}, {row.length:g} s", *of_ages]) + " |"
+def _row(head: str, row: Comparison, errors: Errors) -> str:
+    asked = f"{row.stream}, {row.length:g} s", f"{errors.readings} in {errors.windows} windows"
+    sizes = number(errors.before), number(errors.after), str(errors.ratio), str(errors.density)
+    return "| " + " | ".join([head, *asked, *sizes]) + " |"
 
 
 def main(arguments: Sequence[str], seed: int = 0) -> str:
     """Trace the first halves, predict in the second, print; write the page where asked to."""
     asked, table = parsed(arguments, __doc__)
-    rng, rows = np.random.default_rng(seed), list[Comparison]()
+    rng, rows, failed = np.random.default_rng(seed), list[Comparison](), dict[str, str]()
     for halves in asked:
         tell(halves.log)
-        rows += of_log(halves, rng)
-    return told(page(rows, [halves.log for halves in asked]), table)
+        try:
+            rows += of_log(halves, rng)
+        except FAILURES as error:  # a filter that is lost with the effects is part of what is asked
+            failed[halves.log] = words(error)
+    return told(page(rows, [halves.log for halves in asked], failed), table)
 
 
 if __name__ == "__main__":

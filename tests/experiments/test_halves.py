@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from experiments.benchmarks import halves, prediction, replication
 from experiments.benchmarks.halves import Halves, halved, parsed
 from experiments.benchmarks.prediction import (
     Comparison,
+    Errors,
     Interval,
     asked_streams,
     betas_of,
@@ -158,11 +160,13 @@ def test_every_reading_is_withheld_once(ready: Prepared) -> None:
 def test_an_effect_that_is_there_predicts_better(ready: Prepared) -> None:
     found = compare("a log", ready, "gps", 5.0, {"gps.latency": np.array([LATE])}, np.random.default_rng(0))
     assert found is not None
-    assert found.ratio.high < 1.0
-    assert found.density.low > 0.0
+    assert found.errors.ratio.high < 1.0
+    assert found.errors.density.low > 0.0
     assert found.worse == ()
-    assert found.after < found.before
-    assert [part[0] for part in found.by_age] == [0.0, 1.0, 2.0]
+    assert found.errors.after < found.errors.before
+    assert list(found.by_age) == [0, 1, 2]
+    assert sum(part.readings for part in found.by_age.values()) == found.errors.readings
+    assert all(part.density.low > 0.0 for part in found.by_age.values())
 
 
 def test_an_effect_that_is_not_there_predicts_worse(ready: Prepared) -> None:
@@ -201,20 +205,21 @@ def test_lasting_effects_alone_are_held() -> None:
 
 
 def row(log: str, length: float, ratio: Interval, density: Interval) -> Comparison:
-    by_age = ((0.0, 1.0, 1.0, 2.0, -0.5),)
-    return Comparison(log, "gps", length, ("gps.latency",), 50, 10, 1.5, 1.2, ratio, density, by_age)
+    errors = Errors(50, 10, 1.5, 1.2, ratio, density)
+    return Comparison(log, "gps", length, ("gps.latency",), errors, {1: replace(errors, readings=20)})
 
 
 def test_page_counts_logs_that_are_worse() -> None:
     better, worse = Interval(0.8, 0.7, 0.9), Interval(1.3, 1.1, 1.5)
     gain, none = Interval(0.5, 0.2, 0.8), Interval(-0.1, -0.4, 0.2)
     rows = [row("one", 5.0, better, gain), row("two", 5.0, worse, none), row("one", 10.0, worse, none)]
-    text = prediction.page(rows, ["one", "two", "three"])
-    assert "3 logs asked; without lasting effects in their first half: three." in text
+    text = prediction.page(rows, ["one", "two", "three", "four"], {"four": "lost"})
+    assert "- could not be run: four: lost" in text
+    assert "4 logs asked; without lasting effects in their first half: three." in text
     assert "worse by distance: 1 of 2 logs (two)" in text
     assert "worse by density: 0 of 2 logs\n" in text
     assert "| one: gps.latency | gps, 5 s | 50 in 10 windows | 1.5 | 1.2 | 0.8 [0.7, 0.9] | 0.5 [0.2, 0.8] |" in text
-    assert "| one | gps, 5 s | 1, 2, -0.5 | - | - | - |" in text
+    assert "| one, 1 to 2 s | gps, 5 s | 20 in 10 windows |" in text
 
 
 @pytest.mark.measured
