@@ -16,8 +16,9 @@ from experiments.blind.measured.command import named
 from experiments.datasets import resolve
 from experiments.measured.flights import LOGS
 from experiments.measured.minutes import between, lively_starts
-from experiments.report.files import write_json, write_text
+from experiments.report.files import write_json
 from sensors.errors import InputError
+from sensors.files import write_text
 from sensors.recording import Recording
 
 #: The reports of both halves, the first one first.
