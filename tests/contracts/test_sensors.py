@@ -47,6 +47,22 @@ MODELS: dict[str, SensorModel] = {
     "base": BaseReceiver(0.3),
     "level": Level(1.0),
 }
+#: block, components, 1-sigma at the start, walk
+BIASES = {
+    "accel": ("b_accel", 3, 0.1, 3e-4),
+    "gyro": ("b_gyro", 3, 0.01, 2e-5),
+    "mag": ("b_mag", 3, 0.05, 1e-4),
+    "baro": ("b_baro", 1, 2.0, 0.02),
+    "sonar": ("b_sonar", 1, 0.1, 0.01),
+    "laser with bias": ("b_laser", 1, 0.1, 0.01),
+    "laser scan": ("b_laser", 1, 0.1, 0.0),
+    "gps": ("b_gps", 3, 1.0, 0.05),
+    "gps position": ("b_gps", 3, 1.0, 0.05),
+}
+WALKING = [name for name, (_, _, _, walk) in BIASES.items() if walk > 0.0]
+STAYING = [name for name in BIASES if name not in WALKING]
+#: Sensors without a bias of their own that read another one's
+SHARED = {"level": "b_accel", "base": "b_gps"}
 
 
 def motion() -> Motion:
@@ -76,7 +92,7 @@ def moved(at: Motion, block: str, step: FloatArray) -> Motion:
 
 @pytest.fixture(params=MODELS, ids=lambda name: name.replace(" ", "_"))
 def model(request: pytest.FixtureRequest) -> SensorModel:
-    return MODELS[request.param]
+    return MODELS[str(request.param)]
 
 
 @pytest.mark.parametrize("block", ["position", "velocity", "attitude"])
@@ -93,14 +109,13 @@ def test_the_jacobian_is_that_of_central_differences(model: SensorModel, block: 
 
 
 def test_the_bias_adds_to_the_reading(model: SensorModel) -> None:
-    blocks = model.jacobian(motion())
-    if model.bias is None:
-        assert not any(name.startswith("b_") for name in blocks) or model.name in ("level", "base")
-        return
-    H = blocks[model.bias.block]
-    assert H.shape == (5, model.size, model.bias.size)
-    expected = np.ones((model.size, 1)) if model.bias.size == 1 else np.eye(model.size, 3)
-    np.testing.assert_array_equal(H, np.broadcast_to(expected, H.shape))
+    """Reading = truth + bias: one bias for all beams of a scan, that of a GPS in its position alone."""
+    blocks = {name: H for name, H in model.jacobian(motion()).items() if name.startswith("b_")}
+    block = SHARED.get(model.name) if model.bias is None else model.bias.block
+    assert list(blocks) == ([block] if block else [])
+    for H in blocks.values():
+        expected = np.ones((model.size, 1)) if H.shape[2] == 1 else np.eye(model.size, 3)
+        np.testing.assert_array_equal(H, np.broadcast_to(expected, (5, *expected.shape)))
 
 
 def test_shapes(model: SensorModel) -> None:
@@ -115,9 +130,9 @@ def test_the_noise_is_positive_and_independent(model: SensorModel) -> None:
     np.testing.assert_array_equal(model.R, np.diag(np.diag(model.R)))
 
 
+@pytest.mark.parametrize("model", WALKING, indirect=True)
 def test_a_bias_grows_as_its_walk(model: SensorModel) -> None:
-    if model.bias is None or model.bias.walk == 0.0:
-        return
+    assert model.bias is not None
     rng, walks = np.random.default_rng(9), 400
     t = np.array([0.0, 0.3, 2.0])
     drawn = np.concatenate([random_walk(t, model.bias, rng) for _ in range(walks)], axis=1)
@@ -126,6 +141,28 @@ def test_a_bias_grows_as_its_walk(model: SensorModel) -> None:
     start = np.sum(drawn[0] ** 2) / model.bias.std**2
     assert low < grown < high
     assert low < start < high
+
+
+@pytest.mark.parametrize("model", STAYING, indirect=True)
+def test_a_bias_without_a_walk_stays_where_it_begins(model: SensorModel) -> None:
+    assert model.bias is not None
+    drawn = random_walk(np.array([0.0, 0.3, 2.0]), model.bias, np.random.default_rng(9))
+    assert np.all(drawn[0] != 0.0)
+    np.testing.assert_array_equal(drawn, np.broadcast_to(drawn[0], drawn.shape))
+
+
+def test_a_model_has_a_bias_where_its_sizes_say_so(model: SensorModel) -> None:
+    """The sizes that the models above were made with."""
+    name = next(name for name, entry in MODELS.items() if entry is model)
+    found = model.bias and (model.bias.block, model.bias.size, model.bias.std, model.bias.walk)
+    assert found == BIASES.get(name)
+
+
+@pytest.mark.parametrize("kind", [Magnetometer, Barometer, Sonar, Laser, Gps])
+@pytest.mark.parametrize(("std", "walk"), [(0.2, 0.0), (0.0, 0.3)])
+def test_one_size_is_enough_for_a_bias(kind: type, std: float, walk: float) -> None:
+    bias = kind(1.0, bias_std=std, bias_walk=walk).bias
+    assert (bias.std, bias.walk) == (std, walk)
 
 
 @pytest.mark.parametrize("field", ["p_n", "v_n", "q_nb", "f_b", "w_ib_b"])

@@ -10,7 +10,9 @@ import pytest
 
 from sensors.constants import SPEED_OF_LIGHT, WGS84_GM
 from sensors.effects import (
+    effect,
     pseudorange_earth_rotation,
+    pseudorange_group_delay,
     pseudorange_ionosphere,
     pseudorange_relativity,
     pseudorange_troposphere,
@@ -121,6 +123,41 @@ def test_troposphere_at_the_zenith() -> None:
     assert 2.4 < delay[0] < 2.55
     assert 0.6 < delay[1] / delay[0] < 0.7
     assert pseudorange_troposphere.mapping(np.array([np.pi / 2]))[0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_klobuchar_gives_the_published_example() -> None:
+    """J. A. Klobuchar in Parkinson and Spilker (1996), p. 513: 40 N, 100 W, E = 20, A = 210 deg, 20:45: 23.784 m."""
+    coefficients = np.array([[3.82e-8, 1.49e-8, -1.79e-7, 0.0, 1.43e5, 0.0, -3.28e5, 1.13e5]])
+    angles = np.radians([[40.0], [-100.0], [20.0], [210.0]])
+    found = pseudorange_ionosphere.klobuchar(coefficients, *angles, np.array([20.75 * 3600.0]))
+    assert found[0] == pytest.approx(23.784, abs=MILLIMETRE)
+
+
+def test_the_ionosphere_of_another_frequency_goes_with_its_square() -> None:
+    """Without coefficients the zenith delay is one metre, on B1I (1575.42 / 1561.098)^2 = 1.01843 of it."""
+    elevation, frequency = np.full(2, np.pi / 2), np.array([1575.42e6, 1561.098e6])
+    motion = Motion(t=np.zeros(2), covariates={"elevation": elevation, "frequency": frequency})
+    found = pseudorange_ionosphere.regressor(motion)[:, 0, 0]
+    np.testing.assert_allclose(found, [1.000432, 1.018873], atol=1e-6)  # 1 + 16 x 0.03^3 at the zenith
+
+
+def test_the_troposphere_is_as_long_as_its_slant_path() -> None:
+    """Black and Eisner (1984): 1.001 / sqrt(0.002001 + sin^2 E), which is 1 / sin E but near the horizon."""
+    motion = Motion(t=np.zeros(3), covariates={"elevation": np.radians([90.0, 30.0, 5.0])})
+    found = pseudorange_troposphere.regressor(motion)[:, 0, 0]
+    np.testing.assert_allclose(found, [1.0, 1.994, 10.219], atol=0.002)
+
+
+def test_a_group_delay_of_five_nanoseconds_is_a_metre_and_a_half() -> None:
+    motion = Motion(t=np.zeros(1), covariates={"group_delay": np.array([5e-9])})
+    assert pseudorange_group_delay.regressor(motion)[0, 0, 0] == pytest.approx(1.49896, abs=1e-5)
+
+
+def test_a_fault_hits_its_satellite_and_grows() -> None:
+    faulty, elapsed = np.array([1.0, 0.0, 1.0]), np.array([0.0, 10.0, 20.0])
+    motion = Motion(t=elapsed, covariates={"faulty": faulty, "elapsed": elapsed})
+    found = effect("pseudorange.satellite_fault").apply(np.zeros((3, 1)), np.array([7.0, 0.5]), motion)
+    np.testing.assert_allclose(found[:, 0], [7.0, 0.0, 17.0])
 
 
 def klobuchar(hour: float) -> float:
