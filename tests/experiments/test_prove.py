@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from estimator.flight_model import flight_model
+from estimator.score import Evidence
 from experiments.residual_loop import prove
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.prove import rolled_back
@@ -62,29 +63,109 @@ class Whitened:
         ]
 
 
+class Regression(Whitened):
+    """Readings y = X beta + n, n white of variance 1, beta by least squares on the first two thirds of them."""
+
+    def __init__(self, X: FloatArray, y: FloatArray) -> None:
+        self._X, self._y = X, y
+        self._held_out = np.arange(len(y)) >= 2 * len(y) // 3
+
+    def rows_of(self, part: Part) -> FloatArray:
+        return np.asarray(self._held_out <= (part == "all"))
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        rows = self.rows_of(part)
+        beta = np.linalg.lstsq(self._X[rows], self._y[rows])[0] if terms else np.zeros(self._X.shape[1])
+        return Fit(tuple(terms), dict.fromkeys(terms, beta), {}, 0.0, part, None)
+
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        X = self._X[self.rows_of(fit.part)]
+        size = X.shape[1]
+        return Evidence((TERM.key,), (size,), (X.T @ X)[None], np.zeros((1, size)), np.ones(size))
+
+    def residuals(self, fit: Fit) -> list[StreamResidual]:
+        e = (self._y - self._X @ fit.beta.get(TERM, np.zeros(self._X.shape[1])))[:, None]
+        index = np.arange(len(e))
+        return [StreamResidual("mag", index.astype(float), e, e, self._held_out, "1", {}, index)]
+
+
+def judged(X: FloatArray, y: FloatArray) -> tuple[bool, float, float, FloatArray]:
+    """Whether the held-out part bears the effect out; the gain, the change and the errors given back."""
+    source = cast(Source, Regression(X, y))
+    fitted, without = source.fit((TERM,), part="fitting"), source.fit((), part="fitting")
+    gain, change = prove._held_out_gain(source, fitted, without, ())
+    errors = prove._errors_given_back(source, fitted, TERM)
+    return prove._is_borne_out(source, fitted, without, TERM, ()), gain, change, errors
+
+
+RUNS = 400
+N = 300  # readings
+LAMBDA = (4.0, 30.0, 300.0, 3000.0)  # beta' X'X beta of all readings: from what nobody sees to what everybody sees
+
+
+def regressors(rng: np.random.Generator, held_out_share: float = 1.0) -> FloatArray:
+    """(n, 3) columns of norm one over all readings; the held-out ones shrunk by a factor."""
+    X = rng.standard_normal((N, 3))
+    X[2 * N // 3 :] *= held_out_share
+    return np.asarray(X / np.linalg.norm(X, axis=0))
+
+
+@pytest.mark.parametrize("size", LAMBDA)
+def test_a_true_effect_is_borne_out_but_for_chance(size: float) -> None:
+    """Three sigma of a normal law are passed once in 741 times; 8 of 400 would be, by chance, once in 10^7."""
+    rng = np.random.default_rng(3)
+    dropped = 0
+    for _ in range(RUNS):
+        X = regressors(rng)
+        beta = rng.standard_normal(3)
+        y = X @ (beta * np.sqrt(size) / np.linalg.norm(X @ beta)) + rng.standard_normal(N)
+        dropped += not judged(X, y)[0]
+    assert dropped < 8
+
+
 @pytest.mark.parametrize(
-    ("change", "gain", "errors", "borne_out"),
+    ("size", "there", "dropped"),
     [
-        (1.0, -3.0, 0.003, True),  # nothing to be seen in the held-out part
-        (500.0, -20.0, 1.4, False),  # it would have been seen
-        (500.0, 20.0, 1.4, False),  # far less than it ought to make
-        (500.0, 420.0, 1.4, True),
-        (300.0, -17.0, 30.0, True),  # half of what was fitted, by an estimate of three sigma: its score is 8 sigma
-        (2000.0, 700.0, 100.0, True),  # the estimate errs by a fifth: not to be told from a third of the gain
+        (3000.0, 0.0, (0.99, 1.0)),  # at 32 sigma the last third would have shown it
+        (300.0, 0.0, (0.95, 1.0)),  # at 10 sigma
+        (30.0, 0.0, (0.0, 0.1)),  # at 3 sigma, and the estimate as wrong again: it may have
+        (3000.0, 0.55, (0.75, 1.0)),  # a gain of 2 x 0.55 - 1 = 0.1 of the whole, five sigma below the half of it
+        (3000.0, 0.9, (0.0, 0.01)),  # 0.8 of it
+        (300.0, 0.45, (0.55, 0.8)),  # none where it should be 4 sigma: by chance a little one in a third of the runs
     ],
 )
-def test_the_held_out_part_is_heard_where_it_can_tell(
-    change: float, gain: float, errors: float, borne_out: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """G = d'd + 2 d'e is set through the part of e along d; `errors` is L_h / L_f."""
-    monkeypatch.setattr(prove, "_errors_given_back", lambda *_: np.array([errors]))
-    n = 4000
-    d = np.full(n, np.sqrt(change / n))
-    e = np.random.default_rng(1).standard_normal(n)
-    e += d * ((gain - change) / 2.0 - d @ e) / (d @ d)
-    source = cast(Source, Whitened(e, d))
-    fitted, without = (Fit(terms, {}, {}, 0.0, "fitting", None) for terms in ((TERM,), ()))
-    assert prove._is_borne_out(source, fitted, without, TERM, ()) == borne_out
+def test_what_the_held_out_part_has_a_share_of(size: float, there: float, dropped: tuple[float, float]) -> None:
+    """Something of the effect's shape in the first two thirds, and `there` of it in the last one."""
+    rng = np.random.default_rng(4)
+    count = 0
+    for _ in range(RUNS):
+        X = regressors(rng)
+        beta = rng.standard_normal(3)
+        mean = X @ (beta * np.sqrt(size) / np.linalg.norm(X @ beta))
+        mean[2 * N // 3 :] *= there
+        count += not judged(X, mean + rng.standard_normal(N))[0]
+    assert dropped[0] <= count / RUNS <= dropped[1]
+
+
+def test_where_the_held_out_part_cannot_see_the_effect_it_has_no_say() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(RUNS):
+        X = regressors(rng, held_out_share=1e-3)
+        assert judged(X, X @ np.array([20.0, -10.0, 5.0]) + rng.standard_normal(N))[0]
+
+
+def test_the_gain_has_the_moments_that_the_rule_counts_with() -> None:
+    """Of a true effect: mean d'd - 2 tr(L_h L_f^-1), variance of at most 4 d'd (1 + m), by simulation."""
+    rng = np.random.default_rng(6)
+    X = regressors(rng)
+    mean = X @ np.array([12.0, -7.0, 9.0])
+    runs = [judged(X, mean + rng.standard_normal(N))[1:] for _ in range(RUNS)]
+    gain, change = (np.array([run[k] for run in runs]) for k in (0, 1))
+    errors = runs[0][2]
+    off = gain - (change - 2.0 * np.sum(errors))
+    assert abs(np.mean(off)) < 3.3 * np.std(off) / np.sqrt(RUNS)
+    variance = np.mean(4.0 * change * (1.0 + np.max(errors)))
+    assert 0.5 * variance < np.var(off) < variance * (1.0 + 3.3 * np.sqrt(2.0 / RUNS))
 
 
 def test_slow_noise_asks_for_a_gain(monkeypatch: pytest.MonkeyPatch) -> None:
