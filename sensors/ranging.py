@@ -34,8 +34,8 @@ def slant_range(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> FloatArray:
     (n,) m; infinite where the beam does not point below the horizon
     """
     down = descent(motion.q_nb, beam_b)
-    with np.errstate(divide="ignore"):
-        return np.where(down > 0.0, motion.height / np.where(down > 0.0, down, 1.0), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(down > 0.0, motion.height / down, np.inf)
 
 
 def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict[str, FloatArray]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from estimator.flight_model import LEVEL_WINDOW
 from experiments.scenarios import load_scenario
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
@@ -21,7 +22,7 @@ from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.noise import random_walk
 from sensors.readings import model_of
-from sensors.rotation import quaternion_exp, quaternion_multiply
+from sensors.rotation import quaternion_exp, quaternion_from_rpy, quaternion_multiply
 from sensors.scenario import Scenario
 from sensors.simulate import simulate
 from sensors.sonar import Sonar
@@ -45,7 +46,7 @@ MODELS: dict[str, SensorModel] = {
     "gps position": Gps(0.5, None, 1.0, 0.05),
     "gps without bias": Gps(0.5, 0.1),
     "base": BaseReceiver(0.3),
-    "level": Level(1.0),
+    "level": Level(0.7),
 }
 #: block, components, 1-sigma at the start, walk
 BIASES = {
@@ -95,6 +96,12 @@ def model(request: pytest.FixtureRequest) -> SensorModel:
     return MODELS[str(request.param)]
 
 
+@pytest.fixture
+def name(model: SensorModel) -> str:
+    """Of the model in the list above."""
+    return next(name for name, entry in MODELS.items() if entry is model)
+
+
 @pytest.mark.parametrize("block", ["position", "velocity", "attitude"])
 def test_the_jacobian_is_that_of_central_differences(model: SensorModel, block: str) -> None:
     at = motion()
@@ -125,9 +132,16 @@ def test_shapes(model: SensorModel) -> None:
     assert model.R.shape == (model.size, model.size)
 
 
-def test_the_noise_is_positive_and_independent(model: SensorModel) -> None:
-    assert np.all(np.diag(model.R) > 0.0)
-    np.testing.assert_array_equal(model.R, np.diag(np.diag(model.R)))
+#: Standard deviations that the models above were made with: of each component, or of all
+SIGMAS = {
+    "accel": 0.03, "gyro": 0.003, "mag": 0.005, "baro": 0.3, "sonar": 0.03, "laser": 0.03, "base": 0.3, "level": 0.7,
+    "gps": [0.5, 0.5, 0.5, 0.1, 0.1, 0.1], "gps position": 0.5,
+}  # fmt: skip
+
+
+def test_the_noise_is_that_of_the_data_sheet_and_independent(name: str, model: SensorModel) -> None:
+    sigma = np.broadcast_to(SIGMAS.get(name, SIGMAS[name.split()[0]]), model.size)
+    np.testing.assert_allclose(model.R, np.diag(sigma**2), rtol=1e-15)
 
 
 @pytest.mark.parametrize("model", WALKING, indirect=True)
@@ -151,9 +165,8 @@ def test_a_bias_without_a_walk_stays_where_it_begins(model: SensorModel) -> None
     np.testing.assert_array_equal(drawn, np.broadcast_to(drawn[0], drawn.shape))
 
 
-def test_a_model_has_a_bias_where_its_sizes_say_so(model: SensorModel) -> None:
+def test_a_model_has_a_bias_where_its_sizes_say_so(name: str, model: SensorModel) -> None:
     """The sizes that the models above were made with."""
-    name = next(name for name, entry in MODELS.items() if entry is model)
     found = model.bias and (model.bias.block, model.bias.size, model.bias.std, model.bias.walk)
     assert found == BIASES.get(name)
 
@@ -163,6 +176,38 @@ def test_a_model_has_a_bias_where_its_sizes_say_so(model: SensorModel) -> None:
 def test_one_size_is_enough_for_a_bias(kind: type, std: float, walk: float) -> None:
     bias = kind(1.0, bias_std=std, bias_walk=walk).bias
     assert (bias.std, bias.walk) == (std, walk)
+
+
+@pytest.mark.parametrize(
+    ("rpy_deg", "reads"),
+    [((0.0, 0.0, 40.0), (0.0, 0.0, -9.8)), ((90.0, 0.0, 0.0), (0.0, -9.8, 0.0)), ((0.0, 90.0, 0.0), (9.8, 0.0, 0.0))],
+    ids=["level", "right side down", "nose up"],
+)
+def test_level_reads_what_an_accelerometer_at_rest_reads(
+    rpy_deg: tuple[float, float, float], reads: tuple[float, float, float]
+) -> None:
+    """It feels the table that holds it up: minus gravity, in the axis that points down."""
+    q_nb = quaternion_from_rpy(np.deg2rad([rpy_deg]))
+    at = Motion(np.zeros(1), q_nb=q_nb, g_n=np.array([0.0, 0.0, 9.8]))
+    np.testing.assert_allclose(Level(0.7).predict(at)[0], reads, atol=1e-12)
+
+
+def test_without_a_word_level_has_the_window_of_the_filter() -> None:
+    assert Level(0.7).window == LEVEL_WINDOW
+
+
+@pytest.mark.parametrize("kind", [Magnetometer, Barometer, Sonar, Laser, Gps])
+def test_without_a_word_there_is_no_bias(kind: type) -> None:
+    assert kind(1.0).bias is None
+
+
+@pytest.mark.parametrize("kind", [Accelerometer, Gyroscope])
+def test_without_a_word_the_bias_of_a_driver_is_zero(kind: type) -> None:
+    assert (kind(1.0).bias.std, kind(1.0).bias.walk) == (0.0, 0.0)
+
+
+def test_without_a_word_a_laser_has_one_beam_along_body_down() -> None:
+    np.testing.assert_array_equal(Laser(1.0).beams_b, [[0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize("field", ["p_n", "v_n", "q_nb", "f_b", "w_ib_b"])

@@ -58,6 +58,16 @@ def test_the_model_reads_the_length_of_the_rays(motion: Motion, rpy: FloatArray)
     np.testing.assert_allclose(Laser(0.03, angles=ANGLES).predict(motion), rays(motion, rpy), rtol=1e-12)
 
 
+def test_a_beam_that_does_not_point_below_the_horizon_has_no_end() -> None:
+    """Rolled by 60 deg to the right, beams at -25 and -35 deg look 5 deg down and up."""
+    rpy = np.deg2rad([[60.0, 0.0, 0.0]])
+    for height in (2.0, 0.0):
+        at = Motion(np.zeros(1), np.array([[0.0, 0.0, -height]]), q_nb=quaternion_from_rpy(rpy))
+        down, up = Laser(0.03, angles=np.deg2rad([-25.0, -35.0])).predict(at)[0]
+        assert down == pytest.approx(height / np.sin(np.deg2rad(5.0)))
+        assert up == np.inf
+
+
 def test_a_beam_to_the_right_of_a_body_rolled_to_the_right_meets_the_ground_straight_below() -> None:
     """Rolled by phi the beam at the angle phi hangs straight down, so its range is the height, whatever the others."""
     for phi in (-0.4, 0.3):

@@ -69,6 +69,14 @@ def test_the_threshold_stretches_the_reach() -> None:
     assert not heard(standing(4.1), threshold=0.5)
 
 
+def test_without_a_word_it_hears_every_ground_that_it_looks_at() -> None:
+    hears = Sonar(0.03).echo
+    assert hears(standing(1000.0))[0]
+    assert hears(standing(0.001))[0]
+    assert hears(standing(2.0, 80.0))[0]
+    assert not hears(standing(2.0, 180.0))[0]
+
+
 def test_every_reading_has_its_own_softness() -> None:
     both = standing(5.0).rows(np.array([0, 0]))
     assert SONAR.echo(both, np.array([0.0, 0.9])).tolist() == [True, False]
