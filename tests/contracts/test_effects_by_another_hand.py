@@ -156,7 +156,7 @@ def test_an_offset_comes_and_goes_as_the_maker_has_it(name: str) -> None:
     interval = INTERVAL if name.endswith("transient") else (INTERVAL[0], np.inf)
     beta, stream = beta_of(entry), entry.stream
     size = 3 if stream == "base" else plain(stream).shape[1]
-    expected, _ = local_offset(np.random.default_rng(0), plan(Hidden(name, beta, interval)), stream, T, np.ones(size))
+    expected, _ = local_offset(np.random.default_rng(0), [Hidden(name, beta, interval)], T, np.ones(size))
     reading = np.zeros((len(T), size))
     found = entry.over(*interval).apply(reading, beta, motion_of(stream)) - reading
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
