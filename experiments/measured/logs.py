@@ -40,7 +40,7 @@ def _broad() -> dict[str, Entry]:
     return entries
 
 
-#: Logs of poses, and of what has no IMU.
+#: Logs of poses, and of a compass that turns enough.
 POSES: Mapping[str, Entry] = {
     "course, accelerometer": Entry("rfly_course/AccRaw.mat", about="Ten poses, each the mean of 100 readings."),
     "course, magnetometer": Entry("rfly_course/MagRaw.mat", about="Six faces, turned about the vertical on each."),
@@ -58,12 +58,13 @@ POSES: Mapping[str, Entry] = {
     "QMC5883L, filtered": Entry(
         "qmc5883l_mag_calib/filtered_raw_data.csv", about="Another recording, filtered in a way that is not stated."
     ),
-    "PX4 indoors, compass": Entry(
-        f"{_INDOORS}_vehicle_magnetometer_0.csv",
-        about="A quadrotor's compass on the ground and in the air, up to 18 A.",
+    "PX4 indoors, second compass": Entry(
+        f"{_INDOORS}_sensor_mag_1.csv", about="A quadrotor's compass on the ground and in the air, up to 18 A."
     ),
-    "PX4 indoors, second compass": Entry(f"{_INDOORS}_sensor_mag_1.csv", about="Another compass of the same flight."),
-    "PX4 with 64 A, compass": Entry("px4_quad_64a", about="A quadrotor's compass in the air; its IMU was not kept."),
+}
+#: Logs without an IMU, whose compass can be looked at along a known attitude alone.
+COMPASSES: Mapping[str, Entry] = {
+    "PX4 with 64 A": Entry("px4_quad_64a", about="A quadrotor in the air; its IMU was not kept."),
 }
 #: Logs with an IMU that moves.
 FLIGHTS: Mapping[str, Entry] = {
