@@ -288,7 +288,7 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
 
     Raises
     ------
-    InputError : fewer turns than the parameters need
+    InputError : the fit does not settle: too few turns, or such as no calibration explains
     """
     entries = {"none": (), "triangular": ((0, 1), (0, 2), (1, 2)), "full": _OFF_DIAGONAL}[axes]
     names = _NAMES[:6] + tuple("T_" + "xyz"[i] + "xyz"[j] for i, j in entries)
@@ -299,7 +299,7 @@ def calibrate_gyro(log: GyroLog, axes: str = "full", where: str = "imu") -> Gyro
     factors = np.ones(2)
     for _ in range(4):  # the two scatters settle within a per cent after two or three
         residual, jacobian = _whitened(log, entries, sigma_turn * factors[0], sigma_rest * factors[1])
-        fit = solve(residual, jacobian, start, names, plausible, sigma=1.0)
+        fit = solve(residual, jacobian, start, names, plausible, sigma=1.0, where=where)
         turns = 3 * len(log.turns)
         freedom = max(1.0 - len(start) / len(fit.residual), 0.1)
         groups = fit.residual[:turns], fit.residual[turns:]

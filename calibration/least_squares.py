@@ -9,7 +9,10 @@ from typing import Literal
 import numpy as np
 
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 
+#: A gyroscope's calibration settles within three to ten evaluations; one that takes so many never does.
+_MOST_EVALUATIONS = 50
 #: Below this share of the largest singular value (of the column-scaled Jacobian) a direction is rounding, not data.
 #: The Jacobian is accurate to about 1e-15 in each entry; summing n rows keeps that; 1e-9 leaves six digits of margin.
 _RANK_TOLERANCE = 1e-9
@@ -57,6 +60,7 @@ def solve(
     bounds: tuple[FloatArray, FloatArray] | None = None,
     sigma: float | None = None,
     sse_before: float | None = None,
+    where: str | None = None,
 ) -> LeastSquaresFit:
     """Minimise the sum of squared residuals by Levenberg and Marquardt's method, within bounds.
 
@@ -72,6 +76,11 @@ def solve(
     bounds : lower and upper limits, each (parameters,)
     sigma : standard deviation of a residual where it is known; else it is estimated from the residuals
     sse_before : the sum of squares to report as "before", where that is not the one at `start`
+    where : how messages call the readings of a fit that has to settle soon; None: as long as it takes
+
+    Raises
+    ------
+    InputError : the fit has to settle and does not
 
     Source: J. J. More, "The Levenberg-Marquardt algorithm", 1978; `scipy.optimize.least_squares`, "lm" and "trf".
     """
@@ -80,7 +89,11 @@ def solve(
     options = {"jac": jacobian, "x_scale": plausible, "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
     low, high = bounds if bounds is not None else (np.full(len(start), -np.inf), np.full(len(start), np.inf))
     if len(residual(start)) >= len(start):
-        result = least_squares(residual, start, method="lm", **options)
+        most = None if where is None else _MOST_EVALUATIONS
+        result = least_squares(residual, start, method="lm", max_nfev=most, **options)
+        if where is not None and result.status == 0:
+            found = f"a fit of {len(names)} parameters that does not settle"
+            raise InputError(where, found, "more readings, or such as the sensor's model can explain")
         inside = bool(np.all((low < result.x) & (result.x < high)))
     else:
         inside = False
