@@ -1,27 +1,19 @@
-"""`sinan calibrate`: a recording of poses -> T, K, b with their uncertainty, as text, JSON and a page."""
+"""A sensor of a recording of poses -> T, K, b with their uncertainty, and what speaks against them, in words."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
 from calibration.triad import Axes, Calibration, calibrate_norm
 from estimator.whiteness import whiteness
-from experiments.datasets import called, field_unit_of, resolve
-from experiments.report.console import tell_notes
-from experiments.report.files import write_json
-from experiments.report.words import counted, stream_unit, trace_call
+from experiments.report.words import counted, stream_unit
 from experiments.residual_loop.open_source import (
     TriadReadings,
-    choose_sensor,
     declared_for,
     gravity_of,
-    require_kind,
-    sensors_in_poses,
-    triad_readings,
 )
 from experiments.residual_loop.poses import motion_seen
 from experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
@@ -36,45 +28,6 @@ _SETTLED, _MOST_PASSES = 1e-9, 25
 #: Residuals beyond so many times their noise are remarked upon (a declared noise is rarely known to a fifth), and so
 #: are residuals that a test of whiteness calls noise in fewer than so many cases.
 _TOO_LARGE, _NO_NOISE = 1.2, 1e-3
-
-
-def run(
-    sensor: str,
-    input: str,
-    axes: str | None,
-    gravity: float | None,
-    map_file: Path | None,
-    json: Path | None,
-    html: Path | None,
-) -> str:
-    """Calibrate, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file)
-    tell_notes(recording)
-    require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace`")
-    choose_sensor(recording, sensor)
-    readings = None
-    if sensor == "gyro":
-        result: Calibration | GyroCalibration = calibrate_turns(recording, axes or "full", gravity)
-    else:
-        readings = without_declared(recording, triad_readings(recording, sensor, gravity))
-        result = calibrate_triad(recording, readings, axes or "none")
-    document = as_json(sensor, result)
-    if readings is not None:
-        document["unit"] = readings.unit
-        document["read_in"] = field_unit_of(input, map_file) if sensor == "mag" else readings.unit
-    document["declared_effects"] = list(declared_for(recording, sensor))
-    several = len(sensors_in_poses(recording)) > 1
-    call = trace_call(input, map_file, sensor if several else None)
-    document["warnings"] = warnings_of(result, readings, call)
-    document["notes"] = [] if readings is None else residual_notes(result, readings, call)
-    if json is not None:
-        write_json(json, document)
-    if html is not None:
-        from experiments.report.calibration_page import calibration_page
-
-        shown = () if readings is None else (readings.reading, readings.norm, readings.unit)
-        calibration_page(html, called(input, recording), sensor, result, document, *shown)
-    return summary(sensor, document)
 
 
 def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) -> Calibration:

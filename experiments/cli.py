@@ -40,6 +40,15 @@ class Sensor(StrEnum):
     mag = "mag"
 
 
+class Calibrand(StrEnum):
+    """What can be calibrated."""
+
+    accel = "accel"
+    gyro = "gyro"
+    mag = "mag"
+    all = "all"
+
+
 class AxesForm(StrEnum):
     """Forms of the axes matrix T."""
 
@@ -110,9 +119,9 @@ def _require_place_for(folder: Path | None) -> None:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
+        from experiments.report.made import sinan_version
 
-        typer.echo(f"sinan {version('sinan-nav')}")
+        typer.echo(f"sinan {sinan_version()}")
         raise typer.Exit
 
 
@@ -192,7 +201,7 @@ def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> No
 
 @app.command()
 def calibrate(
-    sensor: Annotated[Sensor, typer.Argument(help="which sensor of the log")],
+    sensor: Annotated[Calibrand, typer.Argument(help="which sensor of the log, or all")],
     input: Input,
     axes: Annotated[
         AxesForm | None, typer.Option(help="form of T, which turns and skews the axes; default none, gyro full")
@@ -202,8 +211,8 @@ def calibrate(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Calibrate a three-axis sensor from poses: T K (reading + b)."""
-    from experiments.calibrate import run
+    """Calibrate a three-axis sensor from poses, or all that there are: T K (reading + b)."""
+    from experiments.calibrate_command import run
     from experiments.report.console import working
 
     def work() -> str:
@@ -232,7 +241,7 @@ def estimate(
 @app.command()
 def trace(
     input: Input,
-    sensor: Annotated[Sensor | None, typer.Option(help="which one, of a poses recording with several")] = None,
+    sensor: Annotated[Sensor | None, typer.Option(help="only this one, of a poses recording with several")] = None,
     alpha: Annotated[
         float, typer.Option(help="risk of any false alarm, over all candidates together", min=1e-6, max=0.5)
     ] = 0.01,

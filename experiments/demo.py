@@ -13,11 +13,13 @@ from experiments.datasets import field_unit_of
 from experiments.report.files import write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
-from experiments.report.trace_words import parameter_rows, trace_summary
+from experiments.report.trace_words import parameter_rows
+from experiments.report.verdict_words import Log, trace_summary, worded
 from experiments.report.words import trace_call
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.report import report
 from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Traced
 from experiments.scenarios.loader import load_scenario
 from sensors.effects import CATALOGUE
 from sensors.errors import InputError
@@ -64,12 +66,12 @@ def demonstrate(
     said = {"warnings": warnings_of(calibration, readings, trace_call(log)), "read_in": field_unit_of(log)}
     say(summary("mag", {**as_json("mag", calibration), **said}))
     source = pose_source(recording, "mag")
-    result = trace(source)
-    document = report(source, result)
+    traced = Traced.alone(source, trace(source))
+    document = worded(report(traced), log=Log(log))
     say("\nIts residual, traced:")
     say(trace_summary(document))
-    trace_page(out / f"{name}.html", source, result, document, hidden)
-    for figure, (drawing, _) in trace_figures(source, result, document).items():
+    trace_page(out / f"{name}.html", traced, document, hidden)
+    for figure, (drawing, _) in trace_figures(traced, document).items():
         write_bytes(out / f"{name}_{figure}.png", png(drawing))
     write_json(out / f"{name}.json", document)
     return document

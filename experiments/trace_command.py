@@ -8,7 +8,7 @@ from experiments.datasets import called, resolve
 from experiments.refused import doubted_shares, refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
-from experiments.report.trace_words import trace_summary
+from experiments.report.verdict_words import Log, trace_summary, worded
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
@@ -32,12 +32,11 @@ def run(
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
-        source, result = trace_recording(recording, sensor, alpha, gravity)
-    document = report(source, result)
-    document["called"] = called(input, recording)
-    notes = taken_from_the_log(recording, source)
+        traced = trace_recording(recording, sensor, alpha, gravity)
+    document = worded(report(traced), called(input, recording), Log(input, map_file))
+    notes = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["notes"] = notes
-    warnings = _not_believed(source)
+    warnings = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["warnings"] = warnings
     if json is not None:
         write_json(json, document)
@@ -45,7 +44,7 @@ def run(
         from experiments.report.trace_page import trace_page
 
         with working("drawing"):
-            trace_page(html, source, result, document)
+            trace_page(html, traced, document)
     said = [f"warning: {warning}" for warning in warnings]
     return "\n".join([*said, trace_summary(document), *(f"  note: {note}" for note in notes)])
 

@@ -72,9 +72,9 @@ def traced(read: Callable[[], Recording]) -> dict[str, Any]:
     """CPU seconds of preparing and tracing one recording, and what the report of it says."""
     recording, start = read(), process_time()
     try:
-        source, result = trace_recording(recording)
+        found = trace_recording(recording)
         seconds = process_time() - start
-        document = json.loads(json.dumps(report(source, result)))
+        document = json.loads(json.dumps(report(found)))
     except InputError as error:
         return {"seconds": process_time() - start, "report": str(error)}
     return {"seconds": seconds, "report": document}

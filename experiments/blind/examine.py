@@ -46,5 +46,4 @@ def examine(folder: Path, told: Mapping[str, str | None], alpha: float = 0.01) -
 def examined(recording: Recording, sensor: str | None = None, alpha: float = 0.01) -> dict[str, object]:
     """The same of a recording that is read already; the CPU seconds are those of the trace."""
     begin = time.process_time()
-    source, result = trace_recording(recording, sensor, alpha)
-    return {**report(source, result), "cpu_seconds": time.process_time() - begin}
+    return {**report(trace_recording(recording, sensor, alpha)), "cpu_seconds": time.process_time() - begin}

@@ -71,9 +71,10 @@ def find(name: str) -> Finding:
     entry = LOGS[name]
     recording, start = resolve(entry.input), process_time()
     try:
-        source, result = trace_recording(recording, entry.sensor)
+        traced = trace_recording(recording, entry.sensor)
+        source, result = traced.parts[0].source, traced.parts[0].trace
         seconds = process_time() - start
-        document = report(source, result)
+        document = report(traced)
         references = references_of(entry, recording, source, result)
     except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
@@ -134,7 +135,7 @@ def references_of(
         return list(_published(entry, recording, source, result))
     found: list[tuple[str, float, float, str]] = []
     whose = reference_words(recording.truth.kind if recording.truth else None)
-    for pair, words in ((result.truth, "all data"), (result.truth_held_out, "last third")):
+    for pair, words in ((result.verdict.truth, "all data"), (result.verdict.truth_held_out, "last third")):
         before, after = pair or ({}, {})
         for name in ("attitude", "tilt", "heading"):
             key = f"{name}_rms"
@@ -142,7 +143,7 @@ def references_of(
                 first, last = (float(np.rad2deg(errors[key])) for errors in (before, after))
                 found.append((f"{name} against {whose}, {words}", first, last, "deg"))
     if "gps" in source.recording.streams:
-        before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.proof.fits)
+        before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.verdict.proof.fits)
         found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age[age], "m")
                   for age, miss in before_by_age.items() if age in after_by_age]  # fmt: skip
     return found
@@ -156,7 +157,7 @@ def _published(
     rows = []
     for one in published(entry.input, sensor):
         readings = triad_readings(recording, sensor)
-        ours = next(r for r in source.residuals(result.selection.final)).rms / readings.norm
+        ours = next(r for r in source.residuals(result.final)).rms / readings.norm
         spread = one.spread(readings.reading * readings.normalised_by)
         rows.append((f"spread of the norm, published calibration ({one.source}) and this one", spread, ours, ""))
     return rows

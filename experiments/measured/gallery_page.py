@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from experiments.measured.gallery import Finding
-from experiments.report.trace_words import effect_line, remaining_sentence
+from experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
+from experiments.report.verdict_words import told
 from experiments.report.words import number
 
 HEAD = """# Gallery: the loop on measured logs
@@ -24,8 +26,8 @@ How to read it:
   spread of the norm that a published calibration leaves. "Last third" counts the held-out part alone, with parameters
   fitted on the rest.
 - An effect that does not lower the held-out error is a poor explanation even where it is significant: real errors are
-  coloured, and a large log makes small structure significant. `unexplained` says that more is there than the catalogue
-  can name.
+  coloured, and a large log makes small structure significant. It is said not to predict, and the errors are those of
+  the model without it. `unexplained` says that more is there than the catalogue can name.
 - Where the error against the reference grows, the names are doubtful: an error that the catalogue does not know
   is in the residual, and effects take its shape.
 - **CPU** is the time of one processor for preparing and tracing the log; rows without it are of an
@@ -70,9 +72,13 @@ def row(one: Finding) -> str:
     """A row of the table."""
     if not one.document:
         return f"| {one.name} | did not finish: {one.failure} | | | | {one.seconds:.0f} s |"
-    effects = ", ".join(effect["name"] for effect in one.document["effects"]) or "-"
+    effects = ", ".join(_name(effect) for effect in one.document["effects"]) or "-"
     cells = [one.name, one.document["verdict"], effects, held_out(one), first_reference(one), f"{one.seconds:.0f} s"]
     return "| " + " | ".join(cells) + " |"
+
+
+def _name(effect: Mapping[str, Any]) -> str:
+    return f"{effect['name']} ({NOT_PREDICTING})" if effect["predicts"] is False else str(effect["name"])
 
 
 def held_out(one: Finding) -> str:
@@ -80,7 +86,7 @@ def held_out(one: Finding) -> str:
     error = one.document["error"]
     before, after = error["before"], error["after"]
     unit = "" if before["unit"] == "1" else f" {before['unit']}"
-    change = f" -> {number(after['rms'])}" if one.document["effects"] else ""
+    change = f" -> {number(after['rms'])}" if told(one.document) else ""
     return f"{error['stream']} {number(before['rms'])}{change}{unit}"
 
 
@@ -89,7 +95,7 @@ def first_reference(one: Finding) -> str:
     for wanted, part in (("attitude", "last third"), ("tilt", "last third"), ("position, 5 s", ""), ("spread", "")):
         for label, before, after, unit in one.references:
             if label.startswith(wanted) and label.endswith(part):
-                changed = wanted == "spread" or bool(one.document["effects"])
+                changed = wanted == "spread" or bool(told(one.document))
                 numbers = f"{number(before)} -> {number(after)}" if changed else number(before)
                 return f"{label.split(',')[0]} {numbers} {unit}".rstrip()
     return "-"
@@ -108,11 +114,11 @@ def section(one: Finding) -> list[str]:
         same = "the same" if document["error"]["same_names_on_fitting_part"] else "other"
         lines.append(f"- the fitting part alone chooses {same} effects")
     lines += [
-        f"- {name} passed the test on all data, but the held-out part does not bear it out"
+        f"- {name} passed the test on all data, but the held-out part speaks against it"
         for name in document["rolled_back"]
     ]
     for label, before, after, unit in one.references:
-        changed = label.startswith("spread") or bool(document["effects"])
+        changed = label.startswith("spread") or bool(told(document))
         lines.append(f"- {label}: {number(before)}" + (f" -> {number(after)}" if changed else "") + f" {unit}".rstrip())
     lines += [f"- known otherwise: {one.beside}"] if one.beside else []
     lines += [f"- remains: {remaining_sentence(item)}" for item in document["remaining"]]
@@ -122,7 +128,7 @@ def section(one: Finding) -> list[str]:
 
 
 def _interval(one: Finding) -> str:
-    if not one.document["effects"]:
+    if not told(one.document):
         return ""
     low, high = one.document["error"]["after"]["interval"]
     return f" (95 % interval {number(low)} to {number(high)})"

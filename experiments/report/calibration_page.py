@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,28 +13,43 @@ from experiments.report import figures, words
 from experiments.report.page import Page
 
 if TYPE_CHECKING:
-    from calibration.gyro import GyroCalibration
-    from sensors.arrays import FloatArray
+    from experiments.calibrate_command import Calibrated
 
 
-def calibration_page(
-    path: Path,
-    name: str,
-    sensor: str,
-    result: Calibration | GyroCalibration,
-    document: Mapping[str, Any],
-    readings: FloatArray | None = None,
-    norm: float = 1.0,
-    unit: str = "1",
-) -> None:
-    """Write the page of a calibration."""
-    gyro = not isinstance(result, Calibration)
-    squared = {"mag": "", "gyro": " / rad²"}.get(sensor, " / (m/s²)²")
-    page = Page(
-        f"{name}: {words.SENSORS[sensor]} calibrated",
-        "calibrated = T K (reading + b), so that "
-        + ("the turns lead from each pose to the next." if gyro else "every reading has the length it should have."),
-    )
+def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str]) -> None:
+    """Write the page of one calibration, or of several."""
+    *others, last = [words.SENSORS[one.sensor] for one in done]
+    sensors = f"{', '.join(others)} and {last}" if others else last
+    aims = {one.sensor: _aim(one) for one in done}
+    lead = "; ".join(dict.fromkeys(aims.values()))
+    page = Page(f"{name}: {sensors} calibrated", f"calibrated = T K (reading + b), so that {lead}.")
+    for one in done:
+        if others:
+            page.heading(_title(words.SENSORS[one.sensor]))
+        _calibration(page, one, page.subheading if others else page.heading)
+    if left_out:
+        page.heading("What could not be calibrated")
+    for sensor, why in left_out.items():
+        page.text(f"{_title(words.SENSORS[sensor])}: {why}.")
+    page.write(path)
+
+
+def _title(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _aim(one: Calibrated) -> str:
+    """What a calibration makes true."""
+    if one.readings is None:
+        return "the turns of the gyroscope lead from each pose to the next"
+    return "every reading has the length it should have"
+
+
+def _calibration(page: Page, one: Calibrated, heading: Callable[[str], None]) -> None:
+    """The numbers, the figure and the tables of one sensor."""
+    document: Mapping[str, Any] = one.document
+    gyro = one.readings is None
+    squared = {"mag": "", "gyro": " / rad²"}.get(one.sensor, " / (m/s²)²")
     page.numbers(
         [
             (
@@ -45,15 +60,27 @@ def calibration_page(
         ]
     )
     for warning in document.get("warnings", []):
-        page.text(f"{warning[0].upper()}{warning[1:]}.")
-    if readings is not None and isinstance(result, Calibration):
-        before = np.linalg.norm(readings, axis=1)
-        after = np.linalg.norm(result.apply(readings * result.normalised_by), axis=1)
+        page.text(f"{_title(warning)}.")
+    if one.readings is not None and isinstance(one.result, Calibration):
+        readings = one.readings
+        before = np.linalg.norm(readings.reading, axis=1)
+        after = np.linalg.norm(one.result.apply(readings.reading * readings.normalised_by), axis=1)
+        unit = words.stream_unit(one.sensor, readings.unit)
         page.figure(
-            figures.norm_before_after(before, after, norm, words.stream_unit(sensor, unit)),
+            figures.norm_before_after(before, after, readings.norm, unit),
             "Norm of each reading; the line is its true value.",
         )
-    page.heading("Parameters")
+    heading("Parameters")
+    page.table(["parameter", "value ± 1 sigma", "unit"], _rows(one.sensor, document), numeric=(1,))
+    heading("What these data do not determine")
+    for sentence in document["undetermined"]:
+        page.text(sentence + ".")
+    if not document["undetermined"]:
+        page.text("Every parameter of this model is determined.")
+
+
+def _rows(sensor: str, document: Mapping[str, Any]) -> list[list[str]]:
+    """Every parameter with its sigma and unit."""
     offset_unit = words.stream_unit(sensor, str(document["unit"]))
     rows = []
     for i, axis in enumerate("xyz"):
@@ -65,13 +92,7 @@ def calibration_page(
             if i != j and document["T"][i][j] != 0.0:
                 std = document["std"]["T"][i][j]
                 rows.append([f"axes T {'xyz'[i]}{'xyz'[j]}", *_cells(document["T"][i][j], std), "ratio"])
-    page.table(["parameter", "value ± 1 sigma", "unit"], rows, numeric=(1,))
-    page.heading("What these data do not determine")
-    for sentence in document["undetermined"]:
-        page.text(sentence + ".")
-    if not document["undetermined"]:
-        page.text("Every parameter of this model is determined.")
-    page.write(path)
+    return rows
 
 
 def _cells(value: float | None, std: float | None) -> list[str]:

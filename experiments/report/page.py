@@ -11,6 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.report.made import made
 from sensors.files import write_text
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ table { border-collapse: collapse; min-width: 50%; font-size: .92rem; }
 th, td { text-align: left; padding: .35rem 1.4rem .35rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 tr.marked td { background: #fbe9c3; font-weight: 600; }
+footer { color: var(--soft); font-size: .88rem; margin-top: 2.4rem; border-top: 1px solid var(--line);
+  padding-top: .4rem; }
 code { background: #eef2f5; padding: .1rem .3rem; border-radius: .25rem; }
 """
 
@@ -108,13 +111,14 @@ class Page:
         self._parts.append(f'<div class="wide"><table><tr>{row(head, "th")}</tr>{body}</table></div>')
 
     def write(self, path: Path) -> None:
-        """Write the page."""
+        """Write the page; its last line says what made it."""
+        foot = f"<footer>{_marked(made())}</footer>"
         write_text(
             path,
             '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
             f"<title>{html.escape(self._title.replace('`', ''))}</title><style>{_STYLE}</style></head>\n"
-            f"<body>{chr(10).join(self._parts)}</body></html>\n",
+            f"<body>{chr(10).join([*self._parts, foot])}</body></html>\n",
         )
 
 

@@ -9,44 +9,39 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.report import trace_figures as figures
-from experiments.report import trace_words, words
+from experiments.report import trace_words, verdict_words, words
 from experiments.report.page import Page
 from experiments.report.trace_figures import Bar
-from experiments.residual_loop.judged import judged
+from experiments.residual_loop.report import held_out_part
 from experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.residual_loop.source import Source, StreamResidual
-    from experiments.residual_loop.trace import Trace
+    from experiments.residual_loop.source import Fit, Source, StreamResidual
+    from experiments.residual_loop.traced import Part, Traced
     from experiments.residual_loop.trials import Finding
+    from experiments.residual_loop.verdict import Named
 
 #: Candidates that the chart and the table show unfolded.
 _SHOWN = 12
 _LN10 = float(np.log(10.0))
 
 
-def trace_figures(source: Source, result: Trace, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
+def trace_figures(traced: Traced, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
     """The figures of a trace by name, each with its caption: `effect_1` ... in order of discovery."""
     made: dict[str, tuple[Figure, str]] = {}
-    if not document["effects"]:
-        made["residuals"] = _noise_figure(source, result)
-    else:
-        for name, drawn in _residual_figures(source, result, document).items():
-            made[name] = drawn
-        proof, part = result.proof, document["error"]["held_out_part"]
-        made["errors"] = (
-            figures.error_bars(
-                (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after), part, proof.stream
-            ),
-            "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval.",
-        )
-        for k, finding in enumerate(result.selection.findings):
-            drawn_effect = _effect_figure(source, result, finding)
-            if drawn_effect is not None:
-                made[f"effect_{k + 1}"] = drawn_effect
-    bars = evidence(result)
+    for part in traced.parts:
+        several = f"_{part.sensor}" if len(traced.parts) > 1 else ""
+        if part.trace.verdict.told:
+            made |= {name + several: drawn for name, drawn in _error_figures(part).items()}
+        elif not verdict_words.told(document):
+            made[f"residuals{several}"] = _noise_figure(part)
+    for k, named in enumerate(traced.verdict.effects):
+        drawn_effect = _effect_figure(traced.part_of(named), named.finding)
+        if drawn_effect is not None:
+            made[f"effect_{k + 1}"] = drawn_effect
+    bars = evidence(traced)
     if bars:
         made["candidates"] = _evidence_figure(bars, document)
     return made
@@ -54,8 +49,7 @@ def trace_figures(source: Source, result: Trace, document: Mapping[str, Any]) ->
 
 def trace_page(
     path: Path,
-    source: Source,
-    result: Trace,
+    traced: Traced,
     document: Mapping[str, Any],
     hidden: Mapping[str, Sequence[float]] | None = None,
 ) -> None:
@@ -63,28 +57,31 @@ def trace_page(
 
     Parameters
     ----------
+    document : the report with its words
     hidden : of a simulated recording, the effects that are in it: shown beside what was found
     """
-    page = Page(trace_words.title(document), f"{trace_words.name_of(document)}. {trace_words.lead(document)}")
+    page = Page(document["headline"], f"{verdict_words.name_of(document)}. {verdict_words.lead(document)}")
+    page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
+    page.text(f"What to do next: {document['next']}.")
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
-    made = trace_figures(source, result, document)
-    if document["effects"]:
+    made = trace_figures(traced, document)
+    if verdict_words.told(document):
         _numbers(page, document)
+    if document["effects"]:
         page.heading("What was found")
-        for k, effect in enumerate(document["effects"]):
-            _effect_section(page, result, document, effect, k, made.get(f"effect_{k + 1}"), hidden or {})
-        page.heading("Error before and after")
-        for name in [n for n in made if n.startswith("residuals")] + ["errors"]:
-            page.figure(*made[name])
-        _reference_table(page, document)
-    else:
-        page.heading("What the plain model leaves")
-        page.figure(*made["residuals"])
+        for k, named in enumerate(traced.verdict.effects):
+            _effect_section(page, traced, document, named, k, made.get(f"effect_{k + 1}"), hidden or {})
+    if document["twins"]:
+        _twin_table(page, document)
+    page.heading("Error before and after" if verdict_words.told(document) else "What the plain model leaves")
+    for name in [n for n in made if n.startswith(("residuals", "errors"))]:
+        page.figure(*made[name])
+    _reference_table(page, document)
     if "candidates" in made:
         page.heading("Evidence for every candidate")
         page.figure(*made["candidates"])
-        _candidate_tables(page, result, document)
+        _candidate_tables(page, traced, document)
     _honesty(page, document)
     if document.get("notes"):
         page.heading("Not declared, and taken from the log")
@@ -96,9 +93,9 @@ def trace_page(
 # ---- figures
 
 
-def _noise_figure(source: Source, result: Trace) -> tuple[Figure, str]:
-    streams = source.residuals(result.selection.final)
-    known = source.noise_known
+def _noise_figure(part: Part) -> tuple[Figure, str]:
+    streams = part.source.residuals(part.trace.final)
+    known = part.source.noise_known
     scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened.ravel() for r in streams]) ** 2)))
     sigma = "what the declared noise predicts" if known else "its own spread, since no noise is declared"
     return (
@@ -107,40 +104,47 @@ def _noise_figure(source: Source, result: Trace) -> tuple[Figure, str]:
     )
 
 
-def _residual_figures(source: Source, result: Trace, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
-    """Residuals before and after of every stream that an effect found enters."""
-
-    def of(fit: Any) -> dict[str, StreamResidual]:
-        return {r.stream: r for r in source.residuals(fit)}
-
-    before, after = of(result.selection.plain), of(result.selection.final)
-    streams = [_stream_of(source, result, finding) for finding in result.selection.findings]
-    part = document["error"]["held_out_part"]
+def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
+    """Residuals before and after of every stream that an effect told enters, and the errors."""
+    verdict, words_of_part = part.trace.verdict, held_out_part(part)
+    before, after = (_by_stream(part.source, fit) for fit in (part.trace.selection.plain, part.trace.final))
+    streams = [_stream_of(part, finding) for finding in verdict.told]
     made = {}
-    for stream in dict.fromkeys([result.proof.stream, *streams]):
+    for stream in dict.fromkeys([verdict.proof.stream, *streams]):
         if stream not in before:
             continue
-        terms = [f.term for f, s in zip(result.selection.findings, streams, strict=True) if s == stream]
+        terms = [f.term for f, s in zip(verdict.told, streams, strict=True) if s == stream]
         intervals = [term.interval for term in terms if term.interval is not None]
-        name = "residuals" if stream == result.proof.stream else f"residuals_{stream}"
+        name = "residuals" if stream == verdict.proof.stream else f"residuals_{stream}"
         caption = f"Residual of the {words.SENSORS.get(stream, stream)}, each model fitted to all data." + (
             " Yellow: when the time-localised effect acts." if intervals else ""
         )
-        made[name] = figures.residuals_over_time(before[stream], after[stream], part, intervals), caption
+        made[name] = figures.residuals_over_time(before[stream], after[stream], words_of_part, intervals), caption
+    proof = verdict.proof
+    of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
+    made["errors"] = (
+        figures.error_bars(of_all, held, words_of_part, proof.stream),
+        "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval.",
+    )
     return made
 
 
-def _stream_of(source: Source, result: Trace, finding: Finding) -> str:
+def _by_stream(source: Source, fit: Fit) -> dict[str, StreamResidual]:
+    return {r.stream: r for r in source.residuals(fit)}
+
+
+def _stream_of(part: Part, finding: Finding) -> str:
     """The stream in whose residuals an effect shows: its own, or for an IMU the one that sees most of it."""
-    own = source.effect(finding.term).stream
-    if any(r.stream == own for r in source.residuals(result.selection.plain)):
+    own, plain = part.source.effect(finding.term).stream, part.trace.selection.plain
+    if own in _by_stream(part.source, plain):
         return own
-    signature = source.signature(result.selection.plain, finding.term, finding.beta)
+    signature = part.source.signature(plain, finding.term, finding.beta)
     return own if signature is None else signature.stream
 
 
-def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Figure, str] | None:
-    step = next((s for s in reversed(result.selection.steps) if s.term == finding.term), None)
+def _effect_figure(part: Part, finding: Finding) -> tuple[Figure, str] | None:
+    source, selection = part.source, part.trace.selection
+    step = next((s for s in reversed(selection.steps) if s.term == finding.term), None)
     signature = None if step is None else source.signature(step.before, finding.term, finding.beta)
     if step is None or signature is None:
         return None
@@ -152,10 +156,10 @@ def _effect_figure(source: Source, result: Trace, finding: Finding) -> tuple[Fig
         else f" It shows most in the {words.SENSORS.get(signature.stream, signature.stream)}."
     )
     if finding.term.interval is not None:
-        models = (step.before, result.selection.final)
-        before, after = (next(r for r in source.residuals(m) if r.stream == signature.stream) for m in models)
+        final = part.trace.final if finding.term in part.trace.final.terms else selection.final
+        before, after = (_by_stream(source, fit)[signature.stream] for fit in (step.before, final))
         figure = figures.effect_over_time(before, after, name, finding.term.interval)
-        is_last = result.selection.steps[-1].term == finding.term
+        is_last = selection.steps[-1].term == finding.term
         return figure, f"{_local_caption(before, after, finding.term, is_last)}{where}"
     return (
         figures.residual_against_effect(signature, name),
@@ -189,26 +193,30 @@ def _local_caption(before: StreamResidual, after: StreamResidual, term: Term, is
     return text
 
 
-def step_of(result: Trace, finding: Finding) -> int:
+def step_of(part: Part, finding: Finding) -> int:
     """At which step an effect was chosen, from 1 on; its place among the findings where its interval has moved."""
-    taken = [step.term for step in result.selection.steps]
-    present = [other.term for other in result.selection.findings]
+    taken = [step.term for step in part.trace.selection.steps]
+    present = [other.term for other in part.trace.selection.findings]
     return (taken if finding.term in taken else present).index(finding.term) + 1
 
 
-def evidence(result: Trace) -> list[Bar]:
+def evidence(traced: Traced) -> list[Bar]:
     """Evidence for what was found at the step at which it was chosen, for all else about the last model."""
-    selection = result.selection
-    found = [Bar(f"{f.term.name} (step {step_of(result, f)})", f.log_p / _LN10, "found") for f in selection.findings]
-    named = {f.term.name for f in selection.findings}
+    found = []
+    for named in traced.verdict.effects:
+        finding, failed = named.finding, named.predicts is False
+        mark = trace_words.NOT_PREDICTING if failed else f"step {step_of(traced.part_of(named), finding)}"
+        kind = "left" if failed else "found"
+        found.append(Bar(f"{finding.term.name} ({mark})", finding.log_p / _LN10, kind))
+    names = {named.finding.term.name for named in traced.verdict.effects}
     others = [
         Bar(
-            (f"another {one.term.name}" if one.term.name in named else one.term.name)
+            (f"another {one.term.name}" if one.term.name in names else one.term.name)
             + (f" ({trace_words.REFUSED[one.why][0]})" if one.why else ""),
             one.log_p / _LN10,
             "left" if one.why else "other",
         )
-        for one in judged(selection)
+        for one in traced.judged
     ]
     return found + others
 
@@ -241,29 +249,33 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
 
 def _reasons(bars: Sequence[Bar]) -> list[str]:
     """What the reasons in the brackets of these bars mean."""
-    return [f"{mark}, {why}" for mark, why in trace_words.REFUSED.values() if any(f"({mark})" in b.label for b in bars)]
+    reasons = [*trace_words.REFUSED.values(), (trace_words.NOT_PREDICTING, "the held-out error does not fall with it")]
+    return [f"{mark}, {why}" for mark, why in reasons if any(f"({mark})" in b.label for b in bars)]
 
 
 # ---- sections
 
 
 def _numbers(page: Page, document: Mapping[str, Any]) -> None:
-    error = document["error"]
-    part, sensor = error["held_out_part"], words.SENSORS.get(error["stream"], error["stream"])
-    cards = [(trace_words.residual_change(error), f"RMS of the {sensor} residual, {part}")]
-    cards += [(change, f"{name}, {part}") for name, change in trace_words.reference_changes(document, "truth_held_out")]
+    cards = []
+    for error, _ in verdict_words.errors(document):
+        part, sensor = error["held_out_part"], words.SENSORS.get(error["stream"], error["stream"])
+        cards.append((verdict_words.residual_change(error), f"RMS of the {sensor} residual, {part}"))
+        held = verdict_words.reference_changes(error.get("truth_held_out"))
+        cards += [(change, f"{name}, {part}") for name, change in held.items()]
     page.numbers(cards)
 
 
 def _effect_section(
     page: Page,
-    result: Trace,
+    traced: Traced,
     document: Mapping[str, Any],
-    effect: Mapping[str, Any],
+    named: Named,
     k: int,
     figure: tuple[Figure, str] | None,
     hidden: Mapping[str, Sequence[float]],
 ) -> None:
+    effect = document["effects"][k]
     page.subheading(f"{effect['name']}: {effect['summary'].rstrip('.')}")
     rows = [list(row) for row in trace_words.parameter_rows(effect)]
     head = ["parameter", "value ± 1 sigma", "unit"]
@@ -271,8 +283,7 @@ def _effect_section(
         head.append("hidden in the data")
         rows = [[*row, f"{value:g}"] for row, value in zip(rows, hidden[effect["name"]], strict=True)]
     page.table(head, rows, numeric=(1, 3))
-    finding = result.selection.findings[k]
-    step = step_of(result, finding)
+    step = step_of(traced.part_of(named), named.finding)
     text = f"Chosen at step {step}, {words.p_value_words(effect['log10_p_value'])} about the model before it"
     text += f" (needed: p < {document['p_value_needed']:.2g})."
     if effect.get("interval"):
@@ -282,31 +293,55 @@ def _effect_section(
         text += f" {together}"
     if effect["confused_with"]:
         text += f" The data cannot tell it from {', '.join(effect['confused_with'])}."
-    if effect["name"] in document["error"]["untested"]:
+    if effect["predicts"] is False:
+        text += f" {verdict_words.not_predicting_sentence(document, effect)}"
+    elif effect["predicts"]:
+        held_out = verdict_words.stream_change(effect["held_out"])
+        text += f" Beside all else that is told it takes the held-out {held_out}."
+    elif effect["name"].endswith(".outliers"):
+        text += " Such readings are left out of the errors: nothing predicts them."
+    else:
         text += " It acts on no held-out reading: only this evidence speaks for it, not the held-out error."
     page.text(text)
     if figure is not None:
         page.figure(*figure)
 
 
+def _twin_table(page: Page, document: Mapping[str, Any]) -> None:
+    """Every effect that explains the data equally well, with the errors of the model that has it."""
+    page.heading("Which of them, these data cannot tell")
+    page.text(f"Errors on the {document['error']['held_out_part']} of the data, without and with each of them:")
+    errors = [verdict_words.twin_errors(twin) for twin in document["twins"]]
+    head = list(dict.fromkeys(name for one in errors for name in one))
+    rows = []
+    for twin, known in zip(document["twins"], errors, strict=True):
+        failed = f" ({trace_words.NOT_PREDICTING})" if twin["predicts"] is False else ""
+        sizes = [f"{twin['name']}{failed}", trace_words.size_words(twin)]
+        rows.append(sizes + [known.get(name, "-") for name in head])
+    page.table(["effect", "size", *head], rows)
+
+
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
-    whole = trace_words.reference_changes(document, "truth")
-    if not whole:
+    whole = verdict_words.reference_changes(document["error"].get("truth"))
+    if not whole or not verdict_words.told(document):
         return
-    held = dict(trace_words.reference_changes(document, "truth_held_out"))
+    held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
     page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")
     head = ["", "all data, before → after", f"{document['error']['held_out_part']}, before → after"]
-    page.table(head, [[name, change, held.get(name, "-")] for name, change in whole], (1, 2))
+    page.table(head, [[name, change, held.get(name, "-")] for name, change in whole.items()], (1, 2))
     truth = document["error"]["truth"]
     if note := words.reference_note(truth, truth["before"]):
         page.text(note, note=True)
 
 
-def _candidate_tables(page: Page, result: Trace, document: Mapping[str, Any]) -> None:
+def _candidate_tables(page: Page, traced: Traced, document: Mapping[str, Any]) -> None:
     known = {c["name"]: c for c in document["candidates"]}
-    found = [[f.term.name, f"chosen: {_p(f.log_p / _LN10)}", "found"] for f in result.selection.findings]
+    found = [
+        [e["name"], f"chosen: {_p(e['log10_p_value'])}", "found" if e["predicts"] is not False else "does not predict"]
+        for e in document["effects"]
+    ]
     rows = []
-    for one in judged(result.selection):
+    for one in traced.judged:
         name = one.term.name
         if one.why:
             seen = f"not accepted: {trace_words.REFUSED[one.why][1]}"
@@ -315,7 +350,8 @@ def _candidate_tables(page: Page, result: Trace, document: Mapping[str, Any]) ->
         else:
             seen = trace_words.detectable_words(known[name]) or "not visible in these data"
         rows.append([name, _p(one.log_p / _LN10), seen])
-    rows += [[o.term.name, "-", "not visible in these data"] for o in result.selection.last_options if o.dof == 0]
+    unseen = [o.term.name for part in traced.parts for o in part.trace.selection.last_options if o.dof == 0]
+    rows += [[name, "-", "not visible in these data"] for name in unseen]
     head = ["effect", "p-value", "would be found from"]
     if not found:
         page.text("From these sizes on each effect would have been found in these data:")
@@ -339,9 +375,11 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
         same = "chooses the same effects" if error["same_names_on_fitting_part"] else "chooses other effects"
         page.text(f"The part of the data that was used for fitting, taken alone, {same}.")
     for name in document["rolled_back"]:
-        page.text(f"{name} passed the test on all data, but the held-out part does not bear it out.")
+        page.text(f"{name} passed the test on all data, but the held-out part speaks against it.")
     for item in document["remaining"]:
         sentence = trace_words.remaining_sentence(item)
         page.text(f"{sentence[0].upper()}{sentence[1:]}.")
     if not document["remaining"]:
         page.text("The remaining residual is white and as large as the noise.")
+    for one in document["left_out"]:
+        page.text(f"The {words.SENSORS[one['sensor']]} was not traced: {one['why']}.")

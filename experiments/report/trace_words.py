@@ -1,4 +1,4 @@
-"""A trace in sentences that a student understands: title, lead, effects, what would have been seen, what remains."""
+"""What a trace found in sentences that a student understands: effects, what would have been seen, what remains."""
 
 from __future__ import annotations
 
@@ -9,15 +9,9 @@ import numpy as np
 
 from experiments.report.words import (
     SENSORS,
-    change,
-    counted,
-    is_truth,
     number,
     p_value_words,
     per_unit,
-    reference_change,
-    reference_name,
-    stream_unit,
     times,
     with_sigma,
 )
@@ -33,14 +27,6 @@ from experiments.residual_loop.trials import (
 )
 from sensors.effects import CATALOGUE
 
-#: The error against a reference that an effect on a sensor spoils first.
-_SPOILED = {
-    "mag": "heading_rms", "gyro": "attitude_rms", "accel": "attitude_rms", "level": "attitude_rms",
-    "baro": "height_rms", "sonar": "height_rms", "laser": "height_rms", "gps": "position_rms",
-}  # fmt: skip
-#: A change of that error by less than this share is no headline: the residual's is, then.
-_TELLING = 0.1
-_MOST_IN_TITLE = 2
 #: An excess beyond so many times the expected is said as a factor, not in per cent.
 _FACTOR = 9.0
 #: A parameter that is not so many sigma from zero is not known to be anything by itself.
@@ -60,114 +46,10 @@ REFUSED = {
         "it was not tried: stronger ones came first, or enough effects were found",
     ),
     BESIDE_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
-    ROLLED_BACK: ("held out", "the held-out part of the data does not bear it out"),
+    ROLLED_BACK: ("held out", "the held-out part of the data speaks against it"),
 }
-
-
-def title(document: Mapping[str, Any]) -> str:
-    """The page's title: what the instrument does wrong, how much, and what adding it brings; or that nothing is
-    missing.
-    """
-    effects = document["effects"]
-    if not effects:
-        if document["verdict"] != "no_effect":
-            return "Something is missing that no effect of the catalogue explains"
-        if document["remaining"]:
-            return "No effect of the catalogue is seen, but the residual is not what the noise would leave"
-        return "Nothing missing was found: what the model leaves looks like noise"
-    first = effects[0]
-    if first["confused_with"]:
-        others = ", or ".join(_clause(CATALOGUE[name].summary) for name in first["confused_with"])
-        return f"{_sentence(first['summary'])}, or {others}: these data cannot tell"
-    if len(effects) == 1:
-        rest = ", and something without a name" if document["verdict"] == "unexplained" else ""
-        return f"{_sentence(first['summary'])}: {size_words(first)}{rest}; {headline_error(document)}"
-    parts = [f"{_clause(e['summary'])} ({size_words(e)})" for e in effects[:_MOST_IN_TITLE]]
-    more = len(effects) - _MOST_IN_TITLE
-    parts += [f"{more} more {'effects' if more > 1 else 'effect'}"] if more > 0 else []
-    parts += ["something without a name"] if document["verdict"] == "unexplained" else []
-    text = ", ".join(parts[:-1]) + ", and " + parts[-1]
-    return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
-
-
-def name_of(document: Mapping[str, Any]) -> str:
-    """What the user calls the recording; where nobody said so, its own name."""
-    return str(document.get("called") or document["recording"])
-
-
-def headline_error(document: Mapping[str, Any]) -> str:
-    """The error that matters to the user, before and after on held-out data: of the states where they are known."""
-    error = document["error"]
-    part = f"on the {error['held_out_part']}"
-    held = error.get("truth_held_out")
-    name = _SPOILED.get(error["stream"], "")
-    if held and is_truth(held.get("kind")) and name in held["before"] and name in held["after"]:
-        before, after = held["before"][name], held["after"][name]
-        if abs(after - before) > _TELLING * before:
-            return f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {part}"
-    return f"residual {residual_change(error)} {part}"
-
-
-def residual_change(error: Mapping[str, Any]) -> str:
-    """RMS of the residual before and after on held-out data, with its unit."""
-    unit = stream_unit(error["stream"], error["before"]["unit"])
-    return f"{change(error['before']['rms'], error['after']['rms'])} {unit}".strip()
-
-
-def lead(document: Mapping[str, Any]) -> str:
-    """What stands under the title: the proof on held-out data, or how near the strongest candidate came."""
-    text = _proof(document) if document["effects"] else _strongest(document)
-    if document["verdict"] == "ambiguous":
-        text += f" That is with {document['effects'][0]['name']} in the model; the others named do as well."
-        text += f" What would decide: {document['separates']}." if document.get("separates") else ""
-    if document["verdict"] == "unexplained":
-        text += " Something remains that no effect of the catalogue explains: see the end."
-    if document["effects"] and not document["error"]["same_names_on_fitting_part"]:
-        text += " The part that was used for fitting, taken alone, chooses other effects: take the names with care."
-    return text
-
-
-def _proof(document: Mapping[str, Any]) -> str:
-    error = document["error"]
-    before, after = error["before"]["rms"], error["after"]["rms"]
-    sensor = SENSORS.get(error["stream"], error["stream"])
-    share = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-    relation = f"{share:.0f} % less" if share >= 0.0 else f"{-share:.0f} % more"
-    low, high = error["after"]["interval"]
-    return (
-        f"On the {error['held_out_part']} of the data, which took no part in the fit, the RMS of the {sensor} residual "
-        f"goes {residual_change(error)}: {relation} (95 % interval of the second {number(low)} to {number(high)})."
-    )
-
-
-def _strongest(document: Mapping[str, Any]) -> str:
-    # one that cannot be seen beside an error outside the catalogue was not judged: its place there is null
-    asked = [c for c in document["candidates"] if c["dof"] > 0 and c.get("judged_log10_p_value", 0.0) is not None]
-    unseen = sum(c["dof"] == 0 for c in document["candidates"])
-    if not asked:
-        return "There are too few readings to look for any effect."
-    best = min(asked, key=_log10_p)
-    who = f"The strongest of {counted(len(asked), 'candidate')}, {best['name']},"
-    needed = f"p < {document['p_value_needed']:.2g}"
-    if best.get("refused"):
-        return (
-            f"{who} has {p_value_words(_log10_p(best))}, where {needed} is needed, but it was not accepted: "
-            f"{REFUSED[best['refused']][1]}."
-        )
-    text = f"{who} has {p_value_words(_log10_p(best))}; {needed} would be needed."
-    sizes = [(s, unit) for s, unit in zip(best["detectable_from"], best.get("unit", []), strict=False) if s is not None]
-    if sizes:
-        size, unit = min(sizes)
-        text += f" It would have been seen from {per_unit(size, unit, best['name'])} on."
-    if unseen:
-        text += f" {counted(unseen, 'other effect')} cannot be seen in these data at any size."
-    return text
-
-
-def _log10_p(candidate: Mapping[str, Any]) -> float:
-    """Of the p-value by which a candidate was judged in the end; of one that was not, about the plain model."""
-    judged = candidate.get("judged_log10_p_value")
-    return float(np.log10(max(candidate["p_value"], 1e-300))) if judged is None else float(judged)
+#: The mark of an effect that passes its test on all data but does not predict the held-out part.
+NOT_PREDICTING = "does not predict"
 
 
 def size_words(effect: Mapping[str, Any]) -> str:
@@ -222,6 +104,7 @@ def effect_line(effect: Mapping[str, Any]) -> str:
     when = f"; {interval_words(effect)}" if effect.get("interval") else ""
     satellite = f"; satellite {effect['satellite']}" if effect.get("satellite") else ""
     line = f"{effect['name']}: {values}{when}{satellite}; {p_value_words(effect['log10_p_value'])}"
+    line += "; does not predict the held-out data" if effect["predicts"] is False else ""
     together = known_together(effect)
     return f"{line}\n    {together}" if together else line
 
@@ -235,36 +118,6 @@ def known_together(effect: Mapping[str, Any]) -> str:
         f"Its components are known only together: p is that of all {len(pairs)} at once, which are surely not all "
         f"zero; of the single ones, whose errors go together, each is within {_ALONE:g} sigma of zero."
     )
-
-
-def trace_summary(document: Mapping[str, Any]) -> str:
-    """The trace in a few lines for the terminal."""
-    lines = [f"{name_of(document)}: {document['verdict']}", f"  {title(document)}.", f"  {lead(document)}"]
-    lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
-    if document["effects"] and document["error"]["same_names_on_fitting_part"]:
-        lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
-    if document["effects"]:
-        lines += [f"  {name}, all data: {change_}" for name, change_ in reference_changes(document, "truth")]
-    if not document["effects"]:
-        sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c and not c.get("refused")]
-        lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
-    lines += [f"  remains: {remaining_sentence(item)}" for item in document["remaining"]]
-    return "\n".join(lines)
-
-
-def reference_changes(document: Mapping[str, Any], which: str) -> list[tuple[str, str]]:
-    """Each error against the reference, with what that is, before and after.
-
-    Parameters
-    ----------
-    which : "truth", of all data, or "truth_held_out"
-    """
-    errors = document["error"].get(which) or {"before": {}, "after": {}}
-    return [
-        (reference_name(name, errors.get("kind")), reference_change(name, before, errors["after"][name]))
-        for name, before in errors["before"].items()
-        if name in errors["after"]
-    ]
 
 
 def remaining_sentence(item: Mapping[str, Any]) -> str:
@@ -322,10 +175,12 @@ def detectable_words(candidate: Mapping[str, Any]) -> str:
     return _listed(detectable(candidate))
 
 
-def _sentence(summary: str) -> str:
+def sentence(summary: str) -> str:
+    """A summary without its full stop."""
     return summary.rstrip(".")
 
 
-def _clause(summary: str) -> str:
+def clause(summary: str) -> str:
+    """A summary as a part of a sentence."""
     text = summary.rstrip(".")
     return text if text[1:2].isupper() else text[0].lower() + text[1:]

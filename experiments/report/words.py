@@ -94,13 +94,20 @@ def with_sigma(value: float, sigma: float | None) -> str:
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
+#: Digits beyond the second that sizes before and after may need to be told apart.
+_TOLD_APART = 4
+
+
 def change(before: float, after: float) -> str:
-    """A size before and after, with as many digits as the smaller needs."""
+    """A size before and after, with as many digits as the smaller needs, and as it takes to tell them apart."""
     smaller = min(abs(before), abs(after))
-    digits = 1 - floor(log10(smaller)) if smaller > 0.0 else 2
-    if digits > 6:
-        return f"{before:.2e} → {after:.2e}"
-    return f"{before:.{max(digits, 0)}f} → {after:.{max(digits, 0)}f}"
+    digits = max(1 - floor(log10(smaller)) if smaller > 0.0 else 2, 0)
+    form, most = ("e", 2 + _TOLD_APART) if digits > 6 else ("f", digits + _TOLD_APART)
+    for places in range(2 if form == "e" else digits, most + 1):
+        first, second = f"{before:.{places}{form}}", f"{after:.{places}{form}}"
+        if first != second or before == after:
+            break
+    return f"{first} → {second}"
 
 
 #: how a unit is written in a sentence

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +29,8 @@ _FULL_RATE_STEP = 0.1
 #: Readings whose size is off by this factor are in another unit: T, mT, G, uT and nT are ten apart or more, which
 #: leaves 40 % for the scale of the sensor.
 _OTHER_UNIT = 7.0
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -70,23 +74,46 @@ def sensors_in_poses(recording: Recording) -> tuple[str, ...]:
     return tuple(found)
 
 
-def choose_sensor(recording: Recording, sensor: str | None) -> str:
-    """The sensor asked for, or the only one there is.
+def sensors_asked_for(recording: Recording, sensor: str | None) -> tuple[str, ...]:
+    """The sensor asked for, or all that there are.
 
     Raises
     ------
-    InputError : not there, or several and none named
+    InputError : not there
     """
     there = sensors_in_poses(recording)
     if sensor is None:
-        if len(there) == 1:
-            return there[0]
-        raise InputError(recording.where, f"sensors {', '.join(there)}", "one of them: pass --sensor")
+        return there
     if sensor not in there:
         raise InputError(
             recording.where, f"no {sensor} (there are {', '.join(there) or 'none'})", "a sensor that is there"
         )
-    return sensor
+    return (sensor,)
+
+
+def of_each_sensor(
+    recording: Recording, sensors: Iterable[str], make: Callable[[str], Made]
+) -> tuple[dict[str, Made], dict[str, str]]:
+    """What is made of each sensor, and of the others why it cannot be made.
+
+    Raises
+    ------
+    InputError : it can be made of none
+    """
+    done, failed = dict[str, Made](), dict[str, InputError]()
+    for sensor in sensors:
+        try:
+            done[sensor] = make(sensor)
+        except InputError as error:
+            failed[sensor] = error
+    if len(failed) == 1 and not done:
+        raise next(iter(failed.values()))
+    why = {sensor: f"{error.found}; expected {error.expected}" for sensor, error in failed.items()}
+    if not done:
+        raise InputError(
+            recording.where, "; ".join(f"{s}: {e.found}" for s, e in failed.items()), "poses of one of them"
+        )
+    return done, why
 
 
 def require_kind(recording: Recording, kind: str, command: str, instead: str) -> None:
@@ -199,8 +226,15 @@ def _row_sigma(noise_std: float | None, n: int) -> FloatArray | None:
 
 
 def pose_source(recording: Recording, sensor: str | None = None, gravity: float | None = None) -> LeastSquaresSource:
-    """The source of a poses recording."""
-    sensor = choose_sensor(recording, sensor)
+    """The source of one sensor of a poses recording.
+
+    Raises
+    ------
+    InputError : the sensor is not there; there are several, and none is named
+    """
+    sensor, *others = sensors_asked_for(recording, sensor)
+    if others:
+        raise InputError(recording.where, f"sensors {', '.join((sensor, *others))}", "one of them")
     if sensor == "gyro":
         return LeastSquaresSource(_turns(recording, gravity, declared_for(recording, sensor)))
     return LeastSquaresSource(norm_poses(recording, triad_readings(recording, sensor, gravity)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
+from experiments.residual_loop.trials import Finding
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 
@@ -31,6 +32,7 @@ class Errors:
     nis_per_dof : over all streams
     interval : 95 % interval of the rms by block bootstrap
     sse : sum of squares of the stream in question
+    values : number of residuals, each component one, over all streams
     """
 
     rms: float
@@ -38,21 +40,53 @@ class Errors:
     nis_per_dof: float
     interval: tuple[float, float]
     sse: float
+    values: int
+
+
+@dataclass(frozen=True)
+class Change:
+    """RMS of the held-out residual of a stream, before and after."""
+
+    stream: str
+    unit: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one effect does to the held-out error, beside all others that are in the model.
+
+    Attributes
+    ----------
+    term : the effect
+    error : of its own stream, or where that has no residuals of the one with the largest NIS, without and with it
+    gain : by how much the squares of the whitened residuals of all streams are less with it
+    """
+
+    term: Term
+    error: Change
+    gain: float
+
+    @property
+    def falls(self) -> bool:
+        """Whether the held-out error is less with the effect: in that stream, and over all."""
+        return self.error.after < self.error.before and self.gain > 0.0
 
 
 @dataclass(frozen=True)
 class Proof:
-    """Errors before and after on held-out data.
+    """Errors before and after on held-out data, without readings in an interval of which the rest knows nothing.
 
     Attributes
     ----------
     stream : whose errors are compared
     before, after : held out
     in_sample_before, in_sample_after : on all data, fitted on all data
-    nis_before, nis_after : per degree of freedom over all streams and all data
     untested : effects that act on no held-out reading, or whose size the rest cannot tell, so that only the evidence
         speaks for them
     fits : the plain and the final model as fitted on the fitting part
+    contributions : of every effect that is tested, in order of discovery
     """
 
     stream: str
@@ -60,10 +94,51 @@ class Proof:
     after: Errors
     in_sample_before: Errors
     in_sample_after: Errors
-    nis_before: float
-    nis_after: float
     untested: tuple[Term, ...]
     fits: tuple[Fit, Fit]
+    contributions: tuple[Contribution, ...]
+
+    @property
+    def nis_before(self) -> float:
+        """Of the plain model, per degree of freedom over all streams and all data."""
+        return self.in_sample_before.nis_per_dof
+
+    @property
+    def nis_after(self) -> float:
+        """Of the final model."""
+        return self.in_sample_after.nis_per_dof
+
+    @property
+    def falls(self) -> bool:
+        """Whether the held-out error is less with the effects than without them."""
+        return self.after.rms < self.before.rms
+
+    @property
+    def failing(self) -> Contribution | None:
+        """The last effect found that does not predict the held-out data: the error does not fall with it, or, where it
+        does with each, not with all of them.
+        """
+        late = self.contributions[::-1]
+        failing = next((one for one in late if not one.falls), None)
+        if failing is None and late and not self.falls:
+            of_all = Change(self.stream, self.before.unit, self.before.rms, self.after.rms)
+            return replace(late[0], error=of_all)
+        return failing
+
+    def with_nis_of(self, proofs: Sequence[Proof]) -> Proof:
+        """The proof with the NIS of all residuals of several proofs."""
+
+        def mean(of: Callable[[Proof], Errors]) -> float:
+            total = sum(of(one).nis_per_dof * of(one).values for one in proofs)
+            return total / sum(of(one).values for one in proofs)
+
+        return replace(
+            self,
+            before=replace(self.before, nis_per_dof=mean(lambda one: one.before)),
+            after=replace(self.after, nis_per_dof=mean(lambda one: one.after)),
+            in_sample_before=replace(self.in_sample_before, nis_per_dof=mean(lambda one: one.in_sample_before)),
+            in_sample_after=replace(self.in_sample_after, nis_per_dof=mean(lambda one: one.in_sample_after)),
+        )
 
 
 def stream_in_question(source: Source, selection: Selection, names: Collection[str]) -> str:
@@ -95,6 +170,7 @@ def errors_of(residuals: Sequence[StreamResidual], stream: str, rng: np.random.G
         float(np.mean(squares)) / noise,
         rms_interval(row_squares, rng),
         float(np.sum(one.residual**2)),
+        len(squares),
     )
 
 
@@ -170,13 +246,57 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     fitting = _fitted_on_the_rest(source, selection, known)
     plain = source.fit((), part="fitting")
     noise = _noise(source, selection.final)
-    before, after = held_out(source.residuals(plain)), held_out(source.residuals(fitting))
+    unknown = _unknown(selection, known)
+    before, after = (_told(source, unknown, held_out(source.residuals(fit))) for fit in (plain, fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
     of_all = before, after, all_before, all_after
     stream = stream_in_question(source, selection, set.intersection(*({r.stream for r in part} for part in of_all)))
     first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in of_all)
-    nis = third.nis_per_dof, fourth.nis_per_dof
-    return Proof(stream, first, second, third, fourth, *nis, untested, (plain, fitting))
+    contributions = tuple(
+        _contribution(source, selection, known, fitting, finding)
+        for finding in selection.findings
+        if finding.term in asked
+    )
+    return Proof(stream, first, second, third, fourth, untested, (plain, fitting), contributions)
+
+
+def _contribution(
+    source: Source, selection: Selection, known: frozenset[Term], fitted: Fit, finding: Finding
+) -> Contribution:
+    """Of one effect: the model of the fitting part with and without it."""
+    without, unknown = _fitted_on_the_rest(source, selection, known - {finding.term}), _unknown(selection, known)
+    before, after = (_told(source, unknown, held_out(source.residuals(fit))) for fit in (without, fitted))
+    names = {r.stream for r in before} & {r.stream for r in after}
+    stream = stream_in_question(source, replace(selection, findings=(finding,)), names)
+    first, second = (next(r for r in part if r.stream == stream) for part in (before, after))
+    gain, _ = _held_out_gain(source, fitted, without, unknown)
+    return Contribution(finding.term, Change(stream, first.unit, first.rms, second.rms), gain)
+
+
+def changes(source: Source, plain: Fit, fitted: Fit, streams: Sequence[str]) -> tuple[Change, ...]:
+    """Held-out RMS of streams by two models of the fitting part, where both foretell them."""
+    before, after = ({r.stream: r for r in held_out(source.residuals(fit))} for fit in (plain, fitted))
+    both = [(before[name], after[name]) for name in streams if name in before and name in after]
+    return tuple(Change(first.stream, first.unit, first.rms, second.rms) for first, second in both)
+
+
+def _unknown(selection: Selection, known: frozenset[Term]) -> list[Term]:
+    """The intervals of which the fitting part knows nothing."""
+    return [term for term in selection.final.terms if term.interval is not None and term not in known]
+
+
+def _told(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
+    """The residuals without the readings in intervals of which the fitting part knows nothing; all of a stream of which
+    none would be left.
+    """
+    told = []
+    for r in residuals:
+        keep = np.ones(len(r.t), dtype=bool)
+        for term in unknown:
+            if r.stream in _concerned(source, term, residuals):
+                keep &= ~term.covers(r.t)
+        told.append(r.rows(keep) if np.any(keep) else r)
+    return told
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
@@ -188,7 +308,7 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     fitted = _fitted_on_the_rest(source, selection, known)
-    unknown = [term for term in selection.final.terms if term.interval is not None and term not in known]
+    unknown = _unknown(selection, known)
     dropped: list[Term] = []
     for term in reversed(asked):
         without = _fitted_on_the_rest(source, selection, known - {term, *dropped})

@@ -8,50 +8,34 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.score import Statistic
-from experiments.residual_loop.judged import Judged, judged
-from experiments.residual_loop.prove import Errors
+from experiments.residual_loop.judged import Judged
+from experiments.residual_loop.prove import Change, Errors
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import LocalFinding, Source
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import Trace
+from experiments.residual_loop.traced import Part, Traced
 from experiments.residual_loop.trials import Finding
+from experiments.residual_loop.verdict import Named, Twin, Verdict
 from sensors.arrays import finite_or_none
 
 
-def report(source: Source, result: Trace) -> dict[str, object]:
+def report(traced: Traced) -> dict[str, object]:
     """The trace as the JSON of the report."""
-    proof = result.proof
-    error: dict[str, object] = {
-        "held_out": True,
-        "stream": proof.stream,
-        "same_names_on_fitting_part": result.same_names,
-        "before": _errors(proof.before),
-        "after": _errors(proof.after),
-        "in_sample": {
-            "before": {"sse": proof.in_sample_before.sse, "rms": proof.in_sample_before.rms},
-            "after": {"sse": proof.in_sample_after.sse, "rms": proof.in_sample_after.rms},
-        },
-        "untested": [term.name for term in proof.untested],
-    }
-    error["truth"] = _before_after(result.truth, result.reference)
-    error["truth_held_out"] = _before_after(result.truth_held_out, result.reference)
-    error["held_out_part"] = held_out_part(source, result)
-    counted = time_is_count(source, result)
-    colour = any(item.kind == "colour" for item in result.remaining)
-    others = judged(result.selection)
+    verdict = traced.verdict
+    told = next(part for part in traced.parts if part.trace.verdict.proof.stream == verdict.proof.stream)
+    others = traced.judged
+    colour = any(item.kind == "colour" for item in verdict.remaining)
+    proof = verdict.proof
     return {
         "format": 1,
-        "recording": result.recording,
-        "alpha": result.alpha,
-        "p_value_needed": result.alpha / max(source.families, 1),
-        "verdict": result.verdict,
-        "effects": [_effect(source, finding, counted) for finding in result.selection.findings],
-        "error": error,
+        "recording": traced.name,
+        "alpha": traced.alpha,
+        "p_value_needed": traced.alpha / max(traced.families, 1),
+        "verdict": verdict.word,
+        "effects": [_named(traced.part_of(one), one) for one in verdict.effects],
+        "error": _error(told, verdict),
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
-        "candidates": [
-            *(_candidate(source, s, others) for s in _candidates(result.selection)),
-            *(_local_candidate(found, others) for found in result.selection.plain_local),
-        ],
+        "candidates": [entry for part in traced.parts for entry in _candidates_of(part, others)],
         "remaining": [
             {
                 "stream": r.stream,
@@ -61,11 +45,44 @@ def report(source: Source, result: Trace) -> dict[str, object]:
                 "p_value": r.p_value,
                 "what": r.what,
             }
-            for r in result.remaining
+            for r in verdict.remaining
         ],
-        "rolled_back": list(result.rolled_back),
-        "separates": result.separates,
+        "rolled_back": list(verdict.rolled_back),
+        "separates": verdict.separates,
+        "twins": [_twin(told, twin, verdict.reference) for twin in verdict.twins],
+        "sensors": [
+            {"sensor": part.sensor, "error": _error(part, part.trace.verdict)}
+            for part in traced.parts
+            if len(traced.parts) > 1
+        ],
+        "left_out": [{"sensor": sensor, "why": why} for sensor, why in traced.left_out],
     }
+
+
+def _error(part: Part, verdict: Verdict) -> dict[str, object]:
+    """Errors before and after of the model that is told of a part."""
+    proof = verdict.proof
+    return {
+        "held_out": True,
+        "stream": proof.stream,
+        "same_names_on_fitting_part": verdict.same_names,
+        "before": _errors(proof.before),
+        "after": _errors(proof.after),
+        "in_sample": {
+            "before": {"sse": proof.in_sample_before.sse, "rms": proof.in_sample_before.rms},
+            "after": {"sse": proof.in_sample_after.sse, "rms": proof.in_sample_after.rms},
+        },
+        "untested": [term.name for term in proof.untested],
+        "truth": _before_after(verdict.truth, verdict.reference),
+        "truth_held_out": _before_after(verdict.truth_held_out, verdict.reference),
+        "held_out_part": held_out_part(part),
+    }
+
+
+def _candidates_of(part: Part, others: Sequence[Judged]) -> list[dict[str, object]]:
+    selection = part.trace.selection
+    lasting = [_candidate(part.source, s, others) for s in _candidates(selection)]
+    return lasting + [_local_candidate(found, others) for found in selection.plain_local]
 
 
 def _candidates(selection: Selection) -> list[Statistic]:
@@ -80,21 +97,41 @@ def _before_after(
     return None if pair is None else {**(reference or {}), "before": dict(pair[0]), "after": dict(pair[1])}
 
 
-def held_out_part(source: Source, result: Trace) -> str:
+def held_out_part(part: Part) -> str:
     """Which part of the data took no part in the fit, in words."""
-    held = source.residuals(result.selection.plain)[0].held_out
+    held = part.source.residuals(part.trace.selection.plain)[0].held_out
     stretches = int(np.sum(np.diff(held.astype(int)) == 1)) + int(held[0])
     share = "third" if np.mean(held) > 0.25 else "fifth"
     return f"last {share}" if stretches == 1 and held[-1] else f"held-out {share}"
 
 
-def time_is_count(source: Source, result: Trace) -> bool:
+def time_is_count(part: Part) -> bool:
     """Whether the "time" of the readings is their number: a log without time stamps."""
-    return all(r.counted for r in source.residuals(result.selection.plain))
+    return all(r.counted for r in part.source.residuals(part.trace.selection.plain))
 
 
-def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object]:
-    entry = source.effect(finding.term)
+def _named(part: Part, named: Named) -> dict[str, object]:
+    """An effect, and what it does to the held-out error."""
+    held = named.contribution
+    error = None if held is None else _change(held.error)
+    return {**_effect(part, named.finding), "predicts": named.predicts, "held_out": error}
+
+
+def _twin(part: Part, twin: Twin, reference: Mapping[str, object] | None) -> dict[str, object]:
+    return {
+        **_named(part, twin.named),
+        "errors": [_change(one) for one in twin.errors],
+        "truth": _before_after(twin.truth, reference),
+        "truth_held_out": _before_after(twin.truth_held_out, reference),
+    }
+
+
+def _change(error: Change) -> dict[str, object]:
+    return {"stream": error.stream, "unit": error.unit, "before": error.before, "after": error.after}
+
+
+def _effect(part: Part, finding: Finding) -> dict[str, object]:
+    entry = part.source.effect(finding.term)
     interval = finding.term.interval
     return {
         "name": finding.term.name,
@@ -108,7 +145,7 @@ def _effect(source: Source, finding: Finding, counted: bool) -> dict[str, object
         "confused_with": list(finding.confused_with),
         "at_least": finding.at_least,
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
-        "interval_unit": "reading" if counted else "s",
+        "interval_unit": "reading" if time_is_count(part) else "s",
         "satellite": finding.term.satellite,
         "summary": entry.summary,
     }

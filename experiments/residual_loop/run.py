@@ -3,39 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from experiments.measured.reference import Mounted, described, errors_of, reference_of
 from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.source import Fit, Source
-from experiments.residual_loop.trace import Score, Trace, trace
+from experiments.residual_loop.source import Fit
+from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Part, Traced
+from experiments.residual_loop.verdict import Score, Scores
 from sensors.recording import Recording
 
 
 def trace_recording(
     recording: Recording, sensor: str | None = None, alpha: float = 0.01, gravity: float | None = None
-) -> tuple[Source, Trace]:
-    """Open a recording as a source and trace it; a flight is scored, after the decision, against what it has for that.
+) -> Traced:
+    """Open a recording as a source, or several, and trace it; a flight is scored, after the decision, against what it
+    has for that.
 
     Parameters
     ----------
-    sensor, gravity : of poses: which sensor, and the norm its readings aim at [m/s^2]
+    sensor, gravity : of poses: which sensor, else all; and the norm that an accelerometer's readings aim at [m/s^2]
     alpha : family-wise error
     """
     if recording.kind == "poses":
-        from experiments.residual_loop.open_source import pose_source
-
-        source = pose_source(recording, sensor, gravity)
-        return source, trace(source, alpha)
+        return trace_poses(recording, sensor, alpha, gravity)
     from experiments.residual_loop.open_flight import flight_source
 
     flight = flight_source(recording)
     truth, target = recording.truth, reference_of(recording)
     if truth is None or target is None:
-        return flight, trace(flight, alpha)
+        return Traced.alone(flight, trace(flight, alpha))
     held_out = target.after(flight.held_out_from)
-    result = trace(flight, alpha, score_of(flight, target), score_of(flight, held_out))
-    return flight, replace(result, reference=described(truth, target))
+    scores = Scores(score_of(flight, target), score_of(flight, held_out), described(truth, target))
+    return Traced.alone(flight, trace(flight, alpha, scores))
+
+
+def trace_poses(recording: Recording, sensor: str | None, alpha: float, gravity: float | None) -> Traced:
+    """Trace one sensor of poses, or all: their models share no parameter, so each is traced by itself, and its share of
+    the family-wise error is that of its candidates. What has no plain model is left out, and the reason kept.
+
+    Raises
+    ------
+    InputError : no sensor can be traced
+    """
+    from experiments.residual_loop.open_source import of_each_sensor, pose_source, sensors_asked_for
+
+    def traced(name: str) -> Part:
+        source = sources[name]
+        return Part(source, trace(source, alpha * source.families / families), name)
+
+    asked_for = sensors_asked_for(recording, sensor)
+    sources, left_out = of_each_sensor(recording, asked_for, lambda name: pose_source(recording, name, gravity))
+    families = sum(source.families for source in sources.values())
+    parts, more = of_each_sensor(recording, sources, traced)
+    return Traced(alpha, tuple(parts.values()), tuple((left_out | more).items()))
 
 
 def score_of(flight: FlightSource, target: Mounted) -> Score:

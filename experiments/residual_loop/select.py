@@ -86,6 +86,18 @@ class Selection:
         """Names of the effects found, each once."""
         return tuple(dict.fromkeys(finding.term.name for finding in self.findings))
 
+    def with_final(self, final: Fit) -> Selection:
+        """The selection with another final model, and the estimates there of those of its effects that are in it."""
+        findings = []
+        for f in self.findings:
+            if f.term in final.beta:
+                std = f.spread * final.std[f.term]
+                unseen = ~np.isfinite(f.std) & (not f.at_least)
+                bound = f.term.in_mean and bool(np.all(np.isinf(std)))
+                std = np.where(unseen, np.inf, std)
+                findings.append(replace(f, beta=final.beta[f.term], std=std, at_least=bound))
+        return replace(self, final=final, findings=tuple(findings))
+
 
 def select(
     source: Source,
@@ -238,7 +250,7 @@ class _Path:
         return Selection(
             self._plain,
             self._fit,
-            findings=tuple(_updated(finding, self._fit, self._offered.evidence) for finding in self.findings),
+            findings=tuple(updated(finding, self._fit, self._offered.evidence) for finding in self.findings),
             plain_statistics=self._first.statistics,
             plain_local=tuple(self._first.local),
             final_statistics=self._offered.statistics,
@@ -278,7 +290,7 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
     return fit, findings
 
 
-def _updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
+def updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     """The finding with its estimate in the final model."""
     term = finding.term
     beta = fit.beta[term]

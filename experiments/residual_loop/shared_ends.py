@@ -69,8 +69,10 @@ def told_as_one(
             continue
         lost = tried[0].deviance - fit.deviance
         if log_p_of_deviance(source.evidence(fit, own_terms_only=True), lost, size) + min(searches) > threshold:
-            confused = tuple(name for name in (*first.confused_with, *second.confused_with) if name != term.name)
-            finding = replace(tried[1], confused_with=tuple(dict.fromkeys(confused)))
+            rivals = {
+                rival.term.name: rival for rival in (*second.rivals, *first.rivals) if rival.term.name != term.name
+            }
+            finding = replace(tried[1], rivals=tuple(rivals.values()))
             return OneOffset(without, tried[0], finding, (first, second))
     return None
 

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from estimator.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
-from experiments.residual_loop.manoeuvre import separating_manoeuvre
 from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.prove import Proof, prove, rolled_back
-from experiments.residual_loop.remaining import Remaining, patches, remaining, stands_out
+from experiments.residual_loop.prove import rolled_back
+from experiments.residual_loop.remaining import patches, remaining, stands_out
 from experiments.residual_loop.select import Selection, select
 from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import BESIDE_ERROR, ROLLED_BACK, Finding, fit_without, refitted
+from experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
 from sensors.errors import InputError
-
-#: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
-Score = Callable[[Fit], Mapping[str, float]]
 
 #: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
 MOST_SUSPECTS, OBVIOUS = 3, 2.0
-_BOOTSTRAP_SEED = 20170707  # of the intervals' resampling; any other gives the same to a per cent
 
 
 @dataclass(frozen=True)
@@ -34,43 +30,25 @@ class Trace:
     Attributes
     ----------
     recording, alpha : name, family-wise error
-    verdict : no_effect, effects, ambiguous or unexplained
-    selection : the effects and the evidence
-    proof : errors before and after
-    same_names : whether the fitting part alone chooses the same names; where no effect changes a mean, nothing is to be
-        confirmed
-    rolled_back : effects that passed the test but that the held-out part does not bear out
-    remaining : what the final model leaves
-    truth : errors against a reference, plain and final; None without one
-    truth_held_out : the same on the held-out part alone, of the models as fitted on the rest
-    reference : what the errors in `truth` are against, for JSON
-    separates : for an ambiguous verdict, the manoeuvre that would decide
+    verdict : what is said of the recording
+    selection : everything that was found, and the evidence
+    final : the model whose errors are told: without what does not predict the held-out data
     """
 
     recording: str
     alpha: float
-    verdict: str
+    verdict: Verdict
     selection: Selection
-    proof: Proof
-    same_names: bool
-    rolled_back: tuple[str, ...]
-    remaining: tuple[Remaining, ...]
-    truth: tuple[Mapping[str, float], Mapping[str, float]] | None
-    separates: str
-    truth_held_out: tuple[Mapping[str, float], Mapping[str, float]] | None = None
-    reference: Mapping[str, object] | None = None
+    final: Fit
 
 
-def trace(
-    source: Source, alpha: float = 0.01, score: Score | None = None, score_held_out: Score | None = None
-) -> Trace:
+def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> Trace:
     """Run the loop on a source.
 
     Parameters
     ----------
     alpha : family-wise error over all candidates
-    score : errors of a fit against a reference; called after the decision
-    score_held_out : the same, counted on the held-out part alone
+    scores : errors against a reference; called after the decision
     """
     selection, suspects = _select_beside_suspects(source, alpha)
     dropped: tuple[Term, ...] = ()
@@ -80,27 +58,30 @@ def trace(
             selection = _without(source, selection, dropped, ROLLED_BACK)
             if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
                 selection = _of_what_is_left(source, selection)
-    proof = prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
+    settled, scores = settle(source, selection), scores or Scores()
+    verdict = Verdict(
+        settled.effects,
+        settled.proof,
+        _is_confirmed(source, settled.selection, suspects, alpha),
+        twins_of(source, settled, scores),
+        tuple(term.name for term in dropped),
+        tuple(remaining(source, settled.told.final, selection.left, suspects, alpha)),
+        *scores.of(settled.told, settled.proof),
+        scores.reference,
+    )
+    return Trace(source.name, alpha, verdict, settled.selection, settled.told.final)
+
+
+def _is_confirmed(
+    source: Source, selection: Selection, suspects: Sequence[tuple[Term, Statistic]], alpha: float
+) -> bool:
+    """Whether the fitting part alone chooses the same names; so where no effect changes a mean."""
+    if not any(finding.term.in_mean for finding in selection.findings):
+        return True
     given = {term: s.beta for term, s in suspects}
-    confirm = any(finding.term.in_mean for finding in selection.findings)
     chosen = (*selection.findings, *(finding for finding, _ in selection.dropped))
     intervals = any(finding.term.interval is not None for finding in chosen)
-    on_fitting = select(source, alpha, "fitting", given, intervals) if confirm else selection
-    left = remaining(source, selection.final, selection.left, suspects, alpha)
-    truth = (score(selection.plain), score(selection.final)) if score is not None else None
-    return Trace(
-        source.name,
-        alpha,
-        verdict_of(selection, left),
-        selection,
-        proof,
-        set(on_fitting.names) == set(selection.names),
-        tuple(term.name for term in dropped),
-        tuple(left),
-        truth,
-        _separating_manoeuvre(selection),
-        None if score_held_out is None else (score_held_out(proof.fits[0]), score_held_out(proof.fits[1])),
-    )
+    return set(select(source, alpha, "fitting", given, intervals).names) == set(selection.names)
 
 
 def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, list[tuple[Term, Statistic]]]:
@@ -144,7 +125,7 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
         plain_local=plain.local,
         dropped=_dropped(selection, findings, BESIDE_ERROR),
     )
-    return _with_final(beside, final), suspects
+    return beside.with_final(final), suspects
 
 
 def _more_suspects(
@@ -179,19 +160,7 @@ def _with(source: Source, fit: Fit, term: Term, s: Statistic) -> Fit | None:
 
 
 def _of_what_is_left(source: Source, selection: Selection) -> Selection:
-    return _with_final(replace(selection, plain=refitted(source, selection.plain)), refitted(source, selection.final))
-
-
-def _with_final(selection: Selection, final: Fit) -> Selection:
-    """The selection with the estimates of another fit of those of its effects that are in it."""
-    findings = []
-    for f in selection.findings:
-        if f.term in final.beta:
-            std = f.spread * final.std[f.term]
-            unseen = ~np.isfinite(f.std) & (not f.at_least)
-            bound = f.term.in_mean and bool(np.all(np.isinf(std)))
-            findings.append(replace(f, beta=final.beta[f.term], std=np.where(unseen, np.inf, std), at_least=bound))
-    return replace(selection, final=final, findings=tuple(findings))
+    return replace(selection, plain=refitted(source, selection.plain)).with_final(refitted(source, selection.final))
 
 
 def _better(beside: Selection, found: Selection) -> Selection:
@@ -289,17 +258,8 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     return gain / noise - s.dof >= DETECTABLE_LAMBDA
 
 
-def verdict_of(selection: Selection, left: list[Remaining]) -> str:
-    """The first that applies: ambiguous, unexplained, effects, no_effect."""
-    if selection.findings and selection.findings[0].confused_with:
-        return "ambiguous"
-    if any(item.in_mean for item in left):
-        return "unexplained"
-    return "effects" if selection.findings else "no_effect"
-
-
 def _without(source: Source, selection: Selection, dropped: tuple[Term, ...], why: str) -> Selection:
-    left = _with_final(selection, fit_without(source, selection.final, *dropped))
+    left = selection.with_final(fit_without(source, selection.final, *dropped))
     return replace(left, dropped=_dropped(selection, left.findings, why))
 
 
@@ -307,11 +267,3 @@ def _dropped(selection: Selection, kept: Sequence[Finding], why: str) -> tuple[t
     """What was dropped before, and the findings of a selection that are not kept now."""
     terms = {finding.term for finding in kept}
     return (*selection.dropped, *((finding, why) for finding in selection.findings if finding.term not in terms))
-
-
-def _separating_manoeuvre(selection: Selection) -> str:
-    """What would decide an ambiguous verdict; empty for the others."""
-    if not selection.findings or not selection.findings[0].confused_with:
-        return ""
-    first = selection.findings[0]
-    return separating_manoeuvre(first.term.name, first.confused_with)

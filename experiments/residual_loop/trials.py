@@ -62,7 +62,7 @@ class Finding:
     log_odds : logarithm of the Bayes factor against no effect, less that of the search: by it effects are compared
     gain : drop of -2 log L that it brought
     information : beta' Lambda beta, the others projected out
-    confused_with : names of effects that are as likely
+    rivals : the other effects that are as likely, each as it was found in its place
     spread : factor that is in `std`: the root of the scatter of the block scores, where noise is larger than declared
     at_least : whether `beta` is the least of all that do as well: larger, it changes no reading
     search : what the search over intervals adds to the logarithm of the p-value
@@ -76,10 +76,15 @@ class Finding:
     log_odds: float
     gain: float
     information: float
-    confused_with: tuple[str, ...]
+    rivals: tuple[Finding, ...]
     spread: float = 1.0
     at_least: bool = False
     search: float = 0.0
+
+    @property
+    def confused_with(self) -> tuple[str, ...]:
+        """Names of the rivals."""
+        return tuple(rival.term.name for rival in self.rivals)
 
 
 def best_of(
@@ -121,15 +126,15 @@ def best_of(
         return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda one: -one[1].log_odds)
     chosen, finding = trials[0]
-    confused_with = tuple(
-        other.term.name
+    rivals = tuple(
+        other
         for _, other in trials[1:]
         if finding.term.in_mean
         and other.term.in_mean
         and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
         and other.term.name != finding.term.name
     )
-    return chosen, replace(finding, confused_with=confused_with)
+    return chosen, replace(finding, rivals=rivals)
 
 
 def _why(option: Option, tried: tuple[Fit, Finding] | None, threshold: float) -> str:

@@ -16,7 +16,8 @@ from experiments.blind.maker.make import make_one
 from experiments.datasets import resolve
 from experiments.refused import doubted_shares, refused
 from experiments.report.trace_page import trace_page
-from experiments.report.trace_words import effect_line, trace_summary
+from experiments.report.trace_words import effect_line
+from experiments.report.verdict_words import trace_summary, worded
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.flight_passes import FlightPasses
 from experiments.residual_loop.open_flight import flight_source
@@ -25,6 +26,7 @@ from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.select import select
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Traced
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -137,8 +139,8 @@ def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
     recording = resolve(str(make_one(tmp_path, 6004, 18, KINDS, "mixed", CLASSES)), None)
     source = FlightSource(recording, flight_model(recording))
     result = trace(source)
-    assert result.verdict == "unexplained"
-    assert ("mag", "place") in {(item.stream, item.follows) for item in result.remaining}
+    assert result.verdict.word == "unexplained"
+    assert ("mag", "place") in {(item.stream, item.follows) for item in result.verdict.remaining}
     assert not any(name.startswith("mag.") for name in result.selection.names)
 
 
@@ -151,7 +153,7 @@ def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
     turning = replace(mag, columns={**mag.columns, **off})
     disturbed = recording.replace(streams={**recording.streams, "mag": turning})
     result = trace(FlightSource(disturbed, flight_model(disturbed)))
-    assert result.verdict == "unexplained"
+    assert result.verdict.word == "unexplained"
     assert [finding.term.interval for finding in result.selection.findings if finding.term.interval] == []
 
 
@@ -223,7 +225,7 @@ def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
     assert finding.term.name == "sonar.beam_cone"
     assert 0.8 * np.max(tilt) < finding.beta[0] < 1.05 * np.max(tilt)
     assert np.isinf(finding.std[0])
-    assert " or more rad" in effect_line(report(source, found)["effects"][0])  # type: ignore[index]
+    assert " or more rad" in effect_line(report(Traced.alone(source, found))["effects"][0])  # type: ignore[index]
 
 
 @pytest.mark.parametrize(("cone", "start"), [(0.1, 0.9), (0.3, 0.9), (0.45, 0.9)])
@@ -260,7 +262,7 @@ def test_no_effect_is_a_statement() -> None:
     """A clean flight: the report says so, and from which size on each effect would have been seen."""
     recording, _ = flown("square", 24)
     source = FlightSource(recording, flight_model(recording))
-    document = json.loads(json.dumps(report(source, trace(source)), allow_nan=False))
+    document = json.loads(json.dumps(report(Traced.alone(source, trace(source))), allow_nan=False))
     assert document["verdict"] == "no_effect"
     assert document["effects"] == []
     assert document["error"]["before"]["rms"] == document["error"]["after"]["rms"]
@@ -270,9 +272,9 @@ def test_no_effect_is_a_statement() -> None:
 
 def test_report_has_the_errors_before_and_after(tmp_path: Path) -> None:
     recording, _ = flown("yaw_turns", 23, "mag.current=0.004,-0.002,0.001")
-    source, result = trace_recording(recording)
-    document = json.loads(json.dumps(report(source, result), allow_nan=False))
-    trace_page(tmp_path / "page.html", source, result, {**document, "called": "run"})
+    found = trace_recording(recording)
+    document = json.loads(json.dumps(worded(report(found), "run"), allow_nan=False))
+    trace_page(tmp_path / "page.html", found, document)
     assert "heading error (RMS) against the simulation" in (tmp_path / "page.html").read_text()
     assert "heading error (RMS) against the simulation, all data: " in trace_summary(document)
     assert document["verdict"] == "effects"

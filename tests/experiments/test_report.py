@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from experiments.calibrate import as_json, calibrate_triad
-from experiments.calibrate import run as calibrate
 from experiments.calibrate import summary as calibration_summary
 from experiments.calibrate import warnings_of as calibration_warnings
+from experiments.calibrate_command import run as calibrate
 from experiments.demo import HIDDEN, hidden_and_found
 from experiments.estimate import BiasCourse
 from experiments.estimate_command import summary as estimate_summary
@@ -25,16 +25,8 @@ from experiments.report.estimate_page import innovations, verdict
 from experiments.report.figures import biases_over_time
 from experiments.report.page import Page
 from experiments.report.trace_page import evidence, trace_page
-from experiments.report.trace_words import (
-    REFUSED,
-    effect_line,
-    interval_words,
-    known_together,
-    lead,
-    remaining_sentence,
-    title,
-    trace_summary,
-)
+from experiments.report.trace_words import REFUSED, effect_line, interval_words, known_together, remaining_sentence
+from experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
 from experiments.report.words import (
     bias_rows,
     change,
@@ -48,8 +40,8 @@ from experiments.report.words import (
 )
 from experiments.residual_loop.open_source import pose_source, triad_readings
 from experiments.residual_loop.report import report
-from experiments.residual_loop.source import Source
-from experiments.residual_loop.trace import Trace, trace
+from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Traced
 from experiments.residual_loop.trials import (
     BESIDE_ERROR,
     IMPOSSIBLE,
@@ -68,29 +60,32 @@ from sensors.formats.plain import write_recording
 from sensors.recording import MAG, Stream
 from sensors.simulate import simulate
 
-Traced = tuple[Source, Trace, dict[str, Any]]
+Report = tuple[Traced, dict[str, Any]]
 
 
-def traced(*effects: str, seed: int = 7) -> Traced:
+def traced(*effects: str, seed: int = 7) -> Report:
     present = [parse_effect(text) for text in effects]
     recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(seed), present)
     source = pose_source(recording, "mag")
-    result = trace(source)
-    return source, result, report(source, result)
+    return worded_report(Traced.alone(source, trace(source)))
+
+
+def worded_report(result: Report) -> Report:
+    return result, worded(report(result))
 
 
 @pytest.fixture(scope="module")
-def two_effects() -> Traced:
+def two_effects() -> Report:
     return traced("mag.cross_axis=0.04,-0.015,0.02", "mag.current=0.0015,0,-0.001")
 
 
 @pytest.fixture(scope="module")
-def disturbed() -> Traced:
+def disturbed() -> Report:
     return traced("mag.transient=0.2,0,0.1@40:60")
 
 
 @pytest.fixture(scope="module")
-def nothing() -> Traced:
+def nothing() -> Report:
     return traced(seed=5)
 
 
@@ -119,17 +114,17 @@ def test_sizes_are_in_the_units_of_people() -> None:
     assert change(0.06, 0.0157) == "0.060 → 0.016"
 
 
-def test_what_was_found_passes_the_line_of_the_chart_and_nothing_else_does(two_effects: Traced) -> None:
-    _, result, document = two_effects
+def test_what_was_found_passes_the_line_of_the_chart_and_nothing_else_does(two_effects: Report) -> None:
+    result, document = two_effects
     needed = np.log10(document["p_value_needed"])
     bars = evidence(result)
     assert [bar.label for bar in bars if bar.kind == "found"] == ["mag.cross_axis (step 1)", "mag.current (step 2)"]
     assert all((bar.log10_p < needed) == (bar.kind == "found") for bar in bars)
 
 
-def test_page_shows_every_effect_with_its_parameters(two_effects: Traced, tmp_path: Path) -> None:
-    source, result, document = two_effects
-    trace_page(tmp_path / "page.html", source, result, document, HIDDEN)
+def test_page_shows_every_effect_with_its_parameters(two_effects: Report, tmp_path: Path) -> None:
+    result, document = two_effects
+    trace_page(tmp_path / "page.html", result, document, HIDDEN)
     page = (tmp_path / "page.html").read_text()
     assert page.count("<img") == 5  # two effects, residuals, errors, candidates
     assert "hidden in the data" in page
@@ -137,18 +132,18 @@ def test_page_shows_every_effect_with_its_parameters(two_effects: Traced, tmp_pa
     assert "<td>1/A</td>" in page
 
 
-def test_title_says_what_how_much_and_what_it_brings(two_effects: Traced) -> None:
-    text = title(two_effects[2])
+def test_title_says_what_how_much_and_what_it_brings(two_effects: Report) -> None:
+    text = title(two_effects[1])
     assert text.startswith("Soft iron near the magnetometer bends the field (up to 4.0 %), and the magnetometer reads")
     assert "on the held-out fifth" in text
-    assert trace_summary(two_effects[2]).splitlines()[0] == "mag_poses: effects"
+    assert trace_summary(two_effects[1]).splitlines()[0] == "mag_poses: effects"
 
 
-def test_localised_effect_is_drawn_where_it_acts(disturbed: Traced, tmp_path: Path) -> None:
-    source, result, document = disturbed
+def test_localised_effect_is_drawn_where_it_acts(disturbed: Report, tmp_path: Path) -> None:
+    result, document = disturbed
     assert [e["name"] for e in document["effects"]] == ["mag.transient"]
     assert re.fullmatch(r"from \d\d(\.\d+)? s to \d\d(\.\d+)? s", interval_words(document["effects"][0]))
-    trace_page(tmp_path / "page.html", source, result, document)
+    trace_page(tmp_path / "page.html", result, document)
     assert "The residual around the interval" in (tmp_path / "page.html").read_text()
 
 
@@ -157,10 +152,10 @@ def test_interval_of_a_log_without_time_stamps_is_in_readings() -> None:
     assert interval_words(effect) == "in readings 0 to 3"
 
 
-def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
+def chosen_and_dropped(nothing: Report, why: str) -> Report:
     """The same trace, had its strongest candidate passed with p = 10^-11 and then been dropped or refused."""
-    source, result, _ = traced_
-    selection = result.selection
+    (part,) = nothing[0].parts
+    selection = part.trace.selection
     option = min(selection.last_options, key=lambda o: o.log_p)
     rest = tuple(o for o in selection.last_options if o is not option)
     log_p = -11.0 * np.log(10.0)
@@ -170,21 +165,20 @@ def chosen_and_dropped(traced_: Traced, why: str) -> Traced:
     else:
         passing = replace(option, log_p=log_p)
         selection = replace(selection, last_options=(*rest, passing), refused={option.term.key: why})
-    changed = replace(result, selection=selection)
-    return source, changed, report(source, changed)
+    return worded_report(Traced.alone(part.source, replace(part.trace, selection=selection)))
 
 
 @pytest.mark.parametrize(
     "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK]
 )
-def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Traced, tmp_path: Path, why: str) -> None:
-    source, result, document = chosen_and_dropped(nothing, why)
+def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Report, tmp_path: Path, why: str) -> None:
+    result, document = chosen_and_dropped(nothing, why)
     mark, reason = REFUSED[why]
     name = min(document["candidates"], key=lambda c: c["judged_log10_p_value"] or 0.0)["name"]
     assert f"{name}, has p = 10^-11, where p <" in lead(document)
     assert f"but it was not accepted: {reason}" in lead(document)
     assert next((bar.label, bar.kind) for bar in evidence(result)) == (f"{name} ({mark})", "left")
-    trace_page(tmp_path / "page.html", source, result, document)
+    trace_page(tmp_path / "page.html", result, document)
     page = (tmp_path / "page.html").read_text()
     assert f"not accepted: {reason}" in page
     assert "none reaches the dashed line" not in page
@@ -201,10 +195,11 @@ def test_an_effect_that_does_not_stand_out_beside_an_error_without_a_name_is_sai
     columns = {name: np.asarray(stream[name]) for name in stream.columns}
     columns["mag_x"] = columns["mag_x"] + 0.02 * z**2 + 0.004 * np.sin(3.0 * z)
     source = pose_source(recording.replace(streams={**recording.streams, "mag": Stream(stream.t, columns)}), "mag")
-    result = trace(source)
-    document = report(source, result)
+    result, document = worded_report(Traced.alone(source, trace(source)))
     assert document["verdict"] == "unexplained"
-    assert [(f.term.name, why) for f, why in result.selection.dropped] == [("mag.cross_axis", BESIDE_ERROR)]
+    assert [(f.term.name, why) for f, why in result.parts[0].trace.selection.dropped] == [
+        ("mag.cross_axis", BESIDE_ERROR)
+    ]
     assert "it does not stand out beside the error" in lead(document)
     assert "mag.cross_axis (other error)" in [bar.label for bar in evidence(result)]
     assert "mag.cross_axis: from" not in trace_summary(document)
@@ -220,26 +215,26 @@ def test_the_strongest_is_named_with_the_p_value_by_which_it_was_judged() -> Non
 
 
 def test_page_of_nothing_shows_how_far_the_strongest_candidate_is_from_the_line(
-    nothing: Traced, tmp_path: Path
+    nothing: Report, tmp_path: Path
 ) -> None:
-    source, result, document = nothing
+    result, document = nothing
     assert document["verdict"] == "no_effect"
-    trace_page(tmp_path / "page.html", source, result, document)
+    trace_page(tmp_path / "page.html", result, document)
     page = (tmp_path / "page.html").read_text()
     assert page.count("<img") == 2
     assert "would be needed" in page
     assert "From these sizes on" in page
 
 
-def test_demonstration_sets_what_was_hidden_beside_what_was_found(two_effects: Traced) -> None:
-    lines = hidden_and_found(HIDDEN, two_effects[2]).splitlines()
+def test_demonstration_sets_what_was_hidden_beside_what_was_found(two_effects: Report) -> None:
+    lines = hidden_and_found(HIDDEN, two_effects[1]).splitlines()
     assert len(lines) == 1 + sum(map(len, HIDDEN.values()))
     assert re.match(r"\s+mag\.current x\s+0\.0015\s+0\.001\d+ ± 0\.0000\d+\s+1/A", lines[4])
-    assert "not found" in hidden_and_found({"mag.temperature": (1.0, 0.0, 0.0)}, two_effects[2])
+    assert "not found" in hidden_and_found({"mag.temperature": (1.0, 0.0, 0.0)}, two_effects[1])
 
 
-def test_line_of_an_effect_names_its_parameters(two_effects: Traced) -> None:
-    assert re.match(r"mag\.current: x 0\.0015\d* ± .*, y .*, z .* 1/A; p", effect_line(two_effects[2]["effects"][1]))
+def test_line_of_an_effect_names_its_parameters(two_effects: Report) -> None:
+    assert re.match(r"mag\.current: x 0\.0015\d* ± .*, y .*, z .* 1/A; p", effect_line(two_effects[1]["effects"][1]))
 
 
 def test_calibration_remarks_upon_a_residual_above_the_declared_noise() -> None:
@@ -410,14 +405,15 @@ def a_document(**changes: Any) -> dict[str, Any]:
     effect = {
         "name": "sonar.mount_offset", "summary": "The sonar counts its range from another point.", "beta": [0.2],
         "std": [0.01], "unit": ["m"], "parameters": ["b"], "confused_with": [], "interval": None,
-        "log10_p_value": -20.0,
+        "log10_p_value": -20.0, "predicts": True,
     }  # fmt: skip
     error = {
         "stream": "sonar", "held_out_part": "last third", "same_names_on_fitting_part": True,
         "before": {"rms": 0.2, "unit": "m"}, "after": {"rms": 0.05, "unit": "m", "interval": [0.04, 0.06]},
+        "in_sample": {"before": {"rms": 0.21}, "after": {"rms": 0.06}},
     }  # fmt: skip
     document = {"recording": "x", "verdict": "effects", "effects": [effect], "error": error, "remaining": []}
-    return {**document, **changes}
+    return {**document, "twins": [], "sensors": [], "left_out": [], "separates": "", **changes}
 
 
 def test_title_of_one_effect() -> None:
@@ -437,7 +433,7 @@ def test_title_of_what_cannot_be_told_apart_names_every_candidate() -> None:
     document = a_document(verdict="ambiguous", separates="several heights")
     document["effects"][0]["confused_with"] = ["laser.mount_offset"]
     assert "or the laser counts its range from another point: these data cannot tell" in title(document)
-    assert "several heights" in lead(document)
+    assert "several heights" in what_next(document, Log())
 
 
 def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:

@@ -20,6 +20,7 @@ from experiments.residual_loop.select import select
 from experiments.residual_loop.source import log_p_needed
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Traced
 from experiments.residual_loop.wrong_readings import isolated_outliers
 from sensors.errors import InputError
 from sensors.motion import Motion
@@ -182,8 +183,8 @@ def test_remanence_follows_the_reading_before() -> None:
     before = np.vstack([np.zeros(3), problem.reading[:-1]])
     problem.reading += 0.03 * np.sign(before)
     result = trace(LeastSquaresSource(problem))
-    assert result.verdict == "unexplained"
-    assert "the reading before" in {item.follows for item in result.remaining}
+    assert result.verdict.word == "unexplained"
+    assert "the reading before" in {item.follows for item in result.verdict.remaining}
 
 
 def test_no_interval_is_named_beside_an_error_without_a_name() -> None:
@@ -195,7 +196,7 @@ def test_no_interval_is_named_beside_an_error_without_a_name() -> None:
         before = np.vstack([problem.reading[:1], problem.reading[:-1]])
         problem.reading += rng.uniform(0.1, 0.4) * np.sign(before)
         result = trace(LeastSquaresSource(problem))
-        if "the reading before" in {item.follows for item in result.remaining}:
+        if "the reading before" in {item.follows for item in result.verdict.remaining}:
             found.append(result)
     assert len(found) >= 8
     assert not any(f.term.interval is not None for result in found for f in result.selection.findings)
@@ -211,7 +212,7 @@ def test_twelve_poses_do_not_bear_twelve_parameters() -> None:
         result = trace(LeastSquaresSource(problem))
         parameters = 6 + sum(len(f.beta) for f in result.selection.findings if f.term.in_mean)
         assert 12 - parameters >= 3
-        assert result.verdict == "unexplained"
+        assert result.verdict.word == "unexplained"
 
 
 def test_p_value_of_a_refit_is_that_of_least_squares() -> None:
@@ -241,8 +242,8 @@ def test_a_few_poses_at_the_end_of_the_range_are_unexplained() -> None:
     end = (("mag", "saturated", 4.0, 4.0), ("mag", "saturated", 30.0, 30.0))
     t, reading, known = problem.t[keep], problem.reading[keep], np.full(58, 0.003)
     result = trace(LeastSquaresSource(NormPoses("simulated", "mag", t, reading, 1.0, "1", known, faults=end)))
-    assert result.verdict == "unexplained"
-    assert any("saturated in 2 stretches" in item.what for item in result.remaining)
+    assert result.verdict.word == "unexplained"
+    assert any("saturated in 2 stretches" in item.what for item in result.verdict.remaining)
 
 
 def test_powers_of_an_axis_do_not_take_the_place_of_a_nonlinear_scale() -> None:
@@ -253,7 +254,7 @@ def test_powers_of_an_axis_do_not_take_the_place_of_a_nonlinear_scale() -> None:
         n = int(rng.integers(24, 60))
         problem = poses(rng, n, 0.003, Term("accel.scale_nonlinearity"), beta, k % 2 == 0, "accel")
         result = trace(LeastSquaresSource(problem))
-        assert (result.verdict, result.selection.names) == ("effects", ("accel.scale_nonlinearity",))
+        assert (result.verdict.word, result.selection.names) == ("effects", ("accel.scale_nonlinearity",))
 
 
 @pytest.mark.parametrize("n", [14, 60, 2000])
@@ -328,7 +329,7 @@ def test_ends_of_a_disturbance_are_no_outliers() -> None:
 @pytest.mark.usefixtures("measured_data")
 def test_course_magnetometer_has_two_effects_of_different_kinds() -> None:
     source = pose_source(resolve("rfly_course/MagRaw.mat"))
-    document = plain_data(report(source, trace(source)))
+    document = plain_data(report(Traced.alone(source, trace(source))))
     assert [e["name"] for e in document["effects"]] == ["mag.cross_axis", "mag.transient"]
     assert document["effects"][1]["interval"] == [0.0, 4.0]
     assert document["error"]["in_sample"]["before"]["sse"] == pytest.approx(0.47, abs=0.005)
@@ -354,7 +355,7 @@ def test_course_magnetometer_has_two_effects_of_different_kinds() -> None:
 )
 def test_measured_sets(log: str, sensor: str, gravity: float | None, names: set[str]) -> None:
     source = pose_source(resolve(log), sensor, gravity)
-    document = plain_data(report(source, trace(source)))
+    document = plain_data(report(Traced.alone(source, trace(source))))
     assert {e["name"] for e in document["effects"]} == names
     before, after = document["error"]["before"]["rms"], document["error"]["after"]["rms"]
     assert after < before if names else after == before
@@ -376,7 +377,7 @@ def test_every_step_keeps_the_model_before_it() -> None:
 
 def test_report_fits_the_schema() -> None:
     source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
-    document = plain_data(report(source, trace(source)))
+    document = plain_data(report(Traced.alone(source, trace(source))))
     jsonschema.validate(document, SCHEMA)
 
 

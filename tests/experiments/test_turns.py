@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +13,10 @@ from calibration.gyro import read_turns
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.shared_ends import told_as_one
-from experiments.residual_loop.source import log_p_needed
+from experiments.residual_loop.source import Fit, log_p_needed
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
+from experiments.residual_loop.traced import Traced
 from experiments.residual_loop.trials import Finding
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
@@ -44,6 +47,12 @@ def test_a_step_is_found_where_it_begins(start: float) -> None:
 
 
 LAST = 48.0  # s: after the last reading
+NOTHING = (np.zeros(3), np.zeros(3), -50.0, -50.0, 50.0, 100.0, 100.0)
+
+
+def found(fit: Fit, term: Term, rivals: Sequence[Finding]) -> Finding:
+    """An offset of a fit, as it was found beside its rivals."""
+    return replace(Finding(term, *NOTHING, tuple(rivals), search=5.0), beta=fit.beta[term], std=fit.std[term])
 
 
 def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) -> Finding | None:
@@ -52,8 +61,8 @@ def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) ->
     fit = source.fit(terms)
     others = (("gyro.temperature",), ("gyro.step", "accel.step"))
     findings = [
-        Finding(t, fit.beta[t], fit.std[t], -50.0, -50.0, 50.0, 100.0, 100.0, other, search=5.0)
-        for t, other in zip(terms, others, strict=True)
+        found(fit, term, [Finding(Term(name), *NOTHING, ()) for name in other])
+        for term, other in zip(terms, others, strict=True)
     ]
     one = told_as_one(source, fit, findings, log_p_needed(source, 0.01), set())
     return None if one is None else one.finding
@@ -113,5 +122,5 @@ def test_an_offset_within_one_turn_is_not_determined() -> None:
     result = trace(source)
     assert [f.term.name for f in result.selection.findings] == ["gyro.transient"]
     assert not np.all(np.isfinite(result.selection.findings[0].std))
-    document = json.loads(json.dumps(report(source, result), allow_nan=False))
+    document = json.loads(json.dumps(report(Traced.alone(source, result)), allow_nan=False))
     assert None in document["effects"][0]["std"]

@@ -1,0 +1,394 @@
+"""The verdict of a trace in words: head line, sentence, proof, what to do next; the same everywhere."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.report.trace_words import (
+    REFUSED,
+    clause,
+    detectable_sentence,
+    effect_line,
+    interval_words,
+    remaining_sentence,
+    sentence,
+    size_words,
+)
+from experiments.report.words import (
+    SENSORS,
+    change,
+    counted,
+    is_truth,
+    number,
+    p_value_words,
+    per_unit,
+    reference_change,
+    reference_name,
+    reference_words,
+    stream_unit,
+)
+from sensors.effects import CATALOGUE
+
+#: The error against a reference that an effect on a sensor spoils first.
+_SPOILED = {
+    "mag": "heading_rms", "gyro": "attitude_rms", "accel": "attitude_rms", "level": "attitude_rms",
+    "baro": "height_rms", "sonar": "height_rms", "laser": "height_rms", "gps": "position_rms",
+}  # fmt: skip
+#: A change of that error by less than this share is no headline: the residual's is, then.
+_TELLING = 0.1
+_MOST_IN_TITLE = 2
+
+
+def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None) -> dict[str, Any]:
+    """The report with its words: `headline`, `says` (the verdict in a sentence), `next` (what to do).
+
+    Terminal, JSON and page show these very words.
+
+    Parameters
+    ----------
+    called : what the user calls the recording; empty: its own name
+    log : which log was traced; None: an INPUT
+    """
+    known = {**document, "called": called or document["recording"]}
+    return {**known, "headline": title(known), "says": says(known), "next": what_next(known, log or Log())}
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log as the user names it, and the map that reads it."""
+
+    input: str = "INPUT"
+    map_file: Path | None = None
+
+
+def told(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The effects of the head line: all that were found but those that do not predict the held-out data."""
+    return [effect for effect in document["effects"] if effect["predicts"] is not False]
+
+
+def not_predicting(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The effects that pass their test on all data but do not predict."""
+    return [effect for effect in document["effects"] if effect["predicts"] is False]
+
+
+def title(document: Mapping[str, Any]) -> str:
+    """The head line: what the instrument does wrong, how much, what adding it brings; or that nothing is missing."""
+    effects = told(document)
+    if not effects:
+        return _title_without_names(document)
+    rest = ["something without a name"] if document["verdict"] == "unexplained" else []
+    if len(effects) == 1:
+        first = sentence(effects[0]["summary"])
+        if _named_together(document, effects[0]):
+            return f"{first}, or {_rivals(document, effects[0])}: these data cannot tell; {headline_error(document)}"
+        also = "".join(f", and {one}" for one in rest)
+        return f"{first}: {size_words(effects[0])}{also}; {headline_error(document)}"
+    parts = [_part(document, effect) for effect in effects[:_MOST_IN_TITLE]]
+    more = len(effects) - _MOST_IN_TITLE
+    parts += [f"{more} more {'effects' if more > 1 else 'effect'}"] if more > 0 else []
+    parts += rest
+    text = ", ".join(parts[:-1]) + ", and " + parts[-1]
+    return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
+
+
+def _title_without_names(document: Mapping[str, Any]) -> str:
+    if not_predicting(document):
+        return "Something is missing, and no effect of the catalogue foretells it"
+    if document["verdict"] != "no_effect":
+        return "Something is missing that no effect of the catalogue explains"
+    if document["remaining"]:
+        return "No effect of the catalogue is seen, but the residual is not what the noise would leave"
+    return "Nothing missing was found: what the model leaves looks like noise"
+
+
+def _part(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
+    """An effect among several of a head line, with what it cannot be told from."""
+    text = f"{clause(effect['summary'])} ({size_words(effect)})"
+    return f"{text} or {_rivals(document, effect)}" if _named_together(document, effect) else text
+
+
+def _named_together(document: Mapping[str, Any], effect: Mapping[str, Any]) -> list[str]:
+    """The rivals of an effect that the head line names with it: those that predict, as far as that was asked."""
+    failed = {twin["name"] for twin in document["twins"] if twin["predicts"] is False}
+    return [name for name in effect["confused_with"] if name not in failed]
+
+
+def _rivals(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
+    return ", or ".join(clause(CATALOGUE[name].summary) for name in _named_together(document, effect))
+
+
+def says(document: Mapping[str, Any]) -> str:
+    """The verdict in a sentence."""
+    known = told(document)
+    if document["verdict"] == "ambiguous":
+        text = "an effect is there, but these data cannot tell which of those named it is"
+        return text if known else f"{text}, and none of them predicts the {_part_of_data(document)}"
+    if document["verdict"] == "unexplained":
+        names = "; the names beside it are doubtful" if document["effects"] else ""
+        if not_predicting(document) and not document["remaining"]:
+            return f"what passes the test on all data does not predict the {_part_of_data(document)}"
+        return f"the residual has structure that no effect of the catalogue explains{names}"
+    if document["verdict"] == "no_effect":
+        return "nothing passes the test"
+    if _cannot_tell(known):
+        return "what is named passes the test on all data; nothing in the held-out part can tell"
+    return f"what is named passes the test on all data, and predicts the {_part_of_data(document)}"
+
+
+def what_next(document: Mapping[str, Any], log: Log) -> str:
+    """What to do, a sentence or two."""
+    if document["verdict"] == "no_effect":
+        return '"What would have been seen" says how small an effect could have hidden'
+    if document["verdict"] == "ambiguous":
+        return (
+            f"{document['separates']}; or declare the one that you can measure, such as a lever arm with a ruler"
+            if document["separates"]
+            else "declare the one that you can measure, such as a lever arm with a ruler"
+        )
+    if worse := _worse_reference(document):
+        return f"the {worse} grows with it: check axes, units and clocks of log and reference before the effect is used"
+    if document["verdict"] == "unexplained":
+        longer = [f"record longer, and see whether {e['name']} predicts then" for e in not_predicting(document)[:1]]
+        remains = (
+            "read what remains, cut out what is stuck or saturated, check axes, units and clocks, declare the noise"
+        )
+        return "; ".join([*longer, remains])
+    return "; ".join(_use(effect, log) for effect in _kinds(told(document)))
+
+
+def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The first effect that lasts, and the first that does not."""
+    lasting = [effect for effect in effects if not effect.get("interval")]
+    return lasting[:1] + [effect for effect in effects if effect.get("interval")][:1]
+
+
+def _use(effect: Mapping[str, Any], log: Log) -> str:
+    """How an effect that was found is used from now on."""
+    if effect.get("interval"):
+        return f"{effect['name']}: look for what disturbed the instrument {interval_words(effect)}, or leave that out"
+    if effect["name"].endswith(".outliers"):
+        return f"{effect['name']}: look for what makes single readings wrong"
+    then = "`estimate` and `trace` use what is written there"
+    if Path(log.input).is_dir():
+        return f"write what was found into `[effects]` of `{Path(log.input) / 'recording.toml'}`: {then}"
+    map_file = ["--map", str(log.map_file)] if log.map_file else []
+    convert = shlex.join(["sinan", "convert", log.input, "run", *map_file])
+    return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"
+
+
+def name_of(document: Mapping[str, Any]) -> str:
+    """What the user calls the recording; where nobody said so, its own name."""
+    return str(document.get("called") or document["recording"])
+
+
+def headline_error(document: Mapping[str, Any]) -> str:
+    """The error that matters to the user, before and after on held-out data: of the states where they are known, and
+    of both where only the residual falls.
+    """
+    error, effects = errors(document)[0]
+    if _cannot_tell(effects):
+        return _without_proof(error, effects)
+    part = f"on the {error['held_out_part']}"
+    sensor = f"{_sensor(error['stream'])} " if document["sensors"] else ""
+    residual = f"{sensor}residual {residual_change(error)}"
+    change_ = _state_change(error)
+    if change_ is None:
+        return f"{residual} {part}"
+    name, before, after = change_
+    state = f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {part}"
+    return state if after < before else f"{residual}, but {state}"
+
+
+def _without_proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
+    """The end of a head line of which the held-out part can tell nothing."""
+    wrong = all(effect["name"].endswith(".outliers") for effect in effects)
+    return "left out of every figure" if wrong else f"nothing in the {error['held_out_part']} of the data can tell"
+
+
+def _state_change(error: Mapping[str, Any]) -> tuple[str, float, float] | None:
+    """Name of the error against a truth that the effect spoils first, before and after; None where it is not known or
+    hardly changes.
+    """
+    held, name = error.get("truth_held_out"), _SPOILED.get(error["stream"], "")
+    if not held or not is_truth(held.get("kind")) or name not in held["before"] or name not in held["after"]:
+        return None
+    before, after = held["before"][name], held["after"][name]
+    return (name, before, after) if abs(after - before) > _TELLING * before else None
+
+
+def _worse_reference(document: Mapping[str, Any]) -> str:
+    """The error against the reference that grows with what is told, in words; else empty."""
+    change_ = _state_change(document["error"]) if told(document) else None
+    if change_ is None or change_[2] < change_[1]:
+        return ""
+    whose = reference_words(document["error"]["truth_held_out"].get("kind"))
+    return f"{change_[0].removesuffix('_rms')} error against {whose}"
+
+
+def _part_of_data(document: Mapping[str, Any]) -> str:
+    return f"{document['error']['held_out_part']} of the data"
+
+
+def _sensor(stream: str) -> str:
+    return SENSORS.get(stream, stream)
+
+
+def residual_change(error: Mapping[str, Any]) -> str:
+    """RMS of the residual before and after on held-out data, with its unit."""
+    unit = stream_unit(error["stream"], error["before"]["unit"])
+    return f"{change(error['before']['rms'], error['after']['rms'])} {unit}".strip()
+
+
+def stream_change(error: Mapping[str, Any]) -> str:
+    """RMS of one stream's residual before and after, with sensor and unit."""
+    return f"{_sensor(error['stream'])} residual {_sizes(error)}"
+
+
+def _sizes(error: Mapping[str, Any]) -> str:
+    return f"{change(error['before'], error['after'])} {stream_unit(error['stream'], error['unit'])}".strip()
+
+
+def lead(document: Mapping[str, Any]) -> str:
+    """What stands under the title: the proof on held-out data, or how near the strongest candidate came."""
+    sentences = [_proof(*pair) for pair in errors(document)] if told(document) else []
+    sentences += [] if document["effects"] else [_strongest(document)]
+    sentences += [not_predicting_sentence(document, effect) for effect in not_predicting(document)]
+    if document["twins"]:
+        sentences += ["Of the effects that explain the data equally well, each in the model in turn: "
+                      f"{'; '.join(twin_words(twin) for twin in document['twins'])}."]  # fmt: skip
+    if worse := _worse_reference(document):
+        sentences.append(f"The {worse} grows: take the names with care.")
+    if document["verdict"] == "unexplained" and document["remaining"]:
+        sentences.append("Something remains that no effect of the catalogue explains: see the end.")
+    if document["effects"] and not document["error"]["same_names_on_fitting_part"]:
+        sentences.append(
+            "The part that was used for fitting, taken alone, chooses other effects: take the names with care."
+        )
+    return " ".join(sentences)
+
+
+def errors(document: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], list[Mapping[str, Any]]]]:
+    """The errors before and after with the effects that are told of them: of every sensor of poses that has any, those
+    first whose held-out readings can tell; else of the recording.
+    """
+    of_sensor = {one["sensor"]: one["error"] for one in document["sensors"]}
+    if not of_sensor or not told(document):
+        return [(document["error"], told(document))]
+    effects: dict[str, list[Mapping[str, Any]]] = {}
+    for effect in told(document):
+        effects.setdefault(effect["name"].split(".")[0], []).append(effect)
+    found = [(of_sensor[sensor], those) for sensor, those in effects.items()]
+    return sorted(found, key=lambda pair: _cannot_tell(pair[1]))
+
+
+def _cannot_tell(effects: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether no held-out reading tells anything of some effects."""
+    return all(effect["predicts"] is None for effect in effects)
+
+
+def _proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
+    if _cannot_tell(effects):
+        if all(effect["name"].endswith(".outliers") for effect in effects):
+            return "Wrong readings are left out of every figure: nothing predicts them."
+        unit = stream_unit(error["stream"], error["before"]["unit"])
+        whole = change(*(error["in_sample"][key]["rms"] for key in ("before", "after")))
+        return (
+            f"Nothing in the {error['held_out_part']} of the data can tell: only the evidence speaks for it. On all "
+            f"data the RMS of the {_sensor(error['stream'])} residual goes {f'{whole} {unit}'.strip()}."
+        )
+    share = 100.0 * (1.0 - error["after"]["rms"] / error["before"]["rms"])
+    low, high = error["after"]["interval"]
+    return (
+        f"On the {error['held_out_part']} of the data, which took no part in the fit, the RMS of the "
+        f"{_sensor(error['stream'])} residual goes {residual_change(error)}: "
+        f"{f'{share:.0f}' if share >= 2.0 else f'{share:.1g}'} % less (95 % interval of the second {number(low)} to "
+        f"{number(high)})."
+    )
+
+
+def not_predicting_sentence(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
+    """That an effect passes its test on all data but does not predict, with the errors that show it."""
+    return (
+        f"{effect['name']} passes the test on all data ({p_value_words(effect['log10_p_value'])}) but does not "
+        f"predict: with it in the model the {stream_change(effect['held_out'])} on the {_part_of_data(document)}."
+    )
+
+
+def twin_words(twin: Mapping[str, Any]) -> str:
+    """One of the effects that explain the data equally well: its size, and what the errors are with it."""
+    told_errors = ", ".join(f"{name} {change_}" for name, change_ in twin_errors(twin).items())
+    return f"{twin['name']} ({size_words(twin)}) {told_errors}"
+
+
+def twin_errors(twin: Mapping[str, Any]) -> dict[str, str]:
+    """The held-out errors, and those against a reference, without and with one of several effects in the model."""
+    found = {f"{_sensor(error['stream'])} residual": _sizes(error) for error in twin["errors"]}
+    return found | reference_changes(twin["truth_held_out"])
+
+
+def reference_changes(errors: Mapping[str, Any] | None) -> dict[str, str]:
+    """Each error against the reference, by its name with what the reference is: before and after."""
+    known = errors or {"before": {}, "after": {}}
+    return {
+        reference_name(name, known.get("kind")): reference_change(name, before, known["after"][name])
+        for name, before in known["before"].items()
+        if name in known["after"]
+    }
+
+
+def _strongest(document: Mapping[str, Any]) -> str:
+    # one that cannot be seen beside an error outside the catalogue was not judged: its place there is null
+    asked = [c for c in document["candidates"] if c["dof"] > 0 and c.get("judged_log10_p_value", 0.0) is not None]
+    unseen = sum(c["dof"] == 0 for c in document["candidates"])
+    if not asked:
+        return "There are too few readings to look for any effect."
+    best = min(asked, key=_log10_p)
+    who = f"The strongest of {counted(len(asked), 'candidate')}, {best['name']},"
+    needed = f"p < {document['p_value_needed']:.2g}"
+    if best.get("refused"):
+        return (
+            f"{who} has {p_value_words(_log10_p(best))}, where {needed} is needed, but it was not accepted: "
+            f"{REFUSED[best['refused']][1]}."
+        )
+    text = f"{who} has {p_value_words(_log10_p(best))}; {needed} would be needed."
+    sizes = [(s, unit) for s, unit in zip(best["detectable_from"], best.get("unit", []), strict=False) if s is not None]
+    if sizes:
+        size, unit = min(sizes)
+        text += f" It would have been seen from {per_unit(size, unit, best['name'])} on."
+    if unseen:
+        text += f" {counted(unseen, 'other effect')} cannot be seen in these data at any size."
+    return text
+
+
+def _log10_p(candidate: Mapping[str, Any]) -> float:
+    """Of the p-value by which a candidate was judged in the end; of one that was not, about the plain model."""
+    judged = candidate.get("judged_log10_p_value")
+    return float(np.log10(max(candidate["p_value"], 1e-300))) if judged is None else float(judged)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def trace_summary(document: Mapping[str, Any]) -> str:
+    """The trace in a few lines for the terminal."""
+    lines = [f"{name_of(document)}: {document['verdict']}", f"  {_capital(document['says'])}."]
+    lines += [f"  {document['headline']}.", f"  {lead(document)}"]
+    lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
+    if document["effects"] and document["error"]["same_names_on_fitting_part"]:
+        lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
+    if told(document):
+        changes = reference_changes(document["error"].get("truth"))
+        lines += [f"  {name}, all data: {change_}" for name, change_ in changes.items()]
+    if not document["effects"]:
+        sizes = [detectable_sentence(c) for c in document["candidates"] if "interval" not in c and not c.get("refused")]
+        lines += ["  What would have been seen:", *(f"    {size}" for size in sizes if size)]
+    lines += [f"  remains: {remaining_sentence(item)}" for item in document["remaining"]]
+    lines += [f"  not traced: {one['sensor']}, {one['why']}" for one in document["left_out"]]
+    return "\n".join([*lines, f"  next: {document['next']}"])
