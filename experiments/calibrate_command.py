@@ -31,6 +31,7 @@ from experiments.residual_loop.open_source import (
     triad_readings,
 )
 from sensors.recording import Recording
+from sensors.window import WHOLE, Span
 
 #: What stands for every sensor that there is.
 ALL = "all"
@@ -60,16 +61,18 @@ def run(
     map_file: Path | None,
     json: Path | None,
     html: Path | None,
+    span: Span = WHOLE,
 ) -> str:
     """Calibrate, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file)
+    recording = resolve(input, map_file, span)
     tell_notes(recording)
     require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace`")
     done, left_out = calibrated(recording, sensor, axes, gravity)
     several = len(sensors_in_poses(recording)) > 1
     for one in done:
-        call = trace_call(input, map_file, one.sensor if several and sensor != ALL else None)
+        call = trace_call(input, map_file, one.sensor if several and sensor != ALL else None, span)
         one.document["warnings"] = warnings_of(one.result, one.readings, call)
+        one.document["window"] = None if span == WHOLE else list(span)
         one.document["notes"] = [] if one.readings is None else residual_notes(one.result, one.readings, call)
         if one.readings is not None:
             one.document["read_in"] = field_unit_of(input, map_file) if one.sensor == "mag" else one.readings.unit
@@ -78,7 +81,7 @@ def run(
     if html is not None:
         from experiments.report.calibration_page import calibration_page
 
-        calibration_page(html, called(input, recording), done, left_out)
+        calibration_page(html, called(input, recording, span), done, left_out)
     return "\n".join([*(summary(one.sensor, one.document) for one in done), *not_calibrated(left_out)])
 
 

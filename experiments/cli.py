@@ -75,6 +75,11 @@ Relinearise = Annotated[
 ]
 Html = Annotated[Path | None, typer.Option("--html", help="file for a self-contained page", metavar="FILE")]
 Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2; else as declared, else 9.80665")]
+From = Annotated[
+    float | None,
+    typer.Option("--from", help="leave out what is before: s after the first IMU sample (of poses: pose)", metavar="S"),
+]
+To = Annotated[float | None, typer.Option("--to", help="leave out what is from then on: s, as --from", metavar="S")]
 Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
 Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
 
@@ -188,14 +193,14 @@ def simulate(
 
 
 @app.command()
-def convert(input: Input, out: Out, map: Map = None, force: Force = False) -> None:
-    """Any readable log -> plain recording."""
+def convert(input: Input, out: Out, map: Map = None, start: From = None, stop: To = None, force: Force = False) -> None:
+    """Any readable log, or a part of it -> plain recording."""
     from experiments.datasets import convert as convert_log
     from experiments.report.console import working
 
     _require_place_for(out)
     with working("converting"):
-        recording = convert_log(input, out, map, force)
+        recording = convert_log(input, out, map, force, (start, stop))
     _show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
 
 
@@ -208,6 +213,8 @@ def calibrate(
     ] = None,
     gravity: Gravity = None,
     map: Map = None,
+    start: From = None,
+    stop: To = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
@@ -217,7 +224,7 @@ def calibrate(
 
     def work() -> str:
         with working("calibrating"):
-            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html)
+            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html, (start, stop))
 
     _say(work, json, html)
 
@@ -228,6 +235,8 @@ def estimate(
     engine: Annotated[str, typer.Option(help="numba (compiled), filterpy (readable, slow) or auto")] = "auto",
     states: Annotated[Path | None, typer.Option(help="file for the states over time, as CSV", metavar="FILE")] = None,
     map: Map = None,
+    start: From = None,
+    stop: To = None,
     relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
@@ -235,7 +244,7 @@ def estimate(
     """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a truth."""
     from experiments.estimate_command import run
 
-    _say(lambda: run(input, engine, states, map, json, html, relinearise), json, html, states=states)
+    _say(lambda: run(input, engine, states, map, json, html, relinearise, (start, stop)), json, html, states=states)
 
 
 @app.command()
@@ -247,13 +256,16 @@ def trace(
     ] = 0.01,
     gravity: Gravity = None,
     map: Map = None,
+    start: From = None,
+    stop: To = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after."""
     from experiments.trace_command import run
 
-    _say(lambda: run(input, sensor.value if sensor else None, alpha, gravity, map, json, html), json, html)
+    only, span = sensor.value if sensor else None, (start, stop)
+    _say(lambda: run(input, only, alpha, gravity, map, json, html, span), json, html)
 
 
 @app.command()
@@ -286,13 +298,15 @@ def gnss(
 def observability(
     input: Annotated[str, typer.Argument(help="recording, log, DATASET/FILE or scenario", metavar="INPUT|SCENARIO")],
     map: Map = None,
+    start: From = None,
+    stop: To = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
     from experiments.bias_observability.command import run
 
-    _say(lambda: run(input, map, json, html), json, html)
+    _say(lambda: run(input, map, json, html, (start, stop)), json, html)
 
 
 @app.command()

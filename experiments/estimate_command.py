@@ -30,6 +30,7 @@ from experiments.report.words import (
 )
 from experiments.residual_loop.open_source import require_kind
 from sensors.errors import InputError
+from sensors.window import WHOLE, Span
 
 #: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
 _NIS_LOW, _NIS_HIGH = 0.8, 1.25
@@ -43,9 +44,10 @@ def run(
     json: Path | None,
     html: Path | None,
     relinearise: bool = False,
+    span: Span = WHOLE,
 ) -> str:
     """Run the filter, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file)
+    recording = resolve(input, map_file, span)
     tell_notes(recording)
     require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
     if engine not in get_args(Engine):
@@ -57,12 +59,12 @@ def run(
         target = reference_of(recording)
     if recording.truth is not None and target is not None:
         document["truth"] = score(journal, recording.truth, target)
-    document["called"] = called(input, recording)
+    document["called"], document["window"] = called(input, recording, span), None if span == WHOLE else list(span)
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
-    document["warnings"] = warnings_of(document, trace_call(input, map_file))
+    document["warnings"] = warnings_of(document, trace_call(input, map_file, span=span))
     if json is not None:
         write_json(json, document)
     if html is not None:

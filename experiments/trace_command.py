@@ -15,6 +15,7 @@ from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
 from sensors.errors import InputError
 from sensors.recording import Recording
+from sensors.window import WHOLE, Span
 
 
 def run(
@@ -25,17 +26,18 @@ def run(
     map_file: Path | None,
     json: Path | None,
     html: Path | None,
+    span: Span = WHOLE,
 ) -> str:
     """Trace, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file)
+    recording = resolve(input, map_file, span)
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
-    document = worded(report(traced), called(input, recording), Log(input, map_file))
+    document = worded(report(traced), called(input, recording, span), Log(input, map_file))
     notes = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
-    document["notes"] = notes
+    document["window"], document["notes"] = None if span == WHOLE else list(span), notes
     warnings = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["warnings"] = warnings
     if json is not None:

@@ -15,11 +15,12 @@ from experiments.blind.measured.benchmark import slug, traced
 from experiments.blind.measured.command import named
 from experiments.datasets import resolve
 from experiments.measured.flights import LOGS
-from experiments.measured.minutes import between, lively_starts
+from experiments.measured.minutes import lively_starts
 from experiments.report.files import write_json
 from sensors.errors import InputError
 from sensors.files import write_text
 from sensors.recording import Recording
+from sensors.window import between
 
 #: The reports of both halves, the first one first.
 Reports = tuple[Mapping[str, Any], Mapping[str, Any]]

@@ -22,6 +22,7 @@ from sensors.motion import Motion
 from sensors.recording import Recording
 from sensors.scenario import Scenario
 from sensors.sonar import Sonar
+from sensors.window import WHOLE, Span, between, end_of, start_of, window
 
 #: Readings a second of a base receiver that is only imagined [Hz]: what correction services send.
 BASE_RATE = 1.0
@@ -76,11 +77,13 @@ class Case:
         return information(self.model, self.motion, self.readings, self.P0, noise=self.noise, extra=self.imagined)
 
 
-def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
-    """A scenario along its true motion; instants, drop-outs and echoes are those of one simulated flight."""
+def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> Case:
+    """A scenario along its true motion, or a part of it; instants, drop-outs and echoes are those of one simulated
+    flight.
+    """
     from sensors.simulate import simulate
 
-    recording, _ = simulate(scenario, np.random.default_rng(seed))
+    recording = window(simulate(scenario, np.random.default_rng(seed))[0], span)
     model = flight_model(recording)
     motion = scenario.trajectory().motion
     heard: dict[str, Callable[[Motion], BoolArray]] = {}
@@ -89,7 +92,10 @@ def case_of_scenario(scenario: Scenario, seed: int = 0) -> Case:
             beam = scenario.sensors[name]
             echo = Sonar(1.0, 0.0, 0.0, beam.minimum, beam.maximum, beam.beam_angle).echo
             heard[name] = partial(echo, softness=beam.softness)
-    return _case(recording, model, None, motion, stretches.of_scenario(scenario), heard)
+    flown = stretches.of_scenario(scenario)
+    if span != WHOLE:
+        flown = stretches.within(flown, start_of(recording), end_of(recording))
+    return _case(recording, model, None, motion, flown, heard)
 
 
 def case_of_recording(recording: Recording) -> Case:
@@ -189,9 +195,8 @@ def _rate(t: FloatArray) -> float:
 
 def _shortened(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """The first `LONGEST` of a recording."""
-    start, stop = float(recording.streams["imu"].t[0]), float(recording.streams["imu"].t[-1])
+    start, stop = start_of(recording), end_of(recording)
     if stop - start <= LONGEST:
         return recording, ()
-    parts = {name: stream.rows(stream.t <= start + LONGEST) for name, stream in recording.streams.items()}
-    kept = {name: stream for name, stream in parts.items() if len(stream)}
-    return recording.replace(streams=kept), (f"only the first {LONGEST:g} s of {stop - start:.0f} s are looked at",)
+    part = between(recording, -np.inf, start + LONGEST)
+    return part, (f"only the first {LONGEST:g} s of {stop - start:.0f} s are looked at: --from and --to say which",)

@@ -11,12 +11,13 @@ from experiments.bias_observability.study import study
 from experiments.report.console import working
 from experiments.report.files import write_json
 from sensors.errors import InputError
+from sensors.window import WHOLE, Span, span_words
 
 
-def run(input: str, map_file: Path | None, json: Path | None, html: Path | None) -> str:
+def run(input: str, map_file: Path | None, json: Path | None, html: Path | None, span: Span = WHOLE) -> str:
     """Study a scenario or a recording, write what is asked for, return the summary for the terminal."""
     with working("following what every set of sensors shows"):
-        result = study(case_of(input, map_file))
+        result = study(case_of(input, map_file, span))
     if json is not None:
         write_json(json, document(result))
     if html is not None:
@@ -27,8 +28,8 @@ def run(input: str, map_file: Path | None, json: Path | None, html: Path | None)
     return summary(result)
 
 
-def case_of(text: str, map_file: Path | None = None) -> Case:
-    """A scenario where the text names one (or is a TOML file without a map), else a recording.
+def case_of(text: str, map_file: Path | None = None, span: Span = WHOLE) -> Case:
+    """A scenario where the text names one (or is a TOML file without a map), else a recording; or a part of it.
 
     Raises
     ------
@@ -42,11 +43,12 @@ def case_of(text: str, map_file: Path | None = None) -> Case:
         scenario = load_scenario(text)
         if scenario.kind != "flight":
             raise InputError(f"scenario {text}", f'kind = "{scenario.kind}"', "a flight: poses show no filter's biases")
-        return case_of_scenario(scenario)
+        case = case_of_scenario(scenario, span=span)
+        return replace(case, name=f"{case.name} {span_words(span)}".rstrip())
     from experiments.datasets import called, resolve
 
     if map_file is None and "/" not in text and not Path(text).exists():
         names = ", ".join(scenario_names())
         raise InputError(text, "no such scenario, file or folder", f"a log, DATASET/FILE, or one of {names}")
-    recording = resolve(text, map_file)
-    return replace(case_of_recording(recording), name=called(text, recording))
+    recording = resolve(text, map_file, span)
+    return replace(case_of_recording(recording), name=called(text, recording, span))

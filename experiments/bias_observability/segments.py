@@ -59,6 +59,15 @@ def of_scenario(scenario: Scenario) -> tuple[Segment, ...]:
     )
 
 
+def within(segments: Sequence[Segment], start: float, stop: float) -> tuple[Segment, ...]:
+    """What of them is flown between two instants [s]."""
+    return tuple(
+        Segment(segment.name, max(segment.start, start), min(segment.stop, stop))
+        for segment in segments
+        if segment.start < stop and segment.stop > start
+    )
+
+
 def of_motion(motion: Motion) -> tuple[Segment, ...]:
     """Stretches of like motion: rest, cruise, yaw turn, tilting, acceleration, climb, descent.
 

@@ -9,13 +9,15 @@ from pathlib import Path
 from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
 from sensors.errors import InputError, printable
 from sensors.recording import Recording
+from sensors.window import WHOLE as WHOLE_LOG
+from sensors.window import Span, span_words, window
 
 #: Environment variable that names a folder with the data sets.
 DATA_VARIABLE = "SINAN_DATA"
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
 
-def resolve(text: str, map_file: Path | None = None) -> Recording:
+def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG) -> Recording:
     """The recording that a command's INPUT names.
 
     Parameters
@@ -24,6 +26,7 @@ def resolve(text: str, map_file: Path | None = None) -> Recording:
         ../shared/data beside the checkout and beside the current folder, and in the cache of `sinan fetch`; its kept
         map is applied
     map_file : the map of a log that is named by its path
+    span : the part of it that is asked for, in seconds after its first sample
 
     Raises
     ------
@@ -32,16 +35,19 @@ def resolve(text: str, map_file: Path | None = None) -> Recording:
     from sensors.formats import open_log
 
     if Path(text).exists() or map_file is not None:
-        return open_log(Path(text), map_file)
+        return window(open_log(Path(text), map_file), span)
     path, kept = locate(text)
-    return open_log(path, kept).replace(source=text)
+    return window(open_log(path, kept).replace(source=text), span)
 
 
-def called(text: str, recording: Recording) -> str:
-    """What the user calls a recording: the name of its folder; of a log, the recording's own, which is the file's."""
+def called(text: str, recording: Recording, span: Span = WHOLE_LOG) -> str:
+    """What the user calls a recording: the name of its folder; of a log, the recording's own, which is the file's; with
+    the part of it that is asked for.
+    """
     path = Path(text)
     folder = path if path.is_dir() else path.parent if path.name == "recording.toml" else None
-    return printable(recording.name if folder is None else folder.resolve().name)
+    name = printable(recording.name if folder is None else folder.resolve().name)
+    return name if span == WHOLE_LOG else f"{name} {span_words(span)}"
 
 
 def field_unit_of(text: str, map_file: Path | None = None) -> str:
@@ -59,11 +65,14 @@ def field_unit_of(text: str, map_file: Path | None = None) -> str:
     return "gauss" if any(isinstance(one, dict) and one.get("unit") in UNITS["field"] for one in named) else ""
 
 
-def convert(text: str, folder: Path, map_file: Path | None = None, force: bool = False) -> Recording:
-    """Write any readable log as a plain recording, with what it may be scored against.
+def convert(
+    text: str, folder: Path, map_file: Path | None = None, force: bool = False, span: Span = WHOLE_LOG
+) -> Recording:
+    """Write any readable log, or a part of it, as a plain recording, with what it may be scored against.
 
     Parameters
     ----------
+    span : as for `resolve`
     force : replace a recording that was written before
 
     Raises
@@ -76,7 +85,7 @@ def convert(text: str, folder: Path, map_file: Path | None = None, force: bool =
     if source.exists() and source.resolve() == Path(folder).resolve():
         raise InputError(folder, "the log itself", "another folder")
     require_free(folder, force)
-    recording = resolve(text, map_file)
+    recording = resolve(text, map_file, span)
     write_recording(recording, Path(folder))
     return recording
 

@@ -15,7 +15,8 @@ from experiments.measured.arguments import usage
 from experiments.measured.flights import LOGS
 from experiments.measured.preparation import Prepared, prepared
 from sensors.arrays import FloatArray
-from sensors.recording import Recording, Stream
+from sensors.recording import Recording
+from sensors.window import between, start_of
 
 #: Largest difference of the engines, in sigma + |value|.
 AGREEMENT = 1e-9
@@ -78,13 +79,7 @@ def nominal_sigma(var: FloatArray) -> FloatArray:
 
 def shortened(recording: Recording, seconds: float) -> Recording:
     """The first part of a recording."""
-    end = recording.streams["imu"].t[0] + seconds
-    kept: dict[str, Stream] = {}
-    for name, stream in recording.streams.items():
-        part = stream.rows(stream.t <= end)
-        if len(part):
-            kept[name] = part
-    return recording.replace(streams=kept)
+    return between(recording, -np.inf, start_of(recording) + seconds)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -1,22 +1,11 @@
-"""Parts of a recording: between two instants, and the liveliest of some length."""
+"""The liveliest parts of a recording."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from sensors.arrays import FloatArray
-from sensors.recording import GYRO, Initial, Recording
-
-#: A stream with fewer rows in a part is not in it.
-LEAST_ROWS = 2
-
-
-def between(recording: Recording, begin: float, end: float) -> Recording:
-    """The rows with begin <= t < end [s]; a first state that is declared is that of the whole."""
-    parts = {name: stream.rows((stream.t >= begin) & (stream.t < end)) for name, stream in recording.streams.items()}
-    streams = {name: part for name, part in parts.items() if len(part) >= LEAST_ROWS}
-    first = recording.streams["imu"].t[0]
-    return recording.replace(streams=streams, initial=recording.initial if begin <= first else Initial())
+from sensors.recording import GYRO, Recording
 
 
 def lively_starts(recording: Recording, length: float, every: float) -> FloatArray:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sensors.effects import CATALOGUE
+from sensors.window import Span
 
 #: what a stream's sensor is called in a sentence
 SENSORS = {
@@ -64,17 +65,20 @@ def length(metres: float) -> str:
     return f"{number(metres / 1000.0)} km" if metres >= 1000.0 else f"{number(metres)} m"
 
 
-def trace_call(input: str, map_file: Path | None = None, sensor: str | None = None) -> str:
+def trace_call(input: str, map_file: Path | None = None, sensor: str | None = None, span: Span = (None, None)) -> str:
     """The command that looks for what a model lacks, as it is typed.
 
     Parameters
     ----------
     input : how the user calls the log
     sensor : of several that could be meant
+    span : the part of it that is asked for
     """
     words = ["sinan", "trace", input]
     words += [] if map_file is None else ["--map", str(map_file)]
     words += [] if sensor is None else ["--sensor", sensor]
+    for option, value in zip(("--from", "--to"), span, strict=True):
+        words += [] if value is None else [option, f"{value:g}"]
     return shlex.join(words)
 
 

@@ -26,11 +26,11 @@ from experiments.benchmarks.prediction import (
 from experiments.benchmarks.replication import Replicated, least_lambda, replicated
 from experiments.blind.grade import effects_of
 from experiments.measured.flights import LOGS
-from experiments.measured.minutes import between
 from experiments.measured.preparation import Prepared, prepared
 from experiments.scenarios import load_scenario
 from sensors.recording import Recording
 from sensors.simulate import simulate
+from sensors.window import between
 
 LATE = 0.3
 

@@ -57,13 +57,14 @@ from experiments.blind.measured.surroundings import Shaken
 from experiments.blind.measured.wander import imu_wander, wander
 from experiments.cli import app
 from experiments.measured.flights import LOGS
-from experiments.measured.minutes import between, lively_starts
+from experiments.measured.minutes import lively_starts
 from sensors.arrays import FloatArray
 from sensors.covariates import covariates_for
 from sensors.effects import effect
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
 from sensors.vibration import vibration_power
+from sensors.window import between
 
 SEED, LENGTH = 3, 72.0
 #: What the log's own motion makes of an effect, over what it is: the share that its errors may spoil.

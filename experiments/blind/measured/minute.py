@@ -30,11 +30,12 @@ from experiments.blind.maker.measure import DELAYS, FORWARD, local_offset
 from experiments.blind.maker.scene import POWER_EXPONENT
 from experiments.blind.measured.surroundings import Along, along
 from experiments.blind.measured.wander import errors, imu_wander, scatter, wander
-from experiments.measured.minutes import between, lively_starts
+from experiments.measured.minutes import lively_starts
 from experiments.measured.preparation import Prepared, prepared
 from sensors.arrays import FloatArray
 from sensors.constants import STANDARD_GRAVITY
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sensors.window import between
 
 #: Length of a minute, the step of its possible starts, and what is kept on either side for readings that come late [s].
 LENGTH, EVERY, MARGIN = 60.0, 30.0, 5.0
@@ -91,7 +92,8 @@ def rng_of(seed: int, name: str) -> np.random.Generator:
 def minute_of(recording: Recording, rng: np.random.Generator) -> Minute:
     """Draw a lively minute of a log, and the covariates that it lacks."""
     begin = float(rng.choice(lively_starts(recording, LENGTH, EVERY)))
-    part = as_predicted(between(recording, begin - MARGIN, begin + LENGTH + MARGIN))
+    whole = recording.replace(truth=None)  # nothing is scored, and nothing beside the answer is given away
+    part = as_predicted(between(whole, begin - MARGIN, begin + LENGTH + MARGIN))
     part, drawn = with_covariates(part, rng)
     ready = prepared(part)
     end = min(begin + LENGTH, float(part.streams["imu"].t[-1]) + 1e-9)

@@ -1,0 +1,110 @@
+"""A part of a recording: the same stretch of time of all its streams."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sensors.errors import InputError
+from sensors.recording import Initial, Recording, SensorSpec, Stream, Truth
+
+#: A stream with fewer rows in a part is not in it.
+LEAST_ROWS = 2
+#: Seconds after the start of a log from which and up to which it is looked at; None: from its beginning, to its end.
+Span = tuple[float | None, float | None]
+WHOLE: Span = (None, None)
+_CLOCKS = ("imu", "poses")
+
+
+def start_of(recording: Recording) -> float:
+    """What the recording's clock shows at its first IMU sample; of poses at the first pose, else at the first reading
+    [s].
+    """
+    for name in _CLOCKS:
+        if name in recording.streams:
+            return float(recording.streams[name].t[0])
+    return min(float(stream.t[0]) for stream in recording.streams.values())
+
+
+def end_of(recording: Recording) -> float:
+    """What the recording's clock shows at the last reading of the stream that `start_of` takes [s]."""
+    for name in _CLOCKS:
+        if name in recording.streams:
+            return float(recording.streams[name].t[-1])
+    return max(float(stream.t[-1]) for stream in recording.streams.values())
+
+
+def between(recording: Recording, begin: float, end: float) -> Recording:
+    """The rows with begin <= t < end [s] of every stream and of the truth.
+
+    What is declared of the first state holds where nothing before is cut off; else it has to be found from the data,
+    and a bias may have wandered since: its variance has grown by walk^2 t.
+
+    Raises
+    ------
+    InputError : none of the streams has readings there
+    """
+    parts = {name: _rows(stream, begin, end) for name, stream in recording.streams.items()}
+    streams = {name: part for name, part in parts.items() if len(part) >= LEAST_ROWS}
+    start, stop = start_of(recording), end_of(recording)
+    if not streams or ("imu" in recording.streams and "imu" not in streams):
+        found = f"fewer than {LEAST_ROWS} samples from {begin - start:g} s to {end - start:g} s after the first"
+        raise InputError(recording.where, found, f"a part of its {stop - start:.5g} s")
+    truth = recording.truth
+    if truth is not None:
+        seen = _rows(truth.stream, begin, end)
+        truth = Truth(seen, truth.kind) if len(seen) else None
+    if begin <= start:
+        return recording.replace(streams=streams, truth=truth)
+    sensors = {name: _after(spec, begin - start) for name, spec in recording.sensors.items()}
+    return recording.replace(streams=streams, truth=truth, sensors=sensors, initial=Initial())
+
+
+def window(recording: Recording, span: Span) -> Recording:
+    """The part of a recording that a user asks for by seconds of the log; its notes say what was cut.
+
+    Parameters
+    ----------
+    span : see `Span`; counted from `start_of`
+
+    Raises
+    ------
+    InputError : no such part
+    """
+    if span == WHOLE:
+        return recording
+    start, length = start_of(recording), end_of(recording) - start_of(recording)
+    for option, value in zip(("--from", "--to"), span, strict=True):
+        if value is not None and not np.isfinite(value):
+            raise InputError(option, f"{value}", "seconds after the first sample of the log")
+    begin, end = (fallback if value is None else value for value, fallback in zip(span, (0.0, np.inf), strict=True))
+    if begin >= end:
+        raise InputError("--from and --to", f"{begin:g} s and {end:g} s", "a --from before the --to")
+    if begin > length or end <= 0.0:
+        found = f"{span_words(span)} of a log of {length:.5g} s"
+        raise InputError("--from and --to", found, f"a part from 0 to {length:.5g} s, counted from its first sample")
+    part = between(recording, -np.inf if span[0] is None else start + begin, start + end)
+    lost = [name for name in recording.streams if name not in part.streams]
+    notes = [f"{span_words(span)} of the log, counted from its first sample"]
+    notes += [f"{', '.join(lost)}: fewer than {LEAST_ROWS} readings in that part, left out"] if lost else []
+    return part.replace(notes=(*part.notes, *notes))
+
+
+def span_words(span: Span) -> str:
+    """A part of a log in words: `from 10 s to 50 s`; empty for the whole."""
+    begin, end = span
+    words = [] if begin is None else [f"from {begin:g} s"]
+    words += [] if end is None else [f"to {end:g} s"]
+    return " ".join(words)
+
+
+def _rows(stream: Stream, begin: float, end: float) -> Stream:
+    return stream.rows((stream.t >= begin) & (stream.t < end))
+
+
+def _after(spec: SensorSpec, elapsed: float) -> SensorSpec:
+    """What is declared of an instrument, some time later."""
+    if not spec.bias_std or not spec.bias_walk:
+        return spec
+    return replace(spec, bias_std=float(np.hypot(spec.bias_std, spec.bias_walk * np.sqrt(elapsed))))
