@@ -84,6 +84,11 @@ def run(
         "epochs": int(final.fixes.solved.sum()),
         "systems": [SYSTEM_NAMES[letter] for letter in letters],
         "mask_deg": mask_deg,
+        "reference": "the position given"
+        if position is not None
+        else None
+        if reference is None
+        else Path(reference).name,
         "verdict": found.verdict,
         "effects": [effect_entry(called) for called in found.called],
         "rolled_back": list(found.rolled_back),
@@ -97,7 +102,7 @@ def run(
     if base is not None and base_position is not None:
         at_base = usable_ranges(base, messages, letters)
         result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask)
-        report["dgps"] = dgps_entry(result, truth)
+        report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
     if solution is not None:
         write_solution(solution, final)
     return finite(report)  # type: ignore[return-value]
@@ -325,11 +330,12 @@ def reasons(location: Location) -> str:
     return f"at most {most} usable satellites for position and clock ({clocks} receiver clocks in the recording)"
 
 
-def dgps_entry(result: Differential, truth: FloatArray | None) -> Report:
-    """The differential part of the report."""
+def dgps_entry(result: Differential, truth: FloatArray | None, base_position: FloatArray) -> Report:
+    """The differential part of the report; the distance to the base is the known one where the rover's place is."""
+    away = None if truth is None else mean(np.linalg.norm(truth - base_position, axis=1))
     age = np.abs(result.age[result.location.fixes.used])
     entry: Report = {
-        "baseline": result.baseline,
+        "baseline": result.baseline if away is None else away,
         "age": {"mean": mean(age), "max": float(age.max()) if len(age) else None},
         "epochs": int(result.location.fixes.solved.sum()),
         "modelled": list(result.effects),

@@ -31,7 +31,7 @@ class Differential:
     location : fixes from corrected ranges
     effects : whose difference between both ends is modelled
     age : (n,) of the correction of each row [s], NaN where there is none
-    baseline : distance between base and rover, mean over the epochs [m]
+    baseline : from the base to the rover's mean fix from corrected ranges [m]
     by_position : (epochs, 3) rover fix minus the base's position error, ECEF [m]; NaN where either is missing
     """
 
@@ -72,6 +72,8 @@ def differential(
         if np.nansum(best.fixes.sse) - np.nansum(trial.fixes.sse) > CALLED:
             best, names = trial, (*names, delay)
     by_position = position_domain(rover, base, base_position, applied, mask, best.fixes.used)
+    seen = best.fixes.position if np.any(best.fixes.solved) else alone.fixes.position
+    baseline = float(np.linalg.norm(np.nanmean(seen, axis=0) - base_position))
     return Differential(best, names, applied.age, baseline, by_position)
 
 

@@ -40,6 +40,7 @@ def run(
 def summary(document: Mapping[str, Any]) -> str:
     """The result in a few lines."""
     lines = [f"{document['recording']}: {document['epochs']} epochs, {', '.join(document['systems'])}"]
+    lines[0] += f"; position errors against {document['reference']}" if document.get("reference") else ""
     lines.append(f"  verdict: {document['verdict']}")
     stages = shown_stages(document)
     width = max(map(len, stage_names(stages)))

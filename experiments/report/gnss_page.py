@@ -36,7 +36,7 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
         "RMS of the ranges' residuals and, where the position is known, mean distance of the fixes from it, each with "
         "the effects down to that line in the model.",
     )
-    _stage_table(page, stages)
+    _stage_table(page, stages, document.get("reference") or "as it was given")
     if document.get("dgps"):
         _dgps(page, document["dgps"])
     if document["excluded"] or document["journal"]:
@@ -60,7 +60,7 @@ def _title(document: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[
     return f"{effects[0].upper()}{effects[1:]} in the pseudoranges: residual {residual}"
 
 
-def _stage_table(page: Page, stages: Sequence[Mapping[str, Any]]) -> None:
+def _stage_table(page: Page, stages: Sequence[Mapping[str, Any]], reference: str) -> None:
     known = any(stage.get("position_error") for stage in stages)
     head = ["model", "RMS residual / m"]
     head += ["mean error / m", "95 % are below / m", "east / m", "north / m", "up / m"] if known else []
@@ -71,7 +71,7 @@ def _stage_table(page: Page, stages: Sequence[Mapping[str, Any]]) -> None:
         rows.append([name, *("-" if v is None else f"{v:.2f}" for v in [stage["residual_rms"], *values])])
     page.table(head, rows, numeric=range(1, len(head)))
     if known:
-        page.text("East, north and up: the mean of the fixes minus the known position.", note=True)
+        page.text(f"East, north and up: the mean of the fixes minus the known position ({reference}).", note=True)
 
 
 def _change(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:

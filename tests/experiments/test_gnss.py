@@ -14,6 +14,7 @@ from estimator import integrity
 from estimator.location import Location, locate
 from estimator.score import statistic_of
 from experiments.gnss import run
+from experiments.gnss_command import summary
 from experiments.gnss_reference import read_reference
 from experiments.residual_loop import pseudoranges as source
 from experiments.residual_loop.pseudorange_trace import trace_ranges
@@ -129,6 +130,26 @@ def test_a_satellite_that_walks_off_is_a_fault(
     assert [called.satellite for called in faults] == [satellite]
     assert faults[0].full[1] == pytest.approx(rate, rel=0.1)
     assert [c.name for c in found.called if not c.satellite] == [c.name for c in clean.called]
+
+
+@pytest.mark.measured
+def test_the_base_is_as_far_away_as_it_is(measured_data: Path) -> None:
+    """0.983 m by the authors' RTK fixes; to what corrected code tells where nobody says where the rover is."""
+    rows = [line.split()[2:5] for line in (measured_data / NAGOYA / "rover_rtk.pos").read_text().splitlines()
+            if not line.startswith("%")]  # fmt: skip
+    rover = np.stack([pymap3d.geodetic2ecef(*(float(value) for value in row)) for row in rows])
+    far = float(np.mean(np.linalg.norm(rover - NAGOYA_BASE, axis=1)))
+    assert far == pytest.approx(0.983, abs=0.001)
+    known = report(measured_data, "nagoya", "G,E,J,C")
+    assert known["dgps"]["baseline"] == pytest.approx(far, abs=1e-6)
+    assert known["reference"] == "rover_rtk.pos"
+    assert "0.983 m away" in summary(known)
+    assert "position errors against rover_rtk.pos" in summary(known)
+    options = {key: value for key, value in SETS["nagoya"].items() if key != "reference"}
+    files = {key: measured_data / str(options[key]) for key in ("observation", "base")}
+    alone = run(**{**options, **files, "navigation": [measured_data / NAGOYA / "base.nav"]})
+    assert alone["dgps"]["baseline"] == pytest.approx(far, abs=DIFFERENTIAL["nagoya"])
+    assert alone["reference"] is None
 
 
 @pytest.mark.measured
