@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sensors.errors import InputError
-from sensors.recording import Initial, Recording, SensorSpec, Stream, Truth
+from sensors.recording import Initial, Recording, SensorSpec, Stream
 
 #: A stream with fewer rows in a part is not in it.
 LEAST_ROWS = 2
@@ -54,7 +54,7 @@ def between(recording: Recording, begin: float, end: float) -> Recording:
     truth = recording.truth
     if truth is not None:
         seen = _rows(truth.stream, begin, end)
-        truth = Truth(seen, truth.kind) if len(seen) else None
+        truth = replace(truth, stream=seen) if len(seen) else None
     if begin <= start:
         return recording.replace(streams=streams, truth=truth)
     sensors = {name: _after(spec, begin - start) for name, spec in recording.sensors.items()}

@@ -98,10 +98,12 @@ def reference_of(recording: Recording) -> Mounted | None:
 
 
 def described(truth: Truth, target: Mounted) -> dict[str, object]:
-    """What a reference is and what was done to it, for JSON: kind, known, mounting (sensor -> reference), delay [s]."""
+    """What a reference is and what was done to it, for JSON: kind, known, whether its makers aligned it, else the
+    mounting (sensor -> reference) and the delay [s] that were found.
+    """
     said: dict[str, object] = {"kind": truth.kind or None, "known": list(truth.known)}
     if target.knows_heading and not target.same_north:
-        said |= {"mounting": target.mounting.tolist(), "delay": target.delay}
+        said |= {"aligned": truth.aligned, "mounting": target.mounting.tolist(), "delay": target.delay}
     return said
 
 

@@ -214,10 +214,9 @@ def reference_note(reference: Mapping[str, Any], errors: Mapping[str, Any]) -> s
     if "delay" not in reference:
         return ""
     angle = 2.0 * degrees(acos(min(abs(reference["mounting"][0]), 1.0)))
-    return (
-        f"taken off before {whose} was compared: its mounting ({number(angle)} deg), its delay "
-        f"({reference['delay']:.2f} s) and one constant heading"
-    )
+    found = f"its mounting ({number(angle)} deg), its delay ({reference['delay']:.2f} s) and "
+    found = "" if reference.get("aligned") else found
+    return f"taken off before the comparison with {whose}: {found}one constant heading"
 
 
 #: sensor -> unit of its bias; ranges and heights are in metres

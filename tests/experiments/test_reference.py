@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,7 @@ def test_only_what_the_reference_knows_is_scored(hover: Path, tmp_path: Path) ->
     assert "attitude error (RMS) against the cameras: " in text
     assert "attitude error (RMS) against the cameras" in (tmp_path / "estimate.html").read_text()
     assert document["truth"]["attitude_rms"] < DEGREE
+    assert re.search(r"comparison with the cameras: its mounting \(.* deg\), its delay \(.* s\) and one constant", text)
 
 
 def test_zeros_in_columns_that_are_not_known_are_no_truth(hover: Path, tmp_path: Path) -> None:
@@ -177,6 +179,7 @@ def test_of_a_ulog_only_the_attitude_is_scored_and_is_no_truth(measured_data: Pa
     assert not {"position_rms", "velocity_rms", "height_rms"} & document["truth"].keys()
     assert "position" not in text
     assert f"attitude difference (RMS) from the autopilot's own estimate, {NO_TRUTH}: " in text
+    assert "taken off before the comparison with the autopilot's own estimate: one constant heading" in text
 
 
 @pytest.mark.measured
