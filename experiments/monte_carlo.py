@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.one_flight import Flight, cramer_rao, fly
+from experiments.one_flight import Flight, cramer_rao, flight_from, fly
 from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
@@ -178,7 +178,7 @@ def run(
         raise InputError(f"scenario {scenario.name}", f'kind = "{scenario.kind}"', "a flight")
     kept = Kept(resume, scenario, seed, relinearise) if resume is not None else None
     done = {} if kept is None else kept.flights(runs)
-    missing = [k for k in range(runs) if k not in done]
+    taken, missing = list(done), [k for k in range(runs) if k not in done]
     report = progress or (lambda done, total: None)
     report(len(done), runs)
     plan = Plan(scenario, seed, relinearise)
@@ -188,6 +188,8 @@ def run(
             if kept is not None:
                 kept.keep(flight)
         report(len(done), runs)
+    if kept is not None:
+        kept.require_alike(taken, done)
     return MonteCarlo(scenario.name, seed, tuple(done[k] for k in range(runs)), cramer_rao(scenario, seed))
 
 
@@ -298,9 +300,33 @@ class Kept:
             write_text(file, json.dumps(plan))
 
     def flights(self, runs: int) -> dict[int, Flight]:
-        """What is finished, of the first `runs` runs; a file that a kill left incomplete counts for nothing."""
+        """What is finished, of the first `runs` runs; a file that a kill left incomplete counts for nothing.
+
+        Raises
+        ------
+        InputError : a file that is whole but holds no run, or another one
+        """
         found = ((k, _read(self._file(k))) for k in range(runs) if self._file(k).exists())
-        return {k: Flight(**table) for k, table in found if table is not None}
+        return {k: self._flight(k, table) for k, table in found if table is not None}
+
+    def _flight(self, run: int, table: dict[str, Any]) -> Flight:
+        try:
+            flight = flight_from(table)
+            if flight.run != run:
+                raise ValueError(f"key run is {flight.run}")
+        except ValueError as error:
+            raise self._error(run, str(error)) from None
+        return flight
+
+    def _error(self, run: int, found: str) -> InputError:
+        return InputError(self._file(run), found, f"run {run} as it was written; without the file it is flown again")
+
+    def require_alike(self, kept: Iterable[int], done: dict[int, Flight]) -> None:
+        """Raise an `InputError` for a kept run whose checkpoints, states or sensors are not those of the others."""
+        flown = [flight for k, flight in done.items() if k not in set(kept)] or list(done.values())
+        for k in kept:
+            if _kinds(done[k]) != _kinds(flown[0]):
+                raise self._error(k, "other checkpoints, states or sensors than the other runs have")
 
     def keep(self, flight: Flight) -> None:
         """Write one run."""
@@ -308,6 +334,11 @@ class Kept:
 
     def _file(self, run: int) -> Path:
         return self.folder / f"run-{run:06d}.json"
+
+
+def _kinds(flight: Flight) -> tuple[object, ...]:
+    """What the flights of one scenario have in common."""
+    return len(flight.t), flight.blocks, len(flight.error[0]), set(flight.nees), set(flight.nis)
 
 
 def digest_of(scenario: Scenario) -> str:
@@ -326,7 +357,7 @@ def _plain(value: Any) -> Any:
 def _read(file: Path) -> dict[str, Any] | None:
     try:
         table = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return table if isinstance(table, dict) else None
 

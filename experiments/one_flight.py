@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +14,7 @@ from estimator.flight_model import FlightModel, flight_model
 from estimator.layout import StateLayout
 from estimator.relinearise import run_relinearised
 from sensors.arrays import FloatArray
-from sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
+from sensors.recording import LARGEST_READING, POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sensors.scenario import Scenario
 from sensors.simulate import BIAS_COLUMNS, simulate
 
@@ -49,6 +50,53 @@ class Flight:
     def as_table(self) -> dict[str, Any]:
         """As plain lists and numbers, which JSON gives back bit by bit."""
         return asdict(self)
+
+
+def flight_from(table: Mapping[str, Any]) -> Flight:
+    """The flight of `as_table`, checked: what a file holds may be anybody's.
+
+    Raises
+    ------
+    ValueError : names the key, and says what is wrong with it
+    """
+    for entry in fields(Flight):
+        if entry.name not in table:
+            raise ValueError(f"no key {entry.name}")
+    if further := set(table) - {entry.name for entry in fields(Flight)}:
+        raise ValueError(f"unknown key {min(further)}")
+    flight = Flight(**table)
+    if not isinstance(flight.run, int) or isinstance(flight.run, bool):
+        raise ValueError("key run is no whole number")
+    checkpoints = _checked("t", flight.t, (None,))[0]
+    states = _checked("error", flight.error, (checkpoints, None))[1]
+    _checked("sigma", flight.sigma, (checkpoints, states))
+    if not isinstance(flight.blocks, list) or not all(isinstance(name, str) for name in flight.blocks):
+        raise ValueError("key blocks is no list of names")
+    for key, each, shape in (("nees", flight.nees, (checkpoints,)), ("nis", flight.nis, (2,)),
+                             ("rejected", flight.rejected, ())):  # fmt: skip
+        if not isinstance(each, dict):
+            raise ValueError(f"key {key} is no table")
+        for name, value in each.items():
+            _checked(f"{key}.{name}", value, shape)
+    if missing := {"overall", *flight.blocks} - set(flight.nees):
+        raise ValueError(f"no key nees.{min(missing)}")
+    return flight
+
+
+def _checked(key: str, value: object, shape: tuple[int | None, ...]) -> tuple[int, ...]:
+    """The shape of a list of finite numbers, which fits the one expected; None: any length."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"key {key} has rows of different length") from None
+    if array.dtype.kind not in "fi" or len(array.shape) != len(shape):
+        raise ValueError(f"key {key} is no list of numbers" if shape else f"key {key} is no number")
+    within = np.abs(array) <= LARGEST_READING
+    if not np.all(within):
+        raise ValueError(f"key {key} holds {array[~within][0]}")
+    if any(wanted not in (None, found) for wanted, found in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"key {key} has {' x '.join(map(str, array.shape))} numbers")
+    return array.shape
 
 
 def rng_of(seed: int, run: int) -> np.random.Generator:

@@ -8,14 +8,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.monte_carlo import Kept, MonteCarlo, averaged, digest_of, label, outside, run
-from experiments.one_flight import fly, noiseless, rng_of
+from experiments.one_flight import Flight, fly, noiseless, rng_of
 from experiments.scenarios import load_scenario
 from sensors.errors import InputError
 from sensors.manoeuvres import Manoeuvre
@@ -80,6 +80,58 @@ def test_it_goes_on_where_it_was_killed(alone: MonteCarlo, tmp_path: Path) -> No
     assert told[0] == (9, 24)
     assert told[-1] == (24, 24)
     assert json.dumps(result.summary()) == json.dumps(alone.summary())
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three finished runs."""
+    folder = tmp_path_factory.mktemp("kept")
+    run(short(), 3, seed=7, workers=1, resume=folder)
+    return folder
+
+
+@pytest.mark.parametrize("key", [f.name for f in fields(Flight)])
+def test_a_kept_run_with_a_key_missing_is_named(kept: Path, tmp_path: Path, key: str) -> None:
+    table = json.loads((kept / "run-000001.json").read_text())
+    del table[key]
+    assert f"run-000001.json: no key {key}; expected run 1 as it was written" in resumed(kept, tmp_path, table)
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"run": 2}, "key run is 2"),
+        ({"run": "1"}, "key run is no whole number"),
+        ({"t": [float("nan")] * 10}, "key t holds nan"),
+        ({"t": 1.0}, "key t is no list of numbers"),
+        ({"error": [[1.0], [1.0, 2.0]]}, "key error has rows of different length"),
+        ({"error": [["a"]] * 10}, "key error is no list of numbers"),
+        ({"sigma": [[1.0]] * 10}, "key sigma has 10 x 1 numbers"),
+        ({"nees": {"overall": [1e300] * 10}}, "key nees.overall holds 1e+300"),
+        ({"nees": {}}, "no key nees."),
+        ({"nees": []}, "key nees is no table"),
+        ({"nis": {"gps": [float("inf"), 3.0]}}, "key nis.gps holds inf"),
+        ({"nis": {"gps": [3.0]}}, "key nis.gps has 1 numbers"),
+        ({"nis": {}}, "other checkpoints, states or sensors"),
+        ({"rejected": {"gps": None}}, "key rejected.gps is no number"),
+        ({"blocks": [1]}, "key blocks is no list of names"),
+        ({"more": 1}, "unknown key more"),
+    ],
+)
+def test_a_kept_run_that_is_none_is_named(kept: Path, tmp_path: Path, change: dict[str, object], found: str) -> None:
+    table = json.loads((kept / "run-000001.json").read_text()) | change
+    assert found in resumed(kept, tmp_path, table)
+
+
+def resumed(kept: Path, folder: Path, table: dict[str, object]) -> str:
+    """The line that resuming says where a kept run holds a table."""
+    for path in kept.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    (folder / "run-000001.json").write_text(json.dumps(table))
+    with pytest.raises(InputError) as caught:
+        run(short(), 3, seed=7, workers=1, resume=folder)
+    assert str(folder / "run-000001.json") in str(caught.value)
+    return str(caught.value)
 
 
 def test_another_scenario_cannot_go_on_in_the_same_folder(tmp_path: Path) -> None:
