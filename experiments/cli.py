@@ -29,6 +29,8 @@ app = typer.Typer(
 
 
 _SHIPPED = sorted(p.stem for p in (Path(__file__).parent / "scenarios").glob("[!_]*.toml"))
+#: The most runs and processes that are asked for, and the most metres from the centre of the Earth.
+MOST_RUNS, MOST_WORKERS, MOST_METRES = 1_000_000, 1024, 1e9
 SCENARIOS = f"{', '.join(_SHIPPED)}; or a TOML file (docs/scenarios.md)"
 
 
@@ -80,6 +82,9 @@ From = Annotated[
     typer.Option("--from", help="leave out what is before: s after the first IMU sample (of poses: pose)", metavar="S"),
 ]
 To = Annotated[float | None, typer.Option("--to", help="leave out what is from then on: s, as --from", metavar="S")]
+Seed = Annotated[
+    int, typer.Option(help="of the random numbers: the same seed gives the same result", min=0, max=2**63 - 1)
+]
 Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
 Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
 
@@ -179,7 +184,7 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
-    seed: Annotated[int, typer.Option(help="of the random numbers: the same seed gives the same result")] = 0,
+    seed: Seed = 0,
     force: Force = False,
 ) -> None:
     """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
@@ -273,7 +278,7 @@ def gnss(
     observation: Annotated[Path, typer.Argument(help="RINEX observation file", metavar="OBS")],
     navigation: Annotated[list[Path], typer.Argument(help="RINEX navigation files", metavar="NAV...")],
     systems: Annotated[str, typer.Option(help="G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS")] = "G,E,J,C",
-    mask: Annotated[float, typer.Option(help="lowest elevation, deg")] = 10.0,
+    mask: Annotated[float, typer.Option(help="lowest elevation, deg", min=-90.0, max=90.0)] = 10.0,
     position: Annotated[
         tuple[float, float, float] | None,
         typer.Option(help="known position of a receiver at rest, ECEF, m", metavar="X Y Z"),
@@ -312,11 +317,11 @@ def observability(
 @app.command()
 def montecarlo(
     scenario: Annotated[str, typer.Argument(help=SCENARIOS)],
-    runs: Annotated[int, typer.Option(help="number of flights", min=1)] = 100,
-    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1)] = None,
+    runs: Annotated[int, typer.Option(help="number of flights", min=1, max=MOST_RUNS)] = 100,
+    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
     resume: Annotated[Path | None, typer.Option(help="folder that keeps finished runs")] = None,
-    seed: Annotated[int, typer.Option(help="of the random numbers: the same seed gives the same result")] = 0,
+    seed: Seed = 0,
     relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
@@ -358,10 +363,10 @@ def effects(
 @app.command()
 def blind(
     out: Annotated[Path, typer.Argument(help="folder for recordings, answers, reports and rates", metavar="OUT")],
-    runs: Annotated[int, typer.Option(help="number of recordings", min=1)] = 100,
-    seed: Annotated[int, typer.Option(help="that draws them")] = 0,
+    runs: Annotated[int, typer.Option(help="number of recordings", min=1, max=MOST_RUNS)] = 100,
+    seed: Seed = 0,
     world: Annotated[World, typer.Option(help="noise as declared, rough, or each half of the time")] = World.mixed,
-    workers: Annotated[int, typer.Option(help="processes", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="processes", min=1, max=MOST_WORKERS)] = 1,
     html: Html = None,
     measured: Annotated[bool, typer.Option("--measured", help="put effects into minutes of measured logs")] = False,
     logs: Annotated[
@@ -417,7 +422,7 @@ def _numbers(text: str) -> list[str]:
     """The numbers in a text with commas or blanks between; none where anything else is in it."""
     parts = text.replace(",", " ").split()
     try:
-        return parts if [float(part) for part in parts] else []
+        return parts if all(abs(float(part)) < MOST_METRES for part in parts) else []
     except ValueError:
         return []
 

@@ -22,6 +22,7 @@ from sensors.constants import STANDARD_GRAVITY
 from sensors.covariates import covariates_for
 from sensors.effects import effect
 from sensors.errors import InputError
+from sensors.formats.header import LARGEST
 from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
 #: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
@@ -168,8 +169,8 @@ def gravity_of(recording: Recording, gravity: float | None) -> float:
     """
     if gravity is None:
         return recording.environment.gravity or STANDARD_GRAVITY
-    if not (np.isfinite(gravity) and gravity > 0.0):
-        raise InputError("--gravity", f"{gravity}", "a number above 0 [m/s^2]")
+    if not 0.0 < gravity <= LARGEST:
+        raise InputError("--gravity", f"{gravity}", f"a number above 0 and at most {LARGEST:g} [m/s^2]")
     return gravity
 
 

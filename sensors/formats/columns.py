@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -13,7 +13,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats import dataflash, matlab, mwlog, ubx, ulog
+from sensors.formats import dataflash, matlab, mwlog, ubx, ulog_messages
 from sensors.formats.packed import kind_of, read_packed, require_columns
 from sensors.formats.records import RecordLayout, read_records
 from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
@@ -62,14 +62,19 @@ def content_of(path: Path) -> str:
         raise InputError(path, error.strerror or type(error).__name__, "a readable file") from None
     if not head:
         return "empty"
-    magics = {mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog.MAGIC: "ulog", ubx.MAGIC: "ubx"}
+    magics = {mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx"}
     for magic, content in magics.items():
         if head.startswith(magic):
             return content
     return kind_of(head) or ("dataflash" if dataflash.MAGIC.encode() in head else "text")
 
 
-def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> dict[str, FloatArray]:
+def notes_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """What a reader of `read_columns` could not read and passed over."""
+    return columns.notes if isinstance(columns, ulog_messages.Topics) else ()
+
+
+def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> Mapping[str, FloatArray]:
     """The columns of a file by name, each (n,); columns of one table have one length.
 
     Parameters
@@ -95,7 +100,7 @@ def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> d
     if content == "matlab":
         return matlab.columns_of(matlab.read_matlab(path))
     if content == "ulog":
-        return ulog.read_topics(path)
+        return ulog_messages.read_topics(path)
     if content == "ubx":
         return ubx.read_ubx(path)
     if content == "dataflash":

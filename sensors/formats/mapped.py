@@ -11,7 +11,7 @@ import numpy as np
 from sensors.arrays import BoolArray, FloatArray
 from sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
 from sensors.errors import InputError
-from sensors.formats.columns import read_columns
+from sensors.formats.columns import notes_of, read_columns
 from sensors.formats.geodetic import ned_columns, to_ned
 from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sensors.formats.plausible import check_field, check_units
@@ -50,6 +50,7 @@ def read_mapped(path: Path, rules: Map) -> Recording:
         stream, dropped = _stream(log, stream_map)
         streams[stream_map.name] = _with_derived(stream_map.name, stream)
         notes += [f"{stream_map.name}: {entry}" for entry in dropped]
+    notes += log.notes()
     header = rules.header
     streams, origin, chosen = to_ned(path, streams, header.origin)
     truth, dropped = _truth(log, origin)
@@ -109,6 +110,11 @@ class _Log:
         if file not in read:
             read[file] = read_columns(self.path, self.rules.files[file], _wanted(self.rules, file))
         return read[file]
+
+    def notes(self) -> list[str]:
+        """What could not be read of the files that were."""
+        read: dict[str, Columns] = self._read  # type: ignore[attr-defined]
+        return [note for columns in read.values() for note in notes_of(columns)]
 
     def column(self, file: str, name: str, key: str) -> FloatArray:
         columns = self.columns(file)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,10 +58,10 @@ def read_records(path: Path, layout: RecordLayout) -> dict[str, FloatArray]:
     starts, with_tail = _starts(path, data, layout, head, tail)
     require_numbers(path, len(starts) * len(layout.fields) + len(with_tail) * len(layout.tail))
     raw = np.frombuffer(data, np.uint8)
-    columns = _fields(raw, starts, head)
+    columns = fields_at(raw, starts, head, head.names or ())
     columns["row"] = np.arange(len(starts), dtype=np.float64)
     if layout.tail:
-        found = _fields(raw, starts[with_tail] + head.itemsize, tail)
+        found = fields_at(raw, starts[with_tail] + head.itemsize, tail, tail.names or ())
         columns.update({f"tail.{name}": values for name, values in found.items()})
         columns["tail.row"] = with_tail.astype(np.float64)
     return columns
@@ -92,10 +93,14 @@ def _starts(
     return np.array(starts, dtype=np.int64), np.array(tails, dtype=np.int64)
 
 
-def _fields(raw: np.ndarray, starts: IntArray, dtype: np.dtype[np.void]) -> dict[str, FloatArray]:
-    """The fields of the records that start at some bytes; byte by byte of a field, since an index takes eight bytes."""
+def fields_at(
+    raw: np.ndarray, starts: IntArray, dtype: np.dtype[np.void], names: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Some fields of the records that start at some bytes; byte by byte of a field: an index takes eight bytes."""
     columns = {}
-    for name, (kind, offset, *_) in (dtype.fields or {}).items():
+    for name in names:
+        assert dtype.fields is not None
+        kind, offset, *_ = dtype.fields[name]
         values = np.empty((len(starts), kind.itemsize), dtype=np.uint8)
         for k in range(kind.itemsize):
             values[:, k] = raw[starts + (offset + k)]

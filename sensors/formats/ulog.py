@@ -1,23 +1,18 @@
-"""PX4's ULog, which describes itself: read through pyulog (`pip install '.[ulog]'` in the clone)."""
+"""PX4's ULog, which describes itself: topics as the streams of a recording."""
 
 from __future__ import annotations
 
-import io
+from bisect import bisect_left
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
-from sensors.recording import QUATERNION, Recording, Stream, Truth
+from sensors.formats.ulog_messages import read_topics
+from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Recording, Stream, Truth
 
-MAGIC = b"ULog\x01\x12\x35"
-
-#: magic, version, time stamp of the start
-_HEADER_SIZE = 16
-_MESSAGE_TYPES = b"BFIMPQALCRDOS"
 _MICROSECOND = 1e-6
 #: A quaternion whose norm is off one by more is none: PX4 logs zeros or NaN before its estimator has an attitude.
 _UNIT = 0.01
@@ -25,57 +20,12 @@ _UNIT = 0.01
 _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
 
 
-def read_topics(path: Path) -> dict[str, FloatArray]:
-    """All topics as columns `topic.field`; a further instance k of a topic is `topic#k.field`. Times are in us.
-
-    Raises
-    ------
-    InputError : pyulog is not installed; the log is damaged or holds no data
-    """
-    _check_chain(path)
-    try:
-        from pyulog import ULog
-    except ImportError:
-        raise InputError(path, "a ULog", "pyulog to read it with: pip install '.[ulog]' in the clone") from None
-    try:
-        with redirect_stdout(io.StringIO()):  # it prints what it finds wrong; `file_corruption` says so too
-            log = ULog(str(path), disable_str_exceptions=True)
-    except Exception as error:  # pyulog raises whatever its parser meets in a damaged file
-        raise InputError(path, f"{type(error).__name__}: {error}", "a whole ULog") from None
-    if log.file_corruption:
-        raise InputError(path, "damaged or cut-off messages", "a whole ULog")
-    columns: dict[str, FloatArray] = {}
-    for topic in log.data_list:
-        name = topic.name if topic.multi_id == 0 else f"{topic.name}#{topic.multi_id}"
-        columns.update({f"{name}.{field}": np.asarray(values, np.float64) for field, values in topic.data.items()})
-    if not columns:
-        raise InputError(path, "no topic", "a log with data")
-    return columns
-
-
-def _check_chain(path: Path) -> None:
-    """Check that the messages follow one another to the end of the file, before pyulog searches in what is damaged.
-
-    A message is its size (uint16, little endian), its type (a letter) and that many bytes. PX4 user guide, "ULog file
-    format".
-    """
-    data = path.read_bytes()
-    position = _HEADER_SIZE
-    while position < len(data):
-        size = int.from_bytes(data[position : position + 2], "little")
-        place = f"byte {position}"
-        if position + 3 + size > len(data):
-            raise InputError(path, f"a message of {size} bytes that is cut off", "a whole ULog", place)
-        if data[position + 2] not in _MESSAGE_TYPES:
-            raise InputError(path, f"a message of type {data[position + 2 : position + 3]!r}", "a whole ULog", place)
-        position += 3 + size
-
-
 def read_ulog(path: Path) -> Recording:
     """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
 
     Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. Of what the
-    vehicle's own estimator says the attitude is kept, as a reference.
+    vehicle's own estimator says the attitude is kept, as a reference. Of a damaged log `notes` say what could not be
+    read, and how many rows were left out because their time goes back or they hold what is no number.
 
     Raises
     ------
@@ -85,22 +35,78 @@ def read_ulog(path: Path) -> Recording:
     from sensors.formats.plausible import check_units
 
     topics = read_topics(path)
+    streams, notes = _streams(topics)
+    if "imu" not in streams:
+        names = ", ".join(sorted({name.split(".")[0] for name in topics}))
+        raise InputError(path, f"no sensor_combined among the topics ({names})", "a log of accelerometer and gyroscope")
+    start = _start(streams)
+    streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
+    streams, origin, chosen = to_ned(path, streams, None)
+    recording = Recording(
+        path.stem, "flight", streams, origin=origin, source=str(path), notes=(*topics.notes, *notes, *chosen),
+        truth=_own_attitude(topics, start),
+    )  # fmt: skip
+    check_units(recording)
+    return recording
+
+
+def _streams(topics: Mapping[str, FloatArray]) -> tuple[dict[str, Stream], list[str]]:
+    """The streams of the topics that are there, on the log's clock, and what was left out of them."""
     found = {
         "imu": _imu(topics), "mag": _mag(topics), "baro": _baro(topics), "laser": _range(topics, _LASER),
         "sonar": _range(topics, _ULTRASOUND), "gps": _gps(topics), "power": _power(topics), "motors": _motors(topics),
         "air": _columns(topics, "airspeed", {"airspeed": "true_airspeed_m_s"}),
     }  # fmt: skip
-    streams = {name: stream for name, stream in found.items() if stream is not None and len(stream) > 0}
-    if "imu" not in streams:
-        names = ", ".join(sorted({name.split(".")[0] for name in topics}))
-        raise InputError(path, f"no sensor_combined among the topics ({names})", "a log of accelerometer and gyroscope")
-    start = min(float(stream.t[0]) for stream in streams.values())
-    streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
-    streams, origin, notes = to_ned(path, streams, None)
-    truth = _own_attitude(topics, start)
-    recording = Recording(path.stem, "flight", streams, origin=origin, source=str(path), notes=notes, truth=truth)
-    check_units(recording)
-    return recording
+    sound = {name: _sound(name, stream) for name, stream in found.items() if stream is not None}
+    notes = [note for _, said in sound.values() for note in said]
+    return {name: stream for name, (stream, _) in sound.items() if len(stream) > 0}, notes
+
+
+def _start(streams: Mapping[str, Stream]) -> float:
+    """When the recording begins, on the log's clock [s]."""
+    return min(float(stream.t[0]) for stream in streams.values())
+
+
+def _sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
+    """A stream without what damage, or a driver that knows no value, has put into it; and sentences that say so.
+
+    Left out are columns that may be missing and hold no number at all, rows that hold a gap, and the fewest rows
+    without which the time rises.
+    """
+    notes: list[str] = []
+    required = {column for columns in REQUIRED_COLUMNS.get(name, ()) for column in columns}
+    finite = {column: np.isfinite(values) for column, values in stream.columns.items()}
+    empty = [column for column, good in finite.items() if not np.any(good) and column not in required]
+    if empty and len(stream):
+        notes.append(f"{name}: no number in it, left out: {', '.join(empty)}")
+    columns = {column: values for column, values in stream.columns.items() if column not in empty}
+    keep = np.all([finite[column] for column in columns], axis=0) if columns else np.zeros(len(stream), dtype=bool)
+    stream, lost = Stream(stream.t, columns).rows(keep), int(np.sum(~keep))
+    if lost:
+        notes.append(f"{name}: {lost} rows left out: not a number")
+    rising = _rising(stream.t)
+    if lost := int(np.sum(~rising)):
+        notes.append(f"{name}: {lost} rows left out: the time goes back")
+    return stream.rows(rising), notes
+
+
+def _rising(t: FloatArray) -> BoolArray:
+    """(n,) the longest choice of rows whose time rises, by patience sorting: one wrong stamp costs one row."""
+    if np.all(np.diff(t) > 0.0):
+        return np.ones(len(t), dtype=bool)
+    tops: list[float] = []
+    rows: list[int] = []
+    before = np.full(len(t), -1, dtype=np.int64)
+    for k, value in enumerate(t.tolist()):
+        pile = bisect_left(tops, value)
+        before[k] = rows[pile - 1] if pile else -1
+        tops[pile : pile + 1], rows[pile : pile + 1] = [value], [k]
+    keep = np.zeros(len(t), dtype=bool)
+    k = rows[-1] if rows else -1
+    while k >= 0:
+        keep[k] = True
+        k = int(before[k])
+    return keep
 
 
 def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | None:
@@ -108,6 +114,9 @@ def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | Non
     names = {column: f"q[{k}]" for k, column in enumerate(QUATERNION)}
     stream = _columns(topics, "vehicle_attitude", names)
     if stream is None:
+        return None
+    stream, _ = _sound("reference", stream)
+    if not stream.has(QUATERNION):
         return None
     stream = stream.rows(np.abs(np.linalg.norm(stream.array(QUATERNION), axis=1) - 1.0) < _UNIT)
     return Truth(Stream(stream.t - start, stream.columns), "autopilot", aligned=True) if len(stream) else None
@@ -121,7 +130,7 @@ def _columns(
     if any(name not in topics for name in wanted):
         return None
     t = topics[wanted[0]] * _MICROSECOND
-    first = np.concatenate([[True], np.diff(t) > 0.0]) if len(t) else np.empty(0, dtype=bool)
+    first = np.concatenate([[True], np.diff(t) != 0.0]) if len(t) else np.empty(0, dtype=bool)
     return Stream(t[first], {name: topics[f"{topic}.{field}"][first] for name, field in names.items()})
 
 
@@ -137,7 +146,9 @@ def _mag(topics: Mapping[str, FloatArray]) -> Stream | None:
 
 
 def _baro(topics: Mapping[str, FloatArray]) -> Stream | None:
-    names = {"height": "baro_alt_meter", "pressure": "baro_pressure_pa", "temperature": "baro_temp_celcius"}
+    names = {"height": "baro_alt_meter", "pressure": "baro_pressure_pa"}
+    if "vehicle_air_data.baro_temp_celcius" in topics:  # newer logs have the air's in its place
+        names["temperature"] = "baro_temp_celcius"
     return _columns(topics, "vehicle_air_data", names)
 
 
@@ -189,5 +200,5 @@ def _motors(topics: Mapping[str, FloatArray]) -> Stream | None:
     stream = _columns(topics, "esc_status", names)
     if stream is None or len(stream) == 0:
         return None
-    top = max(1.0, max(float(np.max(np.abs(values))) for values in stream.columns.values()))
+    top = max(1.0, *(float(np.nanmax(np.abs(values), initial=0.0)) for values in stream.columns.values()))
     return Stream(stream.t, {name: np.abs(values) / top for name, values in stream.columns.items()})

@@ -359,9 +359,3 @@ def test_compressed_text_that_unfolds_without_end(tmp_path: Path, monkeypatch: p
     (tmp_path / "a").write_bytes(gzip.compress(b"0" * 100_000))
     with pytest.raises(InputError, match="once unfolded"):
         read_columns(tmp_path / "a", FileOptions(), {"1"})
-
-
-def test_ulog_damaged(tmp_path: Path) -> None:
-    pytest.importorskip("pyulog")
-    (tmp_path / "a").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\x05\x00Bxxxxx")
-    assert "expected" in message(tmp_path / "a")

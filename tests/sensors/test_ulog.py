@@ -1,0 +1,262 @@
+"""ULogs, whole and damaged: what is whole is read as pyulog reads it, what is not is counted and said."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensors.errors import InputError
+from sensors.formats import open_log
+from sensors.formats.ulog import _rising
+from sensors.formats.ulog_messages import read_topics
+
+WHOLE = "px4_esc_lidar_flight/esc_status_log.ulg"
+DAMAGED = "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg"
+SYNC = bytes.fromhex("2f731320250cbb12")
+IMU = "sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;uint8_t[5] _padding0;"
+
+
+def message(kind: str, body: bytes) -> bytes:
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def reading(k: int, number: int = 7) -> bytes:
+    """The IMU of a body at rest, k ms after the start."""
+    values = struct.pack("<Q6f", 1_000_000 + 1000 * k, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
+    return message("D", struct.pack("<H", number) + values + bytes(5))
+
+
+HEAD = (
+    b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000)
+    + message("B", bytes(40))
+    + message("F", IMU.encode())
+    + message("A", b"\0" + struct.pack("<H", 7) + b"sensor_combined")
+)  # fmt: skip
+
+
+def log(path: Path, *parts: bytes) -> Path:
+    path.write_bytes(HEAD + b"".join(parts))
+    return path
+
+
+def by_pyulog(path: Path) -> dict[str, np.ndarray]:
+    """The topics as PX4's own reader reads them."""
+    pyulog = pytest.importorskip("pyulog")
+    with contextlib.redirect_stdout(io.StringIO()):
+        data = pyulog.ULog(str(path)).data_list
+    names = [(one, one.name if one.multi_id == 0 else f"{one.name}#{one.multi_id}") for one in data]
+    return {f"{name}.{column}": np.asarray(values) for one, name in names for column, values in one.data.items()}
+
+
+def rows_of(topics: Mapping[str, np.ndarray], name: str) -> set[tuple[float, ...]]:
+    """The readings of a topic, to be found among others."""
+    columns = [
+        np.nan_to_num(np.asarray(topics[key], np.float64)) for key in sorted(topics) if key.startswith(f"{name}.")
+    ]
+    return set(zip(*(column.tolist() for column in columns), strict=True))
+
+
+# --- measured logs ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.measured
+def test_a_whole_log_is_read_as_pyulog_reads_it(measured_data: Path) -> None:
+    topics, expected = read_topics(measured_data / WHOLE), by_pyulog(measured_data / WHOLE)
+    assert topics.keys() == expected.keys()
+    assert topics.notes == ()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(topics[name], values.astype(np.float64), err_msg=name)
+
+
+@pytest.mark.measured
+def test_a_damaged_log_gives_what_pyulog_reads_of_it_and_more(measured_data: Path) -> None:
+    """pyulog goes on at the next sync mark; here at the next message that fits."""
+    topics, expected = read_topics(measured_data / DAMAGED), by_pyulog(measured_data / DAMAGED)
+    assert topics.keys() == expected.keys()
+    for name in {key.split(".")[0] for key in expected}:
+        assert rows_of(expected, name) <= rows_of(topics, name), name
+    more = topics["sensor_combined.timestamp"]
+    assert len(more) > len(expected["sensor_combined.timestamp"])
+    assert np.all(np.diff(more) > 0.0)
+
+
+@pytest.mark.measured
+def test_a_damaged_log_is_a_recording_whose_notes_say_what_is_missing(measured_data: Path) -> None:
+    recording = open_log(measured_data / DAMAGED)
+    assert {"imu", "mag", "baro", "gps", "power"} <= set(recording.streams)
+    assert len(recording.streams["imu"]) == 19191  # the 95 s of its README at 201 Hz
+    assert "topics that are not announced (number 32812): not read, one such place, 38 bytes" in recording.notes[0]
+    assert "no message: not read, 4 such places, 35 bytes, the first at byte 1644033" in recording.notes[1]
+
+
+@pytest.mark.measured
+def test_the_notes_of_a_mapped_log_say_so_too(measured_data: Path, tmp_path: Path) -> None:
+    columns = {name: ", ".join(f'"sensor_combined.{name}[{k}]"' for k in range(3)) for name in
+               ("accelerometer_m_s2", "gyro_rad")}  # fmt: skip
+    (tmp_path / "map.toml").write_text(
+        'kind = "flight"\n[streams.imu]\ntime = { column = "sensor_combined.timestamp", unit = "us" }\n'
+        f"accel = [{columns['accelerometer_m_s2']}]\ngyro = [{columns['gyro_rad']}]\n"
+    )
+    recording = open_log(measured_data / DAMAGED, tmp_path / "map.toml")
+    assert any("not announced (number 32812)" in note for note in recording.notes)
+
+
+@pytest.mark.measured
+def test_the_reference_is_on_the_clock_of_the_recording(measured_data: Path) -> None:
+    """The attitude of the vehicle's own estimator; the first sample of all is one of the motors'."""
+    topics, recording = by_pyulog(measured_data / WHOLE), open_log(measured_data / WHOLE)
+    start = topics["sensor_combined.timestamp"][0] * 1e-6 - recording.streams["imu"].t[0]
+    assert recording.truth is not None
+    t = topics["vehicle_attitude.timestamp"] * 1e-6 - start
+    np.testing.assert_allclose(recording.truth.stream.t, t, atol=1e-9)
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("seed", range(5))
+def test_a_few_damaged_bytes_cost_a_few_readings(measured_data: Path, tmp_path: Path, seed: int) -> None:
+    """Eight holes of 1 to 200 bytes: what they do not touch is read, and nothing that was not there but the touched."""
+    rng = np.random.default_rng(seed)
+    data = bytearray((measured_data / WHOLE).read_bytes())
+    whole = read_topics(measured_data / WHOLE)
+    start = len(data) // 5  # beyond the formats and announcements
+    for at in rng.integers(start, len(data) - 200, 8):
+        size = int(rng.integers(1, 200))
+        data[at : at + size] = rng.bytes(size)
+    (tmp_path / "log").write_bytes(data)
+    topics = read_topics(tmp_path / "log")
+    lost = new = 0
+    for name in {key.split(".")[0] for key in whole}:
+        before, after = rows_of(whole, name), rows_of(topics, name) if f"{name}.timestamp" in topics else set()
+        lost, new = lost + len(before - after), new + len(after - before)
+    assert lost < 100  # of 9000
+    assert new <= 8
+    with contextlib.suppress(InputError):
+        open_log(tmp_path / "log")
+
+
+# --- logs written here -----------------------------------------------------------------------------------
+
+
+def test_readings_with_and_without_the_padding_at_their_end(tmp_path: Path) -> None:
+    short = message("D", reading(1)[3:-5])
+    topics = read_topics(log(tmp_path / "log", reading(0), short, reading(2)))
+    np.testing.assert_array_equal(topics["sensor_combined.timestamp"], [1_000_000, 1_001_000, 1_002_000])
+    assert topics.notes == ()
+    assert "sensor_combined._padding0[0]" not in topics
+
+
+@pytest.mark.parametrize(
+    ("damage", "note"),
+    [
+        (
+            reading(5, number=9),
+            "readings of topics that are not announced (number 9): not read, one such place, 42 bytes",
+        ),
+        (
+            message("D", reading(5)[3:-7]),
+            "readings of another size (sensor_combined): not read, one such place, 35 bytes",
+        ),
+        (message("D", reading(5)[3:] + b"x"), "readings of another size"),
+        (b"\xff" * 30, "bytes that are no message: not read, one such place, 30 bytes"),
+        (b"D\0D" * 50, "bytes that are no message"),
+        (message("S", b"12345678"), "bytes that are no message"),
+        (message("Z", b"12345678"), "bytes that are no message"),
+        (message("A", b"\0\x08\0unknown_topic"), "topics without a format that can be read (unknown_topic)"),
+        (message("F", b"no fields"), "bytes that are no message"),
+        (message("O", b"123"), "bytes that are no message"),
+    ],
+)
+def test_what_is_no_message_is_passed_over_and_told(tmp_path: Path, damage: bytes, note: str) -> None:
+    path = log(tmp_path / "log", *map(reading, range(4)), damage, *map(reading, range(10, 14)))
+    topics = read_topics(path)
+    t = (topics["sensor_combined.timestamp"] - 1_000_000) / 1000
+    np.testing.assert_array_equal(t, [0, 1, 2, 3, 10, 11, 12, 13])
+    at = len(HEAD) + 4 * len(reading(0))
+    assert len(topics.notes) == 1
+    assert topics.notes[0].startswith(note)
+    assert topics.notes[0].endswith(f"the first at byte {at}")
+
+
+def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
+    topics = read_topics(log(tmp_path / "log", *map(reading, range(4)), reading(4)[:-3]))
+    assert len(topics["sensor_combined.timestamp"]) == 4
+    assert topics.notes[0].startswith("what is after the last whole message: not read, one such place, 39 bytes")
+
+
+def test_data_that_were_appended_after_a_crash(tmp_path: Path) -> None:
+    """The last message before them is not whole, as the guide says, and that is no damage."""
+    before = HEAD + b"".join(map(reading, range(4))) + reading(4)[:20]
+    flags = bytes(8) + b"\1" + bytes(7) + struct.pack("<3Q", len(before), 0, 0)
+    (tmp_path / "log").write_bytes(
+        before.replace(message("B", bytes(40)), message("B", flags)) + reading(5) + reading(6)
+    )
+    topics = read_topics(tmp_path / "log")
+    t = (topics["sensor_combined.timestamp"] - 1_000_000) / 1000
+    np.testing.assert_array_equal(t, [0, 1, 2, 3, 5, 6])
+    assert topics.notes == ()
+
+
+def test_a_log_that_needs_another_reader_is_refused(tmp_path: Path) -> None:
+    path = log(tmp_path / "log", reading(0))
+    path.write_bytes(path.read_bytes().replace(message("B", bytes(40)), message("B", bytes(8) + b"\2" + bytes(31))))
+    with pytest.raises(InputError, match="byte 16: flags 0200000000000000 of what a reader has to know"):
+        read_topics(path)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        "a:b b;",
+        "a:uint8_t[99999] x;a[99999] y;",
+        "a:uint8_t[60000] x;uint8_t[60000] y;",
+        "a:float x;float x;",
+        "a:float",
+    ],
+)
+def test_a_format_that_unfolds_without_end_is_none(tmp_path: Path, fields: str) -> None:
+    nested = b"".join(message("F", f"n{k}:n{k + 1}[60000] x;".encode()) for k in range(6))
+    announced = [message("A", b"\0\x09\0a"), message("A", b"\0\x0a\0n0"), message("D", b"\x09\0" + bytes(20))]
+    path = log(tmp_path / "log", message("F", fields.encode()), nested, message("F", b"n6:"), *announced, reading(0))
+    topics = read_topics(path)
+    assert {name.split(".")[0] for name in topics} == {"sensor_combined"}
+    assert "topics without a format that can be read (" in topics.notes[0]
+
+
+def test_rows_that_hold_no_number_or_go_back_are_left_out_and_counted(tmp_path: Path) -> None:
+    gap = struct.pack("<Q6f", 1_000_000 + 5000, np.nan, 0, 0, 0, 0, -9.8)
+    wrong = struct.pack("<Q6f", 2**60, 0, 0, 0, 0, 0, -9.8)
+    damaged = [message("D", struct.pack("<H", 7) + body) for body in (gap, wrong)]
+    recording = open_log(log(tmp_path / "log", *map(reading, range(4)), *damaged, *map(reading, range(10, 40))))
+    assert len(recording.streams["imu"]) == 34
+    assert recording.notes == ("imu: 1 rows left out: not a number", "imu: 1 rows left out: the time goes back")
+
+
+def test_the_longest_choice_of_rows_whose_time_rises() -> None:
+    assert np.flatnonzero(_rising(np.array([1.0, 9.0, 2.0, 3.0, 3.0, 0.0, 4.0]))).tolist() in (
+        [0, 2, 3, 6],
+        [0, 2, 4, 6],
+    )
+    assert np.all(_rising(np.array([1.0, 2.0, 3.0])))
+    assert len(_rising(np.empty(0))) == 0
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (HEAD, "no reading of any topic; expected a log with data"),
+        (HEAD + b"\xff" * 99, "no reading of any topic (what is after the last whole message"),
+        (b"ULog\x01\x12\x35", "a ULog"),
+    ],
+)
+def test_a_log_without_data(tmp_path: Path, data: bytes, expected: str) -> None:
+    (tmp_path / "log").write_bytes(data)
+    with pytest.raises(InputError) as caught:
+        open_log(tmp_path / "log")
+    assert str(tmp_path / "log") in str(caught.value)
+    assert expected in str(caught.value)
