@@ -435,14 +435,16 @@ def _leave_warnings_to_developers() -> None:
 
 
 def main() -> None:
-    """Entry point: bad input ends with status 1 and one line, bad usage with 2."""
+    """Entry point: bad input ends with status 1 and one line, bad usage with 2, Ctrl-C with 130 and one line."""
+    from experiments.stopping import listening
     from sensors.errors import InputError
     from sensors.files import cannot_write
 
     _leave_warnings_to_developers()
     try:
-        _require_whole_effects(sys.argv[1:])
-        app(_spread(sys.argv[1:]))
+        with listening():
+            _require_whole_effects(sys.argv[1:])
+            app(_spread(sys.argv[1:]))
     except InputError as error:
         _fail(error)
     except OSError as error:

@@ -9,15 +9,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
 from experiments.one_flight import Flight, cramer_rao, flight_from, fly
+from experiments.processes import in_processes
 from experiments.scenarios import load_scenario
+from experiments.stopping import going_on
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.files import write_text
@@ -26,10 +30,10 @@ from sensors.scenario import Scenario
 LEVEL = 0.95  # of the interval beside each average
 FAMILY_LEVEL = 0.99  # of all the averages' wider intervals together
 BATCHES_PER_WORKER = 4  # tasks a worker gets: few enough to cost nothing, enough to even out the end
-LARGEST_BATCH = 16  # runs between two signs of progress and two files
-MOST_RESTARTS = 3  # of a pool whose worker was killed
+LARGEST_BATCH = 16  # runs of a cluster between two signs of progress and two files
 
 Progress = Callable[[int, int], None]
+Take = Callable[[Iterable[Flight]], None]
 
 
 @dataclass(frozen=True)
@@ -180,14 +184,24 @@ def run(
     done = {} if kept is None else kept.flights(runs)
     taken, missing = list(done), [k for k in range(runs) if k not in done]
     report = progress or (lambda done, total: None)
-    report(len(done), runs)
-    plan = Plan(scenario, seed, relinearise)
-    for flights in _flown(plan, missing, workers, dask):
+
+    def take(flights: Iterable[Flight]) -> None:
         for flight in flights:
             done[flight.run] = flight
             if kept is not None:
                 kept.keep(flight)
         report(len(done), runs)
+
+    def how_to_go_on() -> str:
+        far = f" after {len(done)} of {runs} flights"
+        if kept is not None or not done:
+            return f"{far}: the same command {'goes on' if done else 'begins again'}"
+        folder = _keep_elsewhere(done.values(), scenario, seed, relinearise)
+        return f"{far}, kept: the same command with --resume {folder} goes on"
+
+    report(len(done), runs)
+    with going_on(how_to_go_on):
+        _fly_all(Plan(scenario, seed, relinearise), missing, workers, dask, take)
     if kept is not None:
         kept.require_alike(taken, done)
     return MonteCarlo(scenario.name, seed, tuple(done[k] for k in range(runs)), cramer_rao(scenario, seed))
@@ -207,55 +221,28 @@ def fly_batch(plan: Plan, batch: Sequence[int]) -> list[Flight]:
     return [fly(plan.scenario, plan.seed, run, plan.relinearise) for run in batch]
 
 
-def _flown(plan: Plan, missing: list[int], workers: int | None, dask: str | None) -> Iterator[list[Flight]]:
-    """The missing flights, batch by batch, in the order in which they get done."""
-    if not missing:
-        return
-    if dask is not None:
-        yield from _on_cluster(plan, missing, dask)
-        return
+def _keep_elsewhere(flights: Iterable[Flight], scenario: Scenario, seed: int, relinearise: bool) -> Path:
+    """A new folder with runs that were flown without one to keep them in."""
+    kept = Kept(Path(mkdtemp(prefix=f"sinan-{scenario.name}-")), scenario, seed, relinearise)
+    for flight in flights:
+        kept.keep(flight)
+    return kept.folder
+
+
+def _fly_all(plan: Plan, missing: list[int], workers: int | None, dask: str | None, take: Take) -> None:
+    """The missing flights, in the order in which they get done."""
     count = min(workers or os.cpu_count() or 1, len(missing))
-    if count == 1:
+    if dask is not None and missing:
+        _on_cluster(plan, missing, dask, take)
+    elif count <= 1:
         for k in missing:
-            yield fly_batch(plan, [k])
-        return
-    yield fly_batch(plan, missing[:1])  # compiles what is not compiled: the workers find it in the cache
-    yield from _in_processes(plan, missing[1:], count)
+            take(fly_batch(plan, [k]))
+    else:
+        take(fly_batch(plan, missing[:1]))  # compiles what is not compiled: the workers find it in the cache
+        in_processes(partial(fly_batch, plan), [[k] for k in missing[1:]], count, lambda _, flights: take(flights))
 
 
-def _batches(missing: Sequence[int], workers: int) -> list[list[int]]:
-    size = max(1, min(LARGEST_BATCH, len(missing) // (BATCHES_PER_WORKER * workers)))
-    return [list(missing[k : k + size]) for k in range(0, len(missing), size)]
-
-
-def _in_processes(plan: Plan, missing: list[int], workers: int) -> Iterator[list[Flight]]:
-    """Worker processes; a pool that loses a worker is started again with what is not done."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from concurrent.futures.process import BrokenProcessPool
-
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload(["experiments.warm"])
-    left = list(missing)
-    for attempt in range(MOST_RESTARTS + 1):
-        try:
-            with ProcessPoolExecutor(workers, mp_context=context) as pool:
-                tasks = [pool.submit(fly_batch, plan, batch) for batch in _batches(left, workers)]
-                for task in as_completed(tasks):
-                    flights = task.result()
-                    left = [k for k in left if k not in {flight.run for flight in flights}]
-                    yield flights
-            return
-        except BrokenProcessPool:
-            if attempt == MOST_RESTARTS:
-                raise InputError(
-                    "--workers", f"workers died {attempt + 1} times", "memory for them, or fewer"
-                ) from None
-
-
-def _on_cluster(plan: Plan, missing: list[int], address: str) -> Iterator[list[Flight]]:
+def _on_cluster(plan: Plan, missing: list[int], address: str, take: Take) -> None:
     """A running Dask cluster; tasks of a worker that dies are given to another by its scheduler."""
     try:
         from distributed import Client, as_completed
@@ -269,7 +256,12 @@ def _on_cluster(plan: Plan, missing: list[int], address: str) -> Iterator[list[F
         workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         tasks = [client.submit(fly_batch, plan, batch, pure=False) for batch in _batches(missing, workers)]
         for task in as_completed(tasks):
-            yield task.result()
+            take(task.result())
+
+
+def _batches(missing: Sequence[int], workers: int) -> list[list[int]]:
+    size = max(1, min(LARGEST_BATCH, len(missing) // (BATCHES_PER_WORKER * workers)))
+    return [list(missing[k : k + size]) for k in range(0, len(missing), size)]
 
 
 class Kept:

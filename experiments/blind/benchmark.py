@@ -5,16 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, fields
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from experiments.blind.examine import examine, index_of
 from experiments.blind.grade import REFUSED, Grade, grade
 from experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
+from experiments.processes import in_processes
+from experiments.stopping import going_on
 from sensors.errors import InputError
 from sensors.files import write_text
 
@@ -45,22 +45,21 @@ def run(
     tell : progress: (what, done, of how many)
     """
     recordings = out / "recordings"
-    make(recordings, seed, runs, kinds, world, classes)
-    names = sorted(index_of(recordings))[:runs]
-    work = partial(one, out)
     found: dict[str, Grade] = {}
-    if workers == 1:
-        for name in names:
-            found[name] = work(name)
-            if tell:
-                tell("traced", len(found), len(names))
-    else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            jobs = {pool.submit(work, name): name for name in names}
-            for job in as_completed(jobs):
-                found[jobs[job]] = job.result()
-                if tell:
-                    tell("traced", len(found), len(names))
+
+    def done(name: str, grade: Grade) -> None:
+        found[name] = grade
+        if tell:
+            tell("traced", len(found), runs)
+
+    with going_on(lambda: f" after {len(found)} of {runs} recordings: the same command goes on"):
+        make(recordings, seed, runs, kinds, world, classes)
+        names = sorted(index_of(recordings))[:runs]
+        if workers == 1:
+            for name in names:
+                done(name, one(out, name))
+        else:
+            in_processes(partial(one, out), names, workers, done)
     return [found[name] for name in names]
 
 

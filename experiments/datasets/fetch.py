@@ -10,6 +10,7 @@ from pathlib import Path
 
 from experiments.datasets.inputs import DATA_VARIABLE, cache_folder
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
+from experiments.stopping import going_on
 from sensors.errors import InputError
 from sensors.files import write_bytes
 
@@ -40,13 +41,15 @@ def fetch(names: Sequence[str] = (), progress: Progress | None = None) -> dict[s
     mirror = os.environ.get(DATA_VARIABLE)
     root = Path(mirror) if mirror else cache_folder()
     jobs = [(dataset, file) for dataset in datasets for file in dataset.files.values() if mirror or file.source]
-    for done, (dataset, file) in enumerate(jobs):
-        if progress is not None:
-            progress(dataset.name, file.name, done, len(jobs))
-        path = root / dataset.folder / file.name
-        if not mirror and not path.is_file():
-            _download(dataset, file, path)
-        file.check(path)
+    done = 0
+    with going_on(lambda: f" after {done} of {len(jobs)} files: the same command goes on"):
+        for done, (dataset, file) in enumerate(jobs):
+            if progress is not None:
+                progress(dataset.name, file.name, done, len(jobs))
+            path = root / dataset.folder / file.name
+            if not mirror and not path.is_file():
+                _download(dataset, file, path)
+            file.check(path)
     return {dataset.name: root / dataset.folder for dataset in datasets}
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,9 @@ from experiments.blind.measured.knowing import gain
 from experiments.blind.measured.minute import Minute, minute_of, put, rng_of
 from experiments.datasets import resolve
 from experiments.measured.flights import LOGS
+from experiments.processes import in_processes
 from experiments.report.files import write_json
+from experiments.stopping import going_on
 from sensors.errors import InputError
 from sensors.recording import Recording
 
@@ -63,15 +63,17 @@ def run(
         if tell:
             tell("traced", done, runs)
 
-    if workers == 1:
-        for name, numbers in jobs.items():
-            of_log(out, seed, name, numbers, partial(finished, 1))
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        pending = {pool.submit(of_log, out, seed, name, numbers): numbers for name, numbers in jobs.items()}
-        for job in as_completed(pending):
-            job.result()
-            finished(len(pending[job]))
+    with going_on(lambda: f" after {done} of {runs} minutes: the same command goes on"):
+        if workers == 1:
+            for name, numbers in jobs.items():
+                of_log(out, seed, name, numbers, partial(finished, 1))
+        else:
+            of_one = partial(_of_one, out, seed)
+            in_processes(of_one, list(jobs.items()), workers, lambda job, _: finished(len(job[1])))
+
+
+def _of_one(out: Path, seed: int, job: tuple[str, Sequence[int]]) -> None:
+    of_log(out, seed, *job)
 
 
 def of_log(out: Path, seed: int, name: str, numbers: Sequence[int], finished: Callable[[], None] | None = None) -> None:
