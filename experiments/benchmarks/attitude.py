@@ -10,7 +10,6 @@ norths of cameras, robots and compasses differ. Needs `vqf`: pip install '.[benc
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -24,6 +23,7 @@ from experiments.measured.arguments import usage
 from experiments.measured.logs import FLIGHTS
 from experiments.measured.preparation import prepared
 from experiments.measured.reference import Mounted, attitude_error, reference_of
+from experiments.report.files import write_json
 from sensors.arrays import FloatArray, finite_or_none
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, Recording
@@ -199,7 +199,7 @@ def main(arguments: Sequence[str]) -> int:
         return usage(NAMES, "[--json FILE] ")
     scores = table(name for name in NAMES if not given.names or name.startswith(tuple(given.names)))
     if given.json is not None:
-        given.json.write_text(json.dumps(document(scores), indent=1, allow_nan=False) + "\n")
+        write_json(given.json, document(scores))
     return 0
 
 

@@ -29,7 +29,6 @@ from experiments.measured.preparation import Prepared, prepared
 from experiments.measured.withheld import Predicted, Window, predicted
 from experiments.report.words import number
 from sensors.arrays import FloatArray, IntArray
-from sensors.files import write_text
 
 #: Readings are withheld for so long [s], once in three times that.
 LENGTHS, PERIOD = (2.0, 5.0, 10.0), 3

@@ -23,7 +23,6 @@ from experiments.blind.measured.draw import detectable
 from experiments.blind.rates import count, shown
 from experiments.report.words import number
 from sensors.arrays import FloatArray
-from sensors.files import write_text
 
 HEAD = """# Names of one half of a log in the other
 

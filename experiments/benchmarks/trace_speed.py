@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from experiments.datasets import resolve
+from experiments.report.files import write_json
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.scenarios.loader import load_scenario
@@ -124,7 +125,7 @@ def main(names: Sequence[str] = (), save: Path | None = None, against: Path | No
             line += f" | apart by {apart:.1g} {place}"
         print(f"{name:30} {seconds:7.1f} s  {line}", flush=True)
         if save is not None:
-            save.write_text(json.dumps(found), encoding="utf-8")
+            write_json(save, found)
     print(f"{'median':30} {np.median([one['seconds'] for one in found.values()]):7.1f} s")
     return found
 
