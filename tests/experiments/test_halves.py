@@ -235,3 +235,14 @@ def test_a_measured_log_in_halves(measured_data: Path, tmp_path: Path, monkeypat
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == text
     assert "| variometer: baro.lag | baro, 2 s |" in text
     assert "| variometer: baro.lag | mag, 2 s |" in text
+
+
+@pytest.mark.measured
+def test_the_tracer_before_both_halves(measured_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight of the course: what a report says is what is asked of it."""
+    if "SINAN_DATA" not in os.environ:
+        monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    asked = Halves("course, quadrotor", 60.0, tmp_path)
+    assert all(report["candidates"] and report["verdict"] != "refused" for report in asked.reports)
+    assert all(isinstance(row, Replicated) for row in replicated(asked.log, asked.reports))
+    assert "1 logs asked" in prediction.main(["course, quadrotor", "--longest", "60", "--keep", str(tmp_path)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -412,8 +413,13 @@ def test_beta_is_less_that_of_the_control() -> None:
     """0.05 where the control has 0.03 and 0.02 was put in."""
     both = {**SCALE, "beta": [0.05, 0.0, 0.0]}
     found = grade(PUT_IN, report_of(both), report_of(KNOWN), 6.0)
-    assert found.known
+    assert (found.right, found.known) == (True, True)
     assert found.z == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_name_that_the_control_has_is_no_find_by_itself() -> None:
+    found = grade(PUT_IN, report_of(KNOWN), report_of(KNOWN), 6.0)
+    assert (found.right, found.in_class, found.known, found.further) == (False, False, True, ())
 
 
 def test_further_and_lost_names() -> None:
@@ -570,3 +576,18 @@ def test_command_writes_page_and_rates(one_log: list[str], tmp_path: Path, monke
     assert "4 draws of seed 0 from 1 logs" in (tmp_path / "page.md").read_text(encoding="utf-8")
     kept = json.loads((tmp_path / "out" / "rates.json").read_text(encoding="utf-8"))
     assert kept["detectable"]["0 a log"]["mag.scale"] == [0.01, 0.01, 0.01]
+
+
+@pytest.mark.measured
+def test_the_tracer_before_a_measured_minute(
+    measured_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A flight of the course, and two draws that can be put in: all that the page needs is in the reports."""
+    if "SINAN_DATA" not in os.environ:
+        monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    benchmark.run(tmp_path, ["course, quadrotor"], 2, 0)
+    controls, runs = (benchmark.collected(tmp_path, part) for part in (benchmark.CONTROLS, benchmark.RUNS))
+    assert [r["status"] for r in runs] == [PUT, PUT]
+    assert all(r["grade"]["verdict"] != "refused" and np.isfinite(r["gain"]) for r in runs)
+    assert "gyro.scale" in sizes_of(controls)["0 course, quadrotor"]
+    assert "| course, quadrotor | gyro." in page(controls, runs)

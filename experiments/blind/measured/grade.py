@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from experiments.blind.grade import deviation, effects_of, is_same, names_of
 from experiments.blind.maker.catalogue import Hidden
 
@@ -18,8 +20,9 @@ class MinuteGrade:
     ----------
     named, control : names that the report of the minute has, and that of its control
     verdict, control_verdict : of both
-    right : the effect is named; of a time-localised one at its time
-    in_class : it is named, or said to be confused with what is named
+    right : the effect is named; of a time-localised one at its time; where the control names it too, its beta is nearer
+        to that with what was put in than to the control's
+    in_class : it is right, or said to be confused with what is named
     known : the control names it too
     further : names that are neither the effect nor in the control
     lost : names of the control that are gone
@@ -54,16 +57,18 @@ def grade(hidden: Hidden, document: Mapping[str, Any], control: Mapping[str, Any
     own = next((e for e in found if is_same(hidden.name, hidden.interval, e)), None)
     own_before = next((e for e in before if is_same(hidden.name, hidden.interval, e)), None)
     confused = {name for effect in document["effects"] for name in effect["confused_with"]}
-    z = None
-    if own is not None and not hidden.name.endswith(".outliers"):
-        z = deviation(own[2] - (0.0 if own_before is None else own_before[2]), hidden.beta, own[3])
+    z, right = None, own is not None
+    if own is not None:
+        more = own[2] - (0.0 if own_before is None else own_before[2])
+        right = own_before is None or bool(np.linalg.norm(more - hidden.beta) < np.linalg.norm(more))
+        z = None if hidden.name.endswith(".outliers") else deviation(more, hidden.beta, own[3])
     return MinuteGrade(
         named=names,
         control=names_before,
         verdict=str(document["verdict"]),
         control_verdict=str(control["verdict"]),
-        right=own is not None,
-        in_class=own is not None or hidden.name in confused,
+        right=right,
+        in_class=right or hidden.name in confused,
         known=own_before is not None,
         further=tuple(name for name in names if name not in {*names_before, hidden.name}),
         lost=tuple(name for name in names_before if name not in names),
