@@ -538,15 +538,15 @@ def one_log(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_benchmark_goes_on_where_it_was_stopped(one_log: list[str], tmp_path: Path) -> None:
     benchmark.run(tmp_path, ["a log"], 8, 4)
-    done = benchmark.collected(tmp_path, benchmark.RUNS)
+    controls, done = benchmark.collected(tmp_path)
     assert [r["run"] for r in done] == list(range(8))
-    assert len(benchmark.collected(tmp_path, benchmark.CONTROLS)) == 1
+    assert len(controls) == 1
     traced = len(one_log)
     assert traced == 1 + sum(r["status"] == PUT for r in done)
     assert sum(r["grade"]["verdict"] == "refused" for r in done if r["status"] == PUT) == 1
     (tmp_path / benchmark.RUNS / "4-00005.json").write_text("{", encoding="utf-8")
     benchmark.run(tmp_path, ["a log"], 8, 4)
-    assert benchmark.collected(tmp_path, benchmark.RUNS)[5] == done[5]
+    assert benchmark.collected(tmp_path)[1][5] == done[5]
     assert len(one_log) == traced + (done[5]["status"] == PUT)
 
 
@@ -556,7 +556,7 @@ def test_a_log_without_a_minute_is_told(one_log: list[str], tmp_path: Path, monk
 
     monkeypatch.setattr(benchmark, "resolve", unreadable)
     benchmark.run(tmp_path, ["a log"], 1, 4)
-    found = benchmark.collected(tmp_path, benchmark.RUNS)
+    found = benchmark.collected(tmp_path)[1]
     assert found[0]["status"] == "refused"
     assert "nothing" in page([], found)
 
@@ -586,7 +586,7 @@ def test_the_tracer_before_a_measured_minute(
     if "SINAN_DATA" not in os.environ:
         monkeypatch.setenv("SINAN_DATA", str(measured_data))
     benchmark.run(tmp_path, ["course, quadrotor"], 2, 0)
-    controls, runs = (benchmark.collected(tmp_path, part) for part in (benchmark.CONTROLS, benchmark.RUNS))
+    controls, runs = benchmark.collected(tmp_path)
     assert [r["status"] for r in runs] == [PUT, PUT]
     assert all(r["grade"]["verdict"] != "refused" and np.isfinite(r["gain"]) for r in runs)
     assert "gyro.scale" in sizes_of(controls)["0 course, quadrotor"]

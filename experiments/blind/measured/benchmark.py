@@ -1,4 +1,4 @@
-"""Minutes of measured logs with effects in them, traced and graded; what is done already is not done again."""
+"""Minutes of measured logs with effects in them, traced; what is done already is not done again."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ import numpy as np
 from experiments.blind.benchmark import kept_in, refused
 from experiments.blind.examine import examined
 from experiments.blind.grade import REFUSED
-from experiments.blind.measured.draw import draw, sized
+from experiments.blind.maker.catalogue import Hidden
+from experiments.blind.measured.draw import PUT, draw, sized
 from experiments.blind.measured.grade import grade
 from experiments.blind.measured.knowing import gain
 from experiments.blind.measured.minute import Minute, minute_of, put, rng_of
@@ -112,7 +113,7 @@ def control_of(out: Path, seed: int, name: str, minute: Minute) -> Document:
 
 
 def one(seed: int, number: int, minute: Minute, control: Document) -> dict[str, Any]:
-    """One draw: put in, traced, graded; where it cannot be put in, why not."""
+    """One draw: put in, traced; where it cannot be put in, why not."""
     order = draw(seed, number, minute)
     hidden, status = sized(order, minute, control)
     entry: dict[str, Any] = {"name": order.name, "size": order.size, "lasting": order.is_lasting,
@@ -120,9 +121,8 @@ def one(seed: int, number: int, minute: Minute, control: Document) -> dict[str, 
     if hidden is None:
         return entry
     document = traced(put(minute, hidden, np.random.default_rng([seed, number, 1])))
-    found = grade(hidden, document, control, document["cpu_seconds"] * 60.0 / (minute.end - minute.begin))
     answer = {"beta": hidden.beta.tolist(), "interval": None if hidden.interval is None else list(hidden.interval)}
-    return {**entry, **answer, "gain": gain(minute, hidden), "grade": asdict(found), "report": document}
+    return {**entry, **answer, "gain": gain(minute, hidden), "report": document}
 
 
 def traced(recording: Recording) -> dict[str, Any]:
@@ -145,6 +145,23 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
-def collected(out: Path, part: str) -> list[Document]:
-    """The JSON that a folder holds, `CONTROLS` or `RUNS`, in order."""
-    return [kept_in(path) for path in sorted((out / part).glob("*.json"))]
+def collected(out: Path) -> tuple[list[Document], list[Document]]:
+    """The controls and the draws that a folder holds, in order; those that were put in with their grade."""
+    controls, runs = (found_in(out / part) for part in (CONTROLS, RUNS))
+    of_minute = {(control["seed"], control["log"]): control for control in controls}
+    return controls, [{**r, **graded(r, of_minute.get((r["seed"], r["log"]), {}))} for r in runs]
+
+
+def found_in(folder: Path) -> list[Document]:
+    """The JSON of a folder, in order."""
+    return [kept_in(path) for path in sorted(folder.glob("*.json"))]
+
+
+def graded(run: Document, control: Document) -> dict[str, Any]:
+    """The grade of a draw that was put in, from what the reports say; of any other nothing."""
+    if run["status"] != PUT:
+        return {}
+    interval = None if run["interval"] is None else (run["interval"][0], run["interval"][1])
+    seconds = run["report"]["cpu_seconds"] * 60.0 / (control["end"] - control["begin"])
+    hidden = Hidden(run["name"], np.array(run["beta"]), interval)
+    return {"grade": asdict(grade(hidden, run["report"], control["report"], seconds))}

@@ -27,7 +27,7 @@ def run(out: Path, runs: int, seed: int, logs: Sequence[str], workers: int, tabl
     names = [named(log) for log in logs] or list(LOGS)
     with progress("minutes", flies=True) as tell:
         benchmark.run(out, names, runs, seed, workers, tell)
-    controls, found = (benchmark.collected(out, part) for part in (benchmark.CONTROLS, benchmark.RUNS))
+    controls, found = benchmark.collected(out)
     asked = rates(found)
     with together():
         write_json(out / "rates.json", {"format": 1, "rates": asked, "detectable": sizes_of(controls)})
