@@ -545,6 +545,7 @@ def test_benchmark_goes_on_where_it_was_stopped(one_log: list[str], tmp_path: Pa
     assert traced == 1 + sum(r["status"] == PUT for r in done)
     assert sum(r["grade"]["verdict"] == "refused" for r in done if r["status"] == PUT) == 1
     (tmp_path / benchmark.RUNS / "4-00005.json").write_text("{", encoding="utf-8")
+    assert len(benchmark.collected(tmp_path)[1]) == 7
     benchmark.run(tmp_path, ["a log"], 8, 4)
     assert benchmark.collected(tmp_path)[1][5] == done[5]
     assert len(one_log) == traced + (done[5]["status"] == PUT)

@@ -153,8 +153,8 @@ def collected(out: Path) -> tuple[list[Document], list[Document]]:
 
 
 def found_in(folder: Path) -> list[Document]:
-    """The JSON of a folder, in order."""
-    return [kept_in(path) for path in sorted(folder.glob("*.json"))]
+    """The JSON of a folder, in order, of what was written to its end."""
+    return [found for found in map(kept_in, sorted(folder.glob("*.json"))) if found]
 
 
 def graded(run: Document, control: Document) -> dict[str, Any]:
