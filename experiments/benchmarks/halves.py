@@ -99,6 +99,13 @@ def parsed(arguments: Sequence[str], description: str | None) -> tuple[list[Halv
     return [Halves(name, given.longest, given.keep) for name in names], given.table
 
 
+def logs_of(asked: Sequence[Halves]) -> str:
+    """The logs that a page is about, in words."""
+    longest = asked[0].longest
+    part = "" if longest is None else f", of each at most its liveliest {longest:g} s"
+    return f"{len(asked)} logs{part}: {'; '.join(one.log for one in asked)}."
+
+
 def tell(log: str) -> None:
     """Progress, on the error output."""
     sys.stderr.write(f"{log}\n")

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarks.halves import Halves, parsed, tell, told
+from experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
 from experiments.benchmarks.replication import lasting
 from experiments.blind.measured.benchmark import FAILURES, words
 from experiments.measured.flights import FIRST
@@ -194,15 +194,15 @@ def of_log(halves: Halves, rng: np.random.Generator) -> list[Comparison]:
     return [one for one in found if one is not None]
 
 
-def page(rows: Sequence[Comparison], logs: Sequence[str], failed: Mapping[str, str] = MappingProxyType({})) -> str:
+def page(rows: Sequence[Comparison], asked: Sequence[Halves], failed: Mapping[str, str] = MappingProxyType({})) -> str:
     """The table, and how many logs are worse; `failed` says of some why they could not be run."""
     judged = [row for row in rows if row.length == JUDGED]
     of = {row.log for row in judged}
-    without = ", ".join(log for log in logs if log not in {*of, *failed}) or "none"
-    lines = [HEAD, f"{len(logs)} logs asked; without lasting effects in their first half: {without}.", ""]
+    without = "; ".join(one.log for one in asked if one.log not in {*of, *failed}) or "none"
+    lines = [HEAD, f"{logs_of(asked)} Without lasting effects in their first half: {without}.", ""]
     for measure in ("distance", "density"):
         worse = sorted({row.log for row in judged if measure in row.worse})
-        lines.append(f"- worse by {measure}: {len(worse)} of {len(of)} logs" + f" ({', '.join(worse)})" * bool(worse))
+        lines.append(f"- worse by {measure}: {len(worse)} of {len(of)} logs" + f" ({'; '.join(worse)})" * bool(worse))
     lines += [f"- could not be run: {log}: {why}" for log, why in failed.items()]
     lines += ["", "| log, effects | withheld | readings | before | after | ratio | log density |", "| --- " * 7 + "|"]
     lines += [_row(f"{row.log}: {', '.join(row.effects)}", row, row.errors) for row in rows]
@@ -230,7 +230,7 @@ def main(arguments: Sequence[str], seed: int = 0) -> str:
             rows += of_log(halves, rng)
         except FAILURES as error:  # a filter that is lost with the effects is part of what is asked
             failed[halves.log] = words(error)
-    return told(page(rows, [halves.log for halves in asked], failed), table)
+    return told(page(rows, asked, failed), table)
 
 
 if __name__ == "__main__":

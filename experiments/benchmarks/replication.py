@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from estimator.score import DETECTABLE_LAMBDA
-from experiments.benchmarks.halves import Halves, Reports, parsed, tell, told
+from experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, told
 from experiments.blind.grade import SIGMAS, Named, deviation, effects_of
+from experiments.blind.maker.catalogue import CATALOGUE
 from experiments.blind.measured.draw import detectable
 from experiments.blind.rates import count, shown
 from experiments.report.words import number
@@ -28,7 +29,8 @@ HEAD = """# Names of one half of a log in the other
 
 Written by `python -m experiments.benchmarks.replication`. Each half of a log is traced by itself; lasting effects
 alone. **visible**: the report of the other half calls a component of beta detectable (predicted lambda above 30, of
-which the figure is a lower bound). **z**: difference of the two betas in sigma of both, as a normal number.
+which the figure is a lower bound). **z**: difference of the two betas in sigma of both, as a normal number. What
+**does not occur** is larger than a bad or badly mounted instrument has it (`experiments/blind/maker/catalogue.py`).
 """
 
 
@@ -55,6 +57,17 @@ class Replicated:
     visible: bool
     again: bool
     z: float | None
+
+    @property
+    def occurs(self) -> bool:
+        """Whether instruments have it of that size and sign: up to the upper bound that the blind maker draws.
+
+        Of sizes that go with the field, which a report does not say, all do.
+        """
+        entry = CATALOGUE.get(self.name)
+        if entry is None or entry.of_field:
+            return True
+        return bool(np.linalg.norm(self.beta) <= entry.high and not (entry.positive and np.any(self.beta < 0.0)))
 
 
 def replicated(log: str, reports: Reports) -> list[Replicated]:
@@ -88,15 +101,21 @@ def least_lambda(one: Named, report: Mapping[str, Any]) -> float:
     return 0.0 if least is None else float(DETECTABLE_LAMBDA * np.max(np.abs(one[2]) / least, initial=0.0) ** 2)
 
 
-def page(rows: Sequence[Replicated], logs: Sequence[str]) -> str:
-    """The table, with its rates."""
+def page(rows: Sequence[Replicated], logs: str) -> str:
+    """The table, with its rates.
+
+    Parameters
+    ----------
+    logs : those that were asked, in words
+    """
     visible = [row for row in rows if row.visible]
-    again, z = sum(row.again for row in visible), [row.z for row in visible if row.z is not None]
-    alike = count(sum(value < SIGMAS for value in z), len(z))
-    lines = [HEAD, f"{len(rows)} names in the halves of {len(logs)} logs ({', '.join(logs)}).", ""]
+    again, z = sum(row.again for row in visible), [row.z for row in rows if row.half == 0 and row.z is not None]
+    alike, large = (count(sum(holds), len(holds)) for holds in ([v < SIGMAS for v in z], [not r.occurs for r in rows]))
+    lines = [HEAD, f"{len(rows)} names in the halves of {logs}", ""]
     lines += ["| rate | |", "| --- | --- |"]
     lines += [f"| visible in the other half: named there | {shown(count(again, len(visible)))} |"]
     lines += [f"| named in both: betas alike within {SIGMAS:g} sigma | {shown(alike)} |"]
+    lines += [f"| of a size that does not occur | {shown(large)} |"]
     lines += ["", "| log | effect | in half | beta | lambda in the other | named there | z |", "| --- " * 7 + "|"]
     return "\n".join([*lines, *(_row(row) for row in rows), ""])
 
@@ -105,7 +124,7 @@ def _row(row: Replicated) -> str:
     information = "-" if row.again else f"{row.information:.0f}"
     again = "yes" if row.again else "no" if row.visible else "not visible"
     z, half = "-" if row.z is None else f"{row.z:.1f}", ("first", "second")[row.half]
-    beta = ", ".join(number(b) for b in row.beta)
+    beta = ", ".join(number(b) for b in row.beta) + ("" if row.occurs else " (does not occur)")
     return f"| {row.log} | {row.name} | {half} | {beta} | {information} | {again} | {z} |"
 
 
@@ -119,7 +138,7 @@ def rows_of(asked: Sequence[Halves]) -> Iterator[Replicated]:
 def main(arguments: Sequence[str]) -> str:
     """Trace, compare, print; write the page where asked to."""
     asked, table = parsed(arguments, __doc__)
-    return told(page(list(rows_of(asked)), [halves.log for halves in asked]), table)
+    return told(page(list(rows_of(asked)), logs_of(asked)), table)
 
 
 if __name__ == "__main__":

@@ -129,13 +129,16 @@ def test_replication_is_of_what_is_visible() -> None:
     beta = np.array([0.1])
     rows = [
         Replicated("a log", "gps.latency", 0, beta, np.nan, True, True, 1.0),
-        Replicated("a log", "baro.lag", 1, beta, 50.0, True, False, None),
+        Replicated("a log", "gps.latency", 1, beta, np.nan, True, True, 1.0),
+        Replicated("a log", "baro.lag", 1, -beta, 50.0, True, False, None),
         Replicated("a log", "baro.scale", 1, beta, 5.0, False, False, None),
     ]
-    text = replication.page(rows, ["a log"])
-    assert "named there | 1 of 2, 50.0 %" in text
-    assert "within 3 sigma | 1 of 1" in text
+    text = replication.page(rows, "1 logs: a log.")
+    assert "named there | 2 of 3, 66.7 %" in text
+    assert "within 3 sigma | 1 of 1" in text  # one pair
+    assert "does not occur | 1 of 4" in text
     assert "| a log | baro.scale | second | 0.1 | 5 | not visible | - |" in text
+    assert "| a log | baro.lag | second | -0.1 (does not occur) | 50 | no | - |" in text
 
 
 # ---- prediction
@@ -213,9 +216,10 @@ def test_page_counts_logs_that_are_worse() -> None:
     better, worse = Interval(0.8, 0.7, 0.9), Interval(1.3, 1.1, 1.5)
     gain, none = Interval(0.5, 0.2, 0.8), Interval(-0.1, -0.4, 0.2)
     rows = [row("one", 5.0, better, gain), row("two", 5.0, worse, none), row("one", 10.0, worse, none)]
-    text = prediction.page(rows, ["one", "two", "three", "four"], {"four": "lost"})
+    text = prediction.page(rows, [Halves(log, 90.0) for log in ("one", "two", "three", "four")], {"four": "lost"})
     assert "- could not be run: four: lost" in text
-    assert "4 logs asked; without lasting effects in their first half: three." in text
+    assert "4 logs, of each at most its liveliest 90 s: one; two; three; four." in text
+    assert "Without lasting effects in their first half: three." in text
     assert "worse by distance: 1 of 2 logs (two)" in text
     assert "worse by density: 0 of 2 logs\n" in text
     assert "| one: gps.latency | gps, 5 s | 50 in 10 windows | 1.5 | 1.2 | 0.8 [0.7, 0.9] | 0.5 [0.2, 0.8] |" in text
@@ -245,4 +249,6 @@ def test_the_tracer_before_both_halves(measured_data: Path, tmp_path: Path, monk
     asked = Halves("course, quadrotor", 60.0, tmp_path)
     assert all(report["candidates"] and report["verdict"] != "refused" for report in asked.reports)
     assert all(isinstance(row, Replicated) for row in replicated(asked.log, asked.reports))
-    assert "1 logs asked" in prediction.main(["course, quadrotor", "--longest", "60", "--keep", str(tmp_path)])
+    assert "1 logs, of each at most its liveliest 60 s" in prediction.main(
+        ["course, quadrotor", "--longest", "60", "--keep", str(tmp_path)]
+    )
