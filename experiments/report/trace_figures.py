@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
-from experiments.report.words import SENSORS, change, stream_unit
+from experiments.report.words import SENSORS, stream_unit
 from experiments.residual_loop.prove import Errors
 from experiments.residual_loop.source import Signature, StreamResidual
 from sensors.arrays import BoolArray, FloatArray, runs_of
@@ -183,11 +183,6 @@ def residuals_like_noise(streams: Sequence[StreamResidual], scale: float) -> Fig
     axes[-1, 0].set_xlabel(_time_label(streams[0].t, "grey: ± 2 σ, 95 % of pure noise"), fontsize=9)
     axes[-1, 1].set_xlabel("black: pure noise", fontsize=9)
     return figure
-
-
-def error_change(before: Errors, after: Errors, stream: str) -> str:
-    """RMS before and after with its unit."""
-    return f"{change(before.rms, after.rms)} {stream_unit(stream, before.unit)}".strip()
 
 
 def _legend(entries: Sequence[tuple[str, str]]) -> tuple[list[object], list[str]]:
