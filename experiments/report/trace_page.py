@@ -66,14 +66,14 @@ def trace_page(
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
     made = trace_figures(traced, document)
-    if verdict_words.told(document):
+    if verdict_words.told(document) and not document["twins"]:
         _numbers(page, document)
+    if document["twins"]:
+        _twin_table(page, document)
     if document["effects"]:
         page.heading("What was found")
         for k, named in enumerate(traced.verdict.effects):
             _effect_section(page, traced, document, named, k, made.get(f"effect_{k + 1}"), hidden or {})
-    if document["twins"]:
-        _twin_table(page, document)
     page.heading("Error before and after" if verdict_words.told(document) else "What the plain model leaves")
     for name in [n for n in made if n.startswith(("residuals", "errors"))]:
         page.figure(*made[name])
@@ -323,7 +323,7 @@ def _twin_table(page: Page, document: Mapping[str, Any]) -> None:
 
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
     whole = verdict_words.reference_changes(document["error"].get("truth"))
-    if not whole or not verdict_words.told(document):
+    if not whole or document["twins"] or not verdict_words.told(document):
         return
     held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
     page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")

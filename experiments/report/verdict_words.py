@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.report.trace_words import (
+    NOT_PREDICTING,
     REFUSED,
     clause,
     detectable_sentence,
@@ -195,6 +196,8 @@ def headline_error(document: Mapping[str, Any]) -> str:
     if _cannot_tell(effects):
         return _without_proof(error, effects)
     part = f"on the {error['held_out_part']}"
+    if document["twins"]:
+        return f"{_error_of_twins(document)} {part}, depending on which it is"
     sensor = f"{_sensor(error['stream'])} " if document["sensors"] else ""
     residual = f"{sensor}residual {residual_change(error)}"
     change_ = _state_change(error)
@@ -203,6 +206,22 @@ def headline_error(document: Mapping[str, Any]) -> str:
     name, before, after = change_
     state = f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {part}"
     return state if after < before else f"{residual}, but {state}"
+
+
+def _error_of_twins(document: Mapping[str, Any]) -> str:
+    """The error that matters to the user, before, and after from the least to the largest with each that is named: of
+    the states where they are known, else of the first one's stream.
+    """
+    twins = [twin for twin in document["twins"] if twin["predicts"] is not False]
+    changes = [_state_change({**document["error"], "truth_held_out": twin["truth_held_out"]}) for twin in twins]
+    if any(changes):
+        name = next(change_[0] for change_ in changes if change_)
+        held = [twin["truth_held_out"] for twin in twins]
+        sizes = reference_change(name, held[0]["before"][name], *(one["after"][name] for one in held))
+        return f"{name.removesuffix('_rms')} error {sizes}"
+    of_stream = [one for twin in twins for one in twin["errors"] if one["stream"] == document["error"]["stream"]]
+    unit = stream_unit(of_stream[0]["stream"], of_stream[0]["unit"])
+    return f"residual {change(of_stream[0]['before'], *(one['after'] for one in of_stream))} {unit}".strip()
 
 
 def _without_proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
@@ -259,10 +278,12 @@ def lead(document: Mapping[str, Any]) -> str:
     sentences = [_proof(*pair) for pair in errors(document)] if told(document) else []
     sentences += [] if document["effects"] else [_strongest(document)]
     sentences += [not_predicting_sentence(document, effect) for effect in not_predicting(document)]
-    if document["twins"]:
-        sentences += ["Of the effects that explain the data equally well, each in the model in turn: "
-                      f"{'; '.join(twin_words(twin) for twin in document['twins'])}."]  # fmt: skip
-    if worse := _worse_reference(document):
+    if document["twins"] and told(document):
+        first, *others = [twin["name"] for twin in document["twins"]]
+        sentences.append(
+            f"That is with {first} in the model; with {' or '.join(others)} the errors are others: see below."
+        )
+    if not document["twins"] and (worse := _worse_reference(document)):
         sentences.append(f"The {worse} grows: take the names with care.")
     if document["verdict"] == "unexplained" and document["remaining"]:
         sentences.append("Something remains that no effect of the catalogue explains: see the end.")
@@ -321,9 +342,13 @@ def not_predicting_sentence(document: Mapping[str, Any], effect: Mapping[str, An
 
 
 def twin_words(twin: Mapping[str, Any]) -> str:
-    """One of the effects that explain the data equally well: its size, and what the errors are with it."""
-    told_errors = ", ".join(f"{name} {change_}" for name, change_ in twin_errors(twin).items())
-    return f"{twin['name']} ({size_words(twin)}) {told_errors}"
+    """One of the effects that explain the data equally well: its size, and what the held-out errors are with it."""
+    held = twin["truth_held_out"]
+    whose = f" against {reference_words(held.get('kind'))}" if held else ""
+    sizes = [f"{name} {change_}" for name, change_ in twin_errors(twin).items()]
+    text = ", ".join(sizes).replace(f" (RMS){whose}", "")
+    failed = f"; {NOT_PREDICTING}" if twin["predicts"] is False else ""
+    return f"with {twin['name']} ({size_words(twin)}), held out: {text}{failed}"
 
 
 def twin_errors(twin: Mapping[str, Any]) -> dict[str, str]:
@@ -383,7 +408,8 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
     if document["effects"] and document["error"]["same_names_on_fitting_part"]:
         lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
-    if told(document):
+    lines += [f"  {twin_words(twin)}" for twin in document["twins"]]
+    if told(document) and not document["twins"]:
         changes = reference_changes(document["error"].get("truth"))
         lines += [f"  {name}, all data: {change_}" for name, change_ in changes.items()]
     if not document["effects"]:

@@ -102,16 +102,19 @@ def with_sigma(value: float, sigma: float | None) -> str:
 _TOLD_APART = 4
 
 
-def change(before: float, after: float) -> str:
-    """A size before and after, with as many digits as the smaller needs, and as it takes to tell them apart."""
-    smaller = min(abs(before), abs(after))
-    digits = max(1 - floor(log10(smaller)) if smaller > 0.0 else 2, 0)
-    form, most = ("e", 2 + _TOLD_APART) if digits > 6 else ("f", digits + _TOLD_APART)
-    for places in range(2 if form == "e" else digits, most + 1):
-        first, second = f"{before:.{places}{form}}", f"{after:.{places}{form}}"
-        if first != second or before == after:
+def change(before: float, *after: float) -> str:
+    """A size before and after, with as many digits as the smallest needs, and as it takes to tell them apart; from the
+    least to the largest where there are several after it.
+    """
+    sizes = [before, *sorted({min(after), max(after)})]
+    smallest = min(map(abs, sizes))
+    digits = max(1 - floor(log10(smallest)) if smallest > 0.0 else 2, 0)
+    form, least = ("e", 2) if digits > 6 else ("f", digits)
+    for places in range(least, least + _TOLD_APART + 1):
+        texts = [f"{size:.{places}{form}}" for size in sizes]
+        if len(set(texts)) == len(set(sizes)):
             break
-    return f"{first} → {second}"
+    return f"{texts[0]} → {' to '.join(texts[1:])}"
 
 
 #: how a unit is written in a sentence
@@ -163,10 +166,10 @@ _REFERENCES = {
 }  # fmt: skip
 
 
-def reference_change(name: str, before: float, after: float) -> str:
+def reference_change(name: str, before: float, *after: float) -> str:
     """An error against a reference before and after, in the unit that people use."""
     unit, factor = _REFERENCE_UNITS.get(name, ("", 1.0))
-    return f"{change(factor * before, factor * after)} {unit}".strip()
+    return f"{change(factor * before, *(factor * one for one in after))} {unit}".strip()
 
 
 def reference_value(name: str, value: float) -> str:

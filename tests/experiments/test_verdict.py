@@ -19,13 +19,17 @@ from experiments.report.verdict_words import Log, lead, title, trace_summary, wh
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.poses import NormPoses
 from experiments.residual_loop.report import report
+from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.select import select
 from experiments.residual_loop.source import Fit
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trace import trace
 from experiments.residual_loop.traced import Traced
 from experiments.residual_loop.verdict import Scores, in_place, settle, twins_of
+from experiments.scenarios import parse_effect
+from experiments.scenarios.loader import load_scenario
 from sensors.arrays import FloatArray
+from sensors.simulate import simulate
 from tests.experiments.test_report import a_document
 from tests.experiments.test_residual_loop import poses
 
@@ -161,7 +165,27 @@ def test_an_ambiguous_report_shows_the_figures_of_both(twins: NormPoses, tmp_pat
     for text in (trace_summary(document), (tmp_path / "page.html").read_text().replace("&nbsp;", " ")):
         assert "0.076 → 0.151 m" in text
         assert "0.076 → 0.040 m" in text
-    assert document["headline"].count("these data cannot tell") == 1
+    assert document["headline"].endswith("of the field on the held-out fifth, depending on which it is")
+
+
+def test_two_heights_that_disagree_are_told_with_the_errors_of_each() -> None:
+    """A sonar that reads 0.3 m too far beside a laser that does not: a model without either errs by half of that, the
+    model with the right one by nothing, the model with the other by all of it.
+    """
+    present = [parse_effect("sonar.mount_offset=0.3")]
+    recording, _ = simulate(load_scenario("hover"), np.random.default_rng(3), present)
+    document = worded(report(trace_recording(recording)))
+    assert document["verdict"] == "ambiguous"
+    height = {
+        twin["name"]: (twin["truth_held_out"]["before"]["height_rms"], twin["truth_held_out"]["after"]["height_rms"])
+        for twin in document["twins"]
+    }
+    assert height["sonar.mount_offset"] == pytest.approx((0.15, 0.0), abs=0.02)
+    assert height["laser.mount_offset"] == pytest.approx((0.15, 0.3), abs=0.02)
+    text = trace_summary(document)
+    assert "with laser.mount_offset (-0.30 m), held out: sonar residual" in text
+    assert "height error 0.15 → 0.30 m" in text
+    assert " to 0.2996 m on the last third, depending on which it is" in document["headline"]
 
 
 def test_a_twin_that_does_not_predict_gives_its_place_to_one_that_does() -> None:
