@@ -122,10 +122,14 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
         made[name] = figures.residuals_over_time(before[stream], after[stream], words_of_part, intervals), caption
     proof = verdict.proof
     of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
-    made["errors"] = (
-        figures.error_bars(of_all, held, words_of_part, proof.stream),
-        "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval.",
+    caption = "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval."
+    twins = {twin.named.finding.term.name for twin in verdict.twins}
+    caption += "".join(
+        f" Of those that these data cannot tell apart, the model has {finding.term.name}."
+        for finding in verdict.told
+        if finding.term.name in twins
     )
+    made["errors"] = figures.error_bars(of_all, held, words_of_part, proof.stream), caption
     return made
 
 
@@ -297,7 +301,7 @@ def _effect_section(
         text += f" {verdict_words.not_predicting_sentence(document, effect)}"
     elif effect["predicts"]:
         held_out = verdict_words.stream_change(effect["held_out"])
-        text += f" Beside all else that is told it takes the held-out {held_out}."
+        text += f" Without and with it, beside all else that is told, the held-out {held_out}."
     elif effect["name"].endswith(".outliers"):
         text += " Such readings are left out of the errors: nothing predicts them."
     else:

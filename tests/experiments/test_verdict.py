@@ -162,7 +162,9 @@ def test_an_ambiguous_report_shows_the_figures_of_both(twins: NormPoses, tmp_pat
         (error,) = twin["errors"]
         assert (error["before"], error["after"]) == pytest.approx((before, after), rel=WEIGHTS)
     trace_page(tmp_path / "page.html", result, document)
-    for text in (trace_summary(document), (tmp_path / "page.html").read_text().replace("&nbsp;", " ")):
+    page = (tmp_path / "page.html").read_text().replace("&nbsp;", " ")
+    assert f"the model has {document['effects'][0]['name']}" in page
+    for text in (trace_summary(document), page):
         assert "0.076 → 0.151 m" in text
         assert "0.076 → 0.040 m" in text
     assert document["headline"].endswith("of the field on the held-out fifth, depending on which it is")
