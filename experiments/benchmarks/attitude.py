@@ -40,7 +40,8 @@ TRUTHS = tuple(name for name in FLIGHTS if name.startswith(("BROAD", "robot")))
 #: Logs whose reference is an autopilot's own estimate, or the odometry of a camera on board: a comparison, no truth.
 COMPARISONS = (
     "course, quadrotor", "course, turned by hand", "aeroplane", "quad, 14 m/s", "quad, slow", "quad, laser",
-    "strapped to a Phantom", "strapped to a Phantom, RTK", "PX4, IMU at 10 Hz", "PX4 indoors", "PX4 indoors, odometry",
+    "strapped to a Phantom", "strapped to a Phantom, RTK", "PX4, IMU at 10 Hz", "PX4, IMU at 200 Hz",
+    "PX4 indoors", "PX4 indoors, odometry",
 )  # fmt: skip
 NAMES = (*TRUTHS, *COMPARISONS)
 #: Forward-left-up from forward-right-down, and north-east-down from east-north-up.

@@ -82,6 +82,10 @@ FLIGHTS: Mapping[str, Entry] = {
     "strapped to a Phantom": Entry(_PHANTOM, about="An instrument strapped to a quadrotor, alone."),
     "strapped to a Phantom, RTK": Entry(f"{_PHANTOM}#rtk", about="The same, aided by the aircraft's RTK."),
     "PX4, IMU at 10 Hz": Entry("px4_esc_lidar_flight/esc_status_log.ulg", about="An IMU logged far below its rate."),
+    "PX4, IMU at 200 Hz": Entry(
+        "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg",
+        about="A quadrotor; its compass is logged at 2 Hz, GPS at 0.6.",
+    ),
     "PX4 indoors": Entry("px4_vio_quad", about="A quadrotor without GPS, its IMU logged at 10 Hz."),
     "PX4 indoors, odometry": Entry(
         f"{_INDOORS}_vehicle_visual_odometry_0.csv", about="The same, aided by the place that its camera gives."

@@ -11,11 +11,18 @@ import numpy as np
 from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
 from sensors.formats.ulog_messages import read_topics
-from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Recording, Stream, Truth
+from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Recording, SensorSpec, Stream, Truth
 
 _MICROSECOND = 1e-6
 #: A quaternion whose norm is off one by more is none: PX4 logs zeros or NaN before its estimator has an attitude.
 _UNIT = 0.01
+#: What PX4 calls the columns of `sensors.recording.FIX_QUALITY`.
+_FIX_QUALITY = {
+    "eph": "eph", "epv": "epv", "s_variance": "s_variance_m_s", "hdop": "hdop", "vdop": "vdop",
+    "satellites": "satellites_used",
+}  # fmt: skip
+#: Samples are averages where they are taken over at least this part of the step to the next.
+_FILLED = 0.5
 #: `distance_sensor.type` and `.orientation` of PX4's message definition: 0 laser, 1 ultrasound; 25 looks down.
 _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
 
@@ -23,7 +30,8 @@ _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
 def read_ulog(path: Path) -> Recording:
     """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
 
-    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample. Of what the
+    Positions are in NED at the first fix with three dimensions; times begin with the log's first sample, and are those
+    at which samples were taken, where the log says it. Of what the
     vehicle's own estimator says the attitude is kept, as a reference. Of a damaged log `notes` say what could not be
     read, and how many rows were left out because their time goes back or they hold what is no number.
 
@@ -44,10 +52,19 @@ def read_ulog(path: Path) -> Recording:
     streams, origin, chosen = to_ned(path, streams, None)
     recording = Recording(
         path.stem, "flight", streams, origin=origin, source=str(path), notes=(*topics.notes, *notes, *chosen),
-        truth=_own_attitude(topics, start),
+        truth=_own_attitude(topics, start), sensors=_declared(topics),
     )  # fmt: skip
     check_units(recording)
     return recording
+
+
+def _declared(topics: Mapping[str, FloatArray]) -> dict[str, SensorSpec]:
+    """What the log says of its IMU: samples that fill their steps are averages over them."""
+    taken, over = (topics.get(f"sensor_combined.{field}") for field in ("timestamp", "accelerometer_integral_dt"))
+    if taken is None or over is None or len(taken) < 2:
+        return {}
+    filled = np.median(over) > _FILLED * np.median(np.diff(taken))
+    return {"accel": SensorSpec(imu_samples="average")} if filled else {}
 
 
 def _streams(topics: Mapping[str, FloatArray]) -> tuple[dict[str, Stream], list[str]]:
@@ -122,16 +139,21 @@ def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | Non
     return Truth(Stream(stream.t - start, stream.columns), "autopilot", aligned=True) if len(stream) else None
 
 
-def _columns(
-    topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str], clock: str = "timestamp"
-) -> Stream | None:
+def _columns(topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str]) -> Stream | None:
     """Some fields of a topic as a stream; None where one is missing. A repeated time stamp counts once."""
-    wanted = [f"{topic}.{field}" for field in (clock, *names.values())]
+    wanted = [f"{topic}.{field}" for field in ("timestamp", *names.values())]
     if any(name not in topics for name in wanted):
         return None
-    t = topics[wanted[0]] * _MICROSECOND
+    t = _taken(topics, topic) * _MICROSECOND
     first = np.concatenate([[True], np.diff(t) != 0.0]) if len(t) else np.empty(0, dtype=bool)
     return Stream(t[first], {name: topics[f"{topic}.{field}"][first] for name, field in names.items()})
+
+
+def _taken(topics: Mapping[str, FloatArray], topic: str) -> FloatArray:
+    """(n,) when the samples of a topic were taken [us]; when they were published, where the log does not say that."""
+    published = topics[f"{topic}.timestamp"]
+    taken = topics.get(f"{topic}.timestamp_sample", published)
+    return taken if np.all(taken > 0.0) else published
 
 
 def _imu(topics: Mapping[str, FloatArray]) -> Stream | None:
@@ -176,6 +198,10 @@ def _gps(topics: Mapping[str, FloatArray]) -> Stream | None:
     fields = ("lat", "lon", "alt_ellipsoid") if old else ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m")
     names = dict(zip(("latitude", "longitude", "height"), fields, strict=True))
     names |= {f"vel_{axis}": f"vel_{axis[0]}_m_s" for axis in ("north", "east", "down")} | {"fix": "fix_type"}
+    names |= {
+        name: field for name, field in _FIX_QUALITY.items()
+        if f"{topic}.{field}" in topics and np.all(np.isfinite(topics[f"{topic}.{field}"]))
+    }  # fmt: skip
     stream = _columns(topics, topic, names)
     if stream is None:
         return None

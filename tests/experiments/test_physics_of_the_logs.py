@@ -123,7 +123,8 @@ TURNS = {
     "robot, LSM9DS0": (0.17, 0.08),  # reads 14 % too little
     "robot fast, LSM9DS0": (0.40, 0.15),
     "PX4, IMU at 10 Hz": (0.20, 0.15),  # vibration, aliased
-    "PX4 indoors": (0.15, 0.08),  # the same
+    "PX4, IMU at 200 Hz": (0.08, 0.05),  # the heading of its estimate is reset
+    "PX4 indoors": (0.15, 0.08),  # vibration, aliased
 }
 
 
@@ -207,6 +208,7 @@ FIELDS = {
     "quad, slow": (_MELBOURNE, date(2014, 6, 1), 4.0, 0.1),  # hardly turns
     "strapped to a Phantom": (_HAIFA, date(2022, 7, 7), 3.0, None),
     "PX4, IMU at 10 Hz": (_ZURICH, date(2019, 6, 1), 3.0, 0.1),
+    "PX4, IMU at 200 Hz": ((41.9, -87.7, 150.0), date(2026, 3, 20), 2.0, 0.06),
     "aeroplane": (_MINNESOTA, date(2012, 10, 10), 2.0, 0.05),
     "PX4 with 64 A": (_INCHEON, date(2019, 11, 26), 3.0, 0.2),  # its x and y read 20 % more than its z
 }
@@ -258,6 +260,7 @@ def test_one_compass_follows_its_current_and_one_beside_64_amperes_does_not() ->
 LEVEL, ALL_AXES = 2, 3
 MOVES = {
     "walk, RTK": LEVEL, "quad, 14 m/s": LEVEL, "quad, laser": LEVEL, "F450": LEVEL, "PX4, IMU at 10 Hz": ALL_AXES,
+    "PX4, IMU at 200 Hz": ALL_AXES,
     "strapped to a Phantom, RTK": ALL_AXES, "aeroplane": ALL_AXES, "PX4 with 64 A": ALL_AXES,
 }  # fmt: skip
 
@@ -325,6 +328,8 @@ def test_laser_climbs_with_the_odometry_indoors() -> None:
 #: What each receiver says of its fix.
 SAID = {
     "walk, RTK": ("eph", "epv", "s_variance", "pdop", "satellites"),
+    "PX4, IMU at 10 Hz": ("eph", "epv", "s_variance", "hdop", "vdop", "satellites"),
+    "PX4, IMU at 200 Hz": ("eph", "epv", "s_variance", "hdop", "vdop", "satellites"),
     "PX4 with 64 A": ("eph", "epv", "s_variance", "hdop", "vdop", "satellites"),
     "strapped to a Phantom, RTK": ("satellites",),
     "aeroplane": ("satellites",),

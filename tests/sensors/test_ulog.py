@@ -260,3 +260,55 @@ def test_a_log_without_data(tmp_path: Path, data: bytes, expected: str) -> None:
         open_log(tmp_path / "log")
     assert str(tmp_path / "log") in str(caught.value)
     assert expected in str(caught.value)
+
+
+# --- what is read ----------------------------------------------------------------------------------------
+
+GPS = (
+    "sensor_gps:uint64_t timestamp;uint64_t timestamp_sample;double latitude_deg;double longitude_deg;"
+    "double altitude_ellipsoid_m;float s_variance_m_s;float eph;float epv;float hdop;float vdop;float vel_n_m_s;"
+    "float vel_e_m_s;float vel_d_m_s;uint8_t fix_type;uint8_t satellites_used;uint8_t[2] _padding0;"
+)
+
+
+def with_gps(path: Path, sampled: int, vdop: float = 1.3) -> Path:
+    """A log with two fixes, published 1 and 2 ms after the start, and taken `sampled` us before (0: it is not said)."""
+    fixes = [
+        struct.pack("<HQQ3d8f2B2x", 8, published, published - sampled if sampled else 0, 47.0, 8.0, 400.0,
+                    0.2, 0.7, 1.1, 0.9, vdop if k else 1.3, 1.0, 2.0, 3.0, 4, 11)
+        for k, published in enumerate((1_001_000, 1_002_000))
+    ]  # fmt: skip
+    head = HEAD.replace(message("F", IMU.encode()), message("F", IMU.encode()) + message("F", GPS.encode()))
+    announced = message("A", b"\0" + struct.pack("<H", 8) + b"sensor_gps")
+    path.write_bytes(
+        head + announced + b"".join([reading(k) for k in range(30)] + [message("D", fix) for fix in fixes])
+    )
+    return path
+
+
+def test_what_a_receiver_says_of_its_fix_is_kept(tmp_path: Path) -> None:
+    gps = open_log(with_gps(tmp_path / "a.ulg", 0)).streams["gps"]
+    said = gps.array(("eph", "epv", "s_variance", "hdop", "vdop", "satellites"))
+    np.testing.assert_allclose(said, np.tile([0.7, 1.1, 0.2, 0.9, 1.3, 11.0], (2, 1)), rtol=1e-6)
+
+
+def test_what_a_receiver_does_not_say_throughout_costs_no_fix(tmp_path: Path) -> None:
+    gps = open_log(with_gps(tmp_path / "a.ulg", 0, vdop=float("nan"))).streams["gps"]
+    assert len(gps) == 2
+    assert "vdop" not in gps
+    assert "hdop" in gps
+
+
+@pytest.mark.parametrize(("sampled", "t"), [(0, [0.001, 0.002]), (400, [0.0006, 0.0016])])
+def test_a_reading_is_stamped_when_it_was_taken_where_the_log_says_it(
+    tmp_path: Path, sampled: int, t: list[float]
+) -> None:
+    gps = open_log(with_gps(tmp_path / "a.ulg", sampled)).streams["gps"]
+    np.testing.assert_allclose(gps.t, t, atol=1e-9)
+
+
+@pytest.mark.measured
+def test_samples_that_fill_their_step_are_averages(measured_data: Path) -> None:
+    """One log integrates 4.95 of 4.96 ms, the other 4 to 5 of 100 ms."""
+    assert open_log(measured_data / DAMAGED).spec("accel").imu_samples == "average"
+    assert open_log(measured_data / WHOLE).spec("accel").imu_samples == "instant"
