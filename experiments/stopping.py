@@ -42,16 +42,19 @@ def listening() -> Iterator[None]:
 
     A signal that whoever started the command has it ignore stays ignored.
     """
-    for number in _HEARD:
-        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
-            signal.signal(number, _stop)
-    sys.unraisablehook = _unraisable
+    default = (signal.SIG_DFL, signal.default_int_handler)
+    before = {number: signal.signal(number, _stop) for number in _HEARD if signal.getsignal(number) in default}
+    hook, sys.unraisablehook = sys.unraisablehook, _unraisable
     try:
         yield
     except BaseException as error:  # a library may have made another error of it
         if _asked is None:
             raise
         _leave(error if isinstance(error, Stopped) else Stopped(_asked))
+    finally:
+        sys.unraisablehook = hook
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from experiments.processes import MOST_RESTARTS, in_processes
-from experiments.stopping import Stopped, going_on
+from experiments.stopping import Stopped, going_on, listening
 from sensors.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -244,3 +244,60 @@ def stopped_work() -> None:
 def test_what_is_left_is_said() -> None:
     with pytest.raises(Stopped, match=r"^stopped after all$"):
         stopped_work()
+
+
+def test_signals_are_as_before_when_the_work_is_done() -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with listening():
+        assert signal.getsignal(signal.SIGINT) not in before
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with listening():
+            assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+#: A library that swallows what is raised in it, in three ways, and then goes on for a minute.
+SWALLOWS = """
+import os, signal, sys, time
+from experiments.stopping import listening
+
+class Deleted:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+
+def delete():
+    Deleted()
+
+def catch():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+    except:
+        pass
+
+def turn():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+    except BaseException as error:
+        raise ImportError("no such library") from error
+
+with listening():
+    {"delete": delete, "catch": catch, "turn": turn}[sys.argv[1]]()
+    time.sleep(60.0)
+"""
+
+
+@pytest.mark.parametrize("way", ["delete", "catch", "turn"])
+def test_ctrl_c_that_a_library_swallows_is_heard_all_the_same(way: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SWALLOWS, way], cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "sinan: stopped\n")
