@@ -23,7 +23,7 @@ from calibration.noise_start import (
     within_imu,
 )
 from estimator.alignment import first_state
-from estimator.effect_forms import declared_terms, inputs_with, reference_motion, run_with_effects, taken_off
+from estimator.effect_forms import Along, declared_terms, reference_motion, run_with_effects
 from estimator.events import Events, collect
 from estimator.filter import prepare, run
 from estimator.flight_model import GATE_LEVEL, FlightModel, flight_model
@@ -319,8 +319,8 @@ class _Ready:
             return cls(recording, recording, None, collect(recording, model))
         journal = run_with_effects(recording, model, terms, engine="numba", stride=0)
         motion = reference_motion(recording, journal, terms, table)
-        inputs = inputs_with(recording, model, terms, motion, table)
-        return cls(recording, taken_off(recording, model, terms, motion, table), inputs.imu.u, inputs.events)
+        along = Along(recording, model, terms, motion, table)
+        return cls(recording, along.without_effects, along.corrected.u, along.inputs.events)
 
     def run(self, model: FlightModel) -> Journal:
         """One pass with other levels, or another field."""

@@ -10,19 +10,21 @@ repeated.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import StreamForm, collect, readings
+from estimator.events import StreamForm, collect, stamps
 from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.smoother import estimated_motion, smooth
-from sensors.arrays import FloatArray, zero_unless_finite
+from estimator.wiener import signal_part, without_vibration
+from sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sensors.covariates import covariates_for
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
@@ -132,7 +134,7 @@ def run_with_effects(
         motion = reference_motion(recording, journal, terms, table)
     white: FloatArray | None = None
     for count in range(1, passes + 1):
-        journal = run(inputs_with(recording, model, terms, motion, table, first), engine, stride)
+        journal = run(Along(recording, model, terms, motion, table, first).inputs, engine, stride)
         change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
         if change < tolerance or count == passes:
             break
@@ -183,33 +185,92 @@ def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion
     return motion.with_covariates(**covariates_for(recording, stream, motion.t))
 
 
-def inputs_with(
-    recording: Recording,
-    model: FlightModel,
-    terms: Terms,
-    motion: Motion,
-    table: ImuTable,
-    first: tuple[FloatArray, FloatArray] | None = None,
-) -> RunInputs:
-    """Prepared inputs with the effects in them, evaluated along the motion; the first attitude is that without them."""
-    shifts = {name: terms.lateness(name) for name in model.sensors}
-    added = {n: stream_form(recording, model, n, terms, motion) for n in model.sensors if terms.of_stream(n)}
-    forms: Mapping[str, StreamForm] = added
-    if model.relinearise:
-        forms = {n: linear_form(recording, model, n, motion, terms, added.get(n)) for n in model.sensors}
-    corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
-    if first is None:
-        first = first_state(_without_effects(recording, corrected, added) if terms else recording, model)
-    return prepare(recording, model, imu=corrected, events=collect(recording, model, forms, shifts), first=first)
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A recording and the effects in its model along one motion: what several passes ask for is evaluated once.
 
+    Attributes
+    ----------
+    recording, model : of a flight
+    terms : effects in the model
+    motion : at the samples of the IMU table
+    imu : table of the recording's IMU, where it is known
+    first : state and covariance to start from; default: those of `first_state`, where the first attitude is that
+        without the effects
+    """
 
-def taken_off(
-    recording: Recording, model: FlightModel, terms: Terms, motion: Motion, table: ImuTable
-) -> Recording:  # fmt: skip
-    """The recording without the effects, evaluated along the motion, in what the first attitude is found from."""
-    added = {n: stream_form(recording, model, n, terms, motion) for n in model.sensors if terms.of_stream(n)}
-    corrected = replace(table, u=table.u - imu_corrections(recording, terms, motion))
-    return _without_effects(recording, corrected, added)
+    recording: Recording
+    model: FlightModel
+    terms: Terms
+    motion: Motion
+    imu: ImuTable | None = None
+    first: tuple[FloatArray, FloatArray] | None = None
+    _at: dict[str, Motion] = field(default_factory=dict, init=False, repr=False)
+    _finer: dict[str, tuple[Motion, FloatArray, IntArray]] = field(default_factory=dict, init=False, repr=False)
+
+    def at(self, name: str) -> Motion:
+        """The motion, with covariates, at the instants at which a sensor's readings were valid."""
+        if name not in self._at:
+            t = stamps(self.recording, self.model, name) - self.terms.lateness(name)
+            self._at[name] = with_covariates(self.recording, name, self.motion.at(t))
+        return self._at[name]
+
+    def finer(self, name: str) -> tuple[Motion, FloatArray, IntArray]:
+        """The motion at the IMU's instants and at those of a sensor's readings, with covariates, the perfect readings
+        along it, and the rows of the sensor's own.
+        """
+        if name not in self._finer:
+            own = self.at(name).t
+            t = np.unique(np.concatenate([self.motion.t, own]))
+            fine = with_covariates(self.recording, name, self.motion.at(t))
+            self._finer[name] = fine, self.model.sensors[name].predict(fine), np.searchsorted(t, own)
+        return self._finer[name]
+
+    @cached_property
+    def table(self) -> ImuTable:
+        """Of the IMU as read."""
+        return imu_table(self.recording, self.model) if self.imu is None else self.imu
+
+    @cached_property
+    def corrected(self) -> ImuTable:
+        """Of the IMU without the effects."""
+        return replace(self.table, u=self.table.u - imu_corrections(self.recording, self.terms, self.motion))
+
+    @cached_property
+    def added(self) -> Mapping[str, StreamForm]:
+        """By sensor, what the effects of its stream add to its prediction."""
+        return {name: stream_form(self, name) for name in self.model.sensors if self.terms.of_stream(name)}
+
+    @cached_property
+    def without_effects(self) -> Recording:
+        """The recording without the effects in what the first attitude is found from."""
+        return _without_effects(self.recording, self.corrected, self.added) if self.terms else self.recording
+
+    @cached_property
+    def inputs(self) -> RunInputs:
+        """Of a pass with the effects in the model."""
+        forms = self.added
+        if self.model.relinearise:
+            forms = {name: linear_form(self, name) for name in self.model.sensors}
+        events = collect(
+            self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}
+        )
+        first = first_state(self.without_effects, self.model) if self.first is None else self.first
+        return prepare(self.recording, self.model, imu=self.corrected, events=events, first=first)
+
+    @cached_property
+    def of_signal(self) -> Motion:
+        """The motion with what of force and rate is signal: see `estimator.wiener`."""
+        return replace(
+            self.motion,
+            f_b=signal_part(self.motion.f_b, self.model.accel.sigma),
+            w_ib_b=signal_part(self.motion.w_ib_b, self.model.gyro.sigma),
+        )
+
+    @cached_property
+    def of_vehicle(self) -> Along:
+        """The same along the motion without its vibration."""
+        return replace(self, motion=without_vibration(self.motion))
 
 
 def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, StreamForm]) -> Recording:
@@ -222,27 +283,22 @@ def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, 
     return recording.replace(streams=streams)
 
 
-def stream_motion(recording: Recording, model: FlightModel, name: str, terms: Terms, motion: Motion) -> Motion:
-    """The motion, with covariates, at the instants at which a sensor's readings were valid."""
-    _, t = readings(recording, model, name)
-    return with_covariates(recording, name, motion.at(t - terms.lateness(name)))
-
-
-def stream_form(recording: Recording, model: FlightModel, name: str, terms: Terms, motion: Motion) -> StreamForm:
+def stream_form(along: Along, name: str) -> StreamForm:
     """What the effects of one stream do to its prediction.
 
     Raises
     ------
     InputError : an effect needs a covariate that the recording lacks
     """
-    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+    at, sensor = along.at(name), along.model.sensors[name]
     offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
-    for entry, beta in terms.of_stream(name):
+    for entry, beta in along.terms.of_stream(name):
         lacking = entry.missing(at)
         if lacking:
-            raise InputError(recording.where, f"no {', '.join(lacking)} for {entry.name}", "it among the streams", name)
+            found = f"no {', '.join(lacking)} for {entry.name}"
+            raise InputError(along.recording.where, found, "it among the streams", name)
         if entry.other_instants:
-            offset += over_time(recording, name, entry, beta, at, motion, sensor)
+            offset += over_time(along, name, entry, beta)
             continue
 
         def added(m: Motion, entry: Effect = entry, beta: FloatArray = beta) -> FloatArray:
@@ -260,33 +316,27 @@ def stream_form(recording: Recording, model: FlightModel, name: str, terms: Term
     )
 
 
-def linear_form(
-    recording: Recording, model: FlightModel, name: str, motion: Motion, terms: Terms, added: StreamForm | None = None
-) -> StreamForm:
-    """Prediction and Jacobian of one sensor along a motion; `added` is what the effects of its stream add."""
-    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+def linear_form(along: Along, name: str) -> StreamForm:
+    """Prediction and Jacobian of one sensor along a motion, with the effects of its stream."""
+    at, sensor = along.at(name), along.model.sensors[name]
     z_pred, D = sensor.predict(at), np.zeros((len(at), sensor.size, 9))
     with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, and the reading is left out
         jacobian = sensor.jacobian(at)
     for place, block in enumerate(("position", "velocity", "attitude")):
         if block in jacobian:
             D[:, :, 3 * place : 3 * place + 3] = np.nan_to_num(jacobian[block], posinf=0.0, neginf=0.0)
-    if added is not None:
-        z_pred, D = z_pred + added.offset, D + added.D
+    if name in along.added:
+        z_pred, D = z_pred + along.added[name].offset, D + along.added[name].D
     return StreamForm(z_pred, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1), replaces=True)
 
 
-def over_time(
-    recording: Recording, name: str, entry: Effect, beta: FloatArray, at: Motion, motion: Motion, sensor: Any
-) -> FloatArray:
+def over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> FloatArray:
     """(k, m) what an effect with a memory adds: evaluated at the IMU's instants too: nothing is lost in between.
 
     Its memory is longer than the error of the reference is alike, so it adds nothing to H.
     """
-    t = np.unique(np.concatenate([motion.t, at.t]))
-    fine = with_covariates(recording, name, motion.at(t))
-    plain = sensor.predict(fine)
-    return (entry.apply(plain, beta, fine, sensor) - plain)[np.searchsorted(t, at.t)]
+    fine, plain, own = along.finer(name)
+    return (entry.apply(plain, beta, fine, along.model.sensors[name]) - plain)[own]
 
 
 def moved(motion: Motion, k: int, step: float) -> Motion:

@@ -80,10 +80,10 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     ------
     InputError : a column that the sensor needs is not there
     """
+    t = stamps(recording, model, name)
     if name == "level":
-        return _mean_force(recording, model)
+        return window_means(recording, model, recording.streams["imu"].array(ACCEL)), t
     stream, size = recording.streams[name], model.sensors[name].size
-    t = stream.t - model.latency.get(name, 0.0)
     if name == "mag":
         return stream.array(MAG), t
     if name == "baro":
@@ -99,6 +99,13 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name == "base":
         return position - _base_position(recording), t
     return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+
+
+def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+    """(k,) instants at which the readings of one sensor were valid [s]; of `level` the middles of its windows."""
+    if name == "level":
+        return window_means(recording, model, recording.streams["imu"].t)
+    return recording.streams[name].t - model.latency.get(name, 0.0)
 
 
 def ranges_of(stream: Stream) -> tuple[str, ...]:
@@ -150,12 +157,6 @@ def _base_position(recording: Recording) -> FloatArray:
 
     columns = ned_columns(np.asarray(place, dtype=np.float64)[None, :], recording.origin)
     return np.array([columns[axis][0] for axis in POSITION])
-
-
-def _mean_force(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
-    """Readings of `level`: mean specific force over windows side by side, at the middle of each."""
-    imu = recording.streams["imu"]
-    return window_means(recording, model, imu.array(ACCEL)), window_means(recording, model, imu.t)
 
 
 def window_means(recording: Recording, model: FlightModel, values: FloatArray) -> FloatArray:

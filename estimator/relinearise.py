@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimator.effect_forms import Terms, declared_terms, linear_form, run_with_effects
+from estimator.effect_forms import Terms, declared_terms, run_with_effects
 from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import FlightModel
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.recording import Recording
 
-__all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "linear_form", "run_relinearised"]
+__all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "run_relinearised"]
 
 PASSES = 6
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end

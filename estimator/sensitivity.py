@@ -29,15 +29,14 @@ import numpy as np
 
 from estimator.compiled import TILE, Columns, CompiledRun
 from estimator.effect_forms import (
+    Along,
     Terms,
     declared_terms,
-    inputs_with,
     is_lateness,
     moved,
     over_time,
     reference_motion,
     run_with_effects,
-    stream_motion,
     with_covariates,
 )
 from estimator.events import readings
@@ -46,7 +45,6 @@ from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
-from estimator.wiener import signal_part, without_vibration
 from sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sensors.effects import Effect, effect
 from sensors.errors import InputError
@@ -127,7 +125,6 @@ def sensitivity_pass(
     InputError : a candidate whose stream or covariate the recording lacks
     """
     terms = Terms.of(betas or {}).joined(declared_terms(recording))
-    effects = tuple(effect(c) if isinstance(c, str) else c for c in candidates)
     table = imu_table(recording, model) if table is None else table
     if motion is None:
         if terms or model.relinearise:
@@ -135,9 +132,16 @@ def sensitivity_pass(
         else:
             settled = run(prepare(recording, model, imu=table), "numba", 0)
         motion = reference_motion(recording, settled, terms, table)
-    inputs = inputs_with(recording, model, terms, motion, table)
-    columns, order, slices = pack(recording, inputs, effects, terms, motion)
-    return accumulate(inputs, effects, slices, columns, order, blocks, keep_rows, stride)
+    return pass_along(Along(recording, model, terms, motion, table), candidates, blocks, keep_rows, stride)
+
+
+def pass_along(
+    along: Along, candidates: Sequence[Effect | str], blocks: int, keep_rows: int, stride: int
+) -> tuple[Journal, Sensitivity]:
+    """The same with the effects, and along the motion, of `along`."""
+    effects = tuple(effect(c) if isinstance(c, str) else c for c in candidates)
+    columns, order, slices = pack(along, effects)
+    return accumulate(along.inputs, effects, slices, columns, order, blocks, keep_rows, stride)
 
 
 def accumulate(
@@ -180,9 +184,7 @@ def accumulate(
     return journal_of(inputs, outputs, x, P), found
 
 
-def pack(
-    recording: Recording, inputs: RunInputs, effects: tuple[Effect, ...], terms: Terms, motion: Motion
-) -> tuple[Columns, IntArray, tuple[slice, ...]]:
+def pack(along: Along, effects: tuple[Effect, ...]) -> tuple[Columns, IntArray, tuple[slice, ...]]:
     """Regressors of all candidates as the kernels take them.
 
     Returns
@@ -192,7 +194,7 @@ def pack(
     order : (p,) packed column of every column of the candidates in their own order
     slices : columns of each candidate
     """
-    model, events = inputs.model, inputs.events
+    events = along.inputs.events
     widths = np.array([entry.size for entry in effects], dtype=np.int64)
     ends = np.cumsum(widths)
     slices = tuple(slice(int(end - width), int(end)) for end, width in zip(ends, widths, strict=True))
@@ -206,11 +208,9 @@ def pack(
         tiles[stream] = (first_tile, -(-(place + width) // TILE) - first_tile if width else 0)
         tables[stream] = np.zeros((1, 3 * TILE))
         if width:
-            G = np.zeros((len(inputs.imu), 3, tiles[stream][1] * TILE))
+            G = np.zeros((len(along.table), 3, tiles[stream][1] * TILE))
             at = place - first_tile * TILE
-            G[:, :, at : at + width] = driver_regressors(
-                recording, model, stream, [effects[i] for i in mine], terms, motion
-            )
+            G[:, :, at : at + width] = driver_regressors(along, stream, [effects[i] for i in mine])
             tables[stream] = G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
         for i in mine:
             order[slices[i]] = place + np.arange(widths[i])
@@ -218,13 +218,13 @@ def pack(
     first, count = np.zeros(len(events.sensors), dtype=np.int64), np.zeros(len(events.sensors), dtype=np.int64)
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
     shaken = any(entry.stream in events.sensors and {"f_b", "w_ib_b"} & set(entry.needs) for entry in effects)
-    vehicle = without_vibration(motion) if shaken else motion
+    vehicle = along.of_vehicle if shaken else along
     for s, name in enumerate(events.sensors):
         mine = [i for i, entry in enumerate(effects) if entry.stream == name]
         first[s], count[s] = place, int(widths[mine].sum()) if mine else 0
         if not mine:
             continue
-        G = sensor_regressors(recording, model, name, [effects[i] for i in mine], terms, vehicle)
+        G = sensor_regressors(vehicle, name, [effects[i] for i in mine])
         of_sensor = events.sensor == s
         start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
         parts.append(G.ravel())
@@ -234,7 +234,8 @@ def pack(
             place += int(widths[i])
     unknown = [entry.name for entry in effects if entry.stream not in (*DRIVERS, *events.sensors)]
     if unknown:
-        raise InputError(recording.where, f"no stream for {', '.join(unknown)}", "candidates of streams that are there")
+        found = f"no stream for {', '.join(unknown)}"
+        raise InputError(along.recording.where, found, "candidates of streams that are there")
     Gz = np.concatenate(parts) if parts else np.zeros(1)
     columns = Columns(
         -(-place // TILE), tiles["accel"][1], *tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
@@ -254,9 +255,7 @@ def _missing(recording: Recording, entry: Effect, motion: Motion) -> None:
         raise InputError(recording.where, f"no {', '.join(lacking)} for {entry.name}", "candidates whose needs are met")
 
 
-def driver_regressors(
-    recording: Recording, model: FlightModel, stream: str, effects: Sequence[Effect], terms: Terms, motion: Motion
-) -> FloatArray:
+def driver_regressors(along: Along, stream: str, effects: Sequence[Effect]) -> FloatArray:
     """(N, 3, p) d u / d beta of accelerometer or gyroscope effects at the samples of the IMU table.
 
     Along what of force and rate is signal: see `estimator.wiener`.
@@ -264,23 +263,18 @@ def driver_regressors(
     Where effects are in the model already, the sample that the filter integrates is f = e^-1(u - b), so that
     df / dbeta = -(de / df)^-1 de / dbeta: the regressor is divided by what the effects do to a change of f.
     """
-    motion = replace(
-        motion,
-        f_b=signal_part(motion.f_b, model.accel.sigma),
-        w_ib_b=signal_part(motion.w_ib_b, model.gyro.sigma),
-    )
-    along = with_covariates(recording, stream, motion)
-    plain = along.f_b if stream == "accel" else along.w_ib_b
+    motion = with_covariates(along.recording, stream, along.of_signal)
+    plain = motion.f_b if stream == "accel" else motion.w_ib_b
     parts = []
     for entry in effects:
-        _missing(recording, entry, along)
-        beta = terms.beta(entry)
-        parts.append(entry.slope(plain, beta, along) if np.any(beta) else entry.rows(along, 3))
+        _missing(along.recording, entry, motion)
+        beta = along.terms.beta(entry)
+        parts.append(entry.slope(plain, beta, motion) if np.any(beta) else entry.rows(motion, 3))
     G = np.concatenate(parts, axis=2)
-    present = terms.of_stream(stream)
+    present = along.terms.of_stream(stream)
     if not present:
         return G
-    gain = np.tile(np.eye(3), (len(along), 1, 1))
+    gain = np.tile(np.eye(3), (len(motion), 1, 1))
     name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
     for axis in range(3):
         d = np.zeros(3)
@@ -288,7 +282,7 @@ def driver_regressors(
         for entry, beta in present:
             ends = []
             for sign in (1.0, -1.0):
-                changed = _with(along, name, plain + sign * d)
+                changed = _with(motion, name, plain + sign * d)
                 ends.append(entry.apply(plain + sign * d, beta, changed) - plain - sign * d)
             gain[:, :, axis] += (ends[0] - ends[1]) / (2.0 * step)
     if np.max(np.abs(gain - np.eye(3))) < _NO_GAIN:
@@ -310,33 +304,29 @@ def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
     return replace(motion, **{name: value})  # type: ignore[arg-type]
 
 
-def sensor_regressors(
-    recording: Recording, model: FlightModel, name: str, effects: Sequence[Effect], terms: Terms, motion: Motion
-) -> FloatArray:
+def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> FloatArray:
     """(k, m, p) d z / d beta of effects on one sensor at its readings; none where the motion foretells no reading."""
-    at, sensor = stream_motion(recording, model, name, terms, motion), model.sensors[name]
+    at, sensor = along.at(name), along.model.sensors[name]
     plain = sensor.predict(at)
     parts = []
     for entry in effects:
-        _missing(recording, entry, at)
-        beta = terms.beta(entry)
+        _missing(along.recording, entry, at)
+        beta = along.terms.beta(entry)
         if is_lateness(entry) or not np.any(beta):
             parts.append(entry.rows(at, sensor.size))
         elif entry.other_instants:
-            parts.append(_slope_over_time(recording, name, entry, beta, at, motion, sensor))
+            parts.append(_slope_over_time(along, name, entry, beta))
         else:
             parts.append(entry.slope(plain, beta, at, sensor))
     return zero_unless_finite(np.concatenate(parts, axis=2))
 
 
-def _slope_over_time(
-    recording: Recording, name: str, entry: Effect, beta: FloatArray, at: Motion, motion: Motion, sensor: Any
-) -> FloatArray:
+def _slope_over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> FloatArray:
     columns = []
     for k in range(entry.size):
         step = np.zeros(entry.size)
         step[k] = 1e-4 * entry.plausible[k]
-        ends = [over_time(recording, name, entry, beta + sign * step, at, motion, sensor) for sign in (1.0, -1.0)]
+        ends = [over_time(along, name, entry, beta + sign * step) for sign in (1.0, -1.0)]
         columns.append((ends[0] - ends[1]) / (2.0 * step[k]))
     return np.stack(columns, axis=-1)
 

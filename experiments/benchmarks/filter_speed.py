@@ -18,7 +18,7 @@ from time import perf_counter
 import numpy as np
 
 from estimator.compiled import CompiledRun
-from estimator.effect_forms import Terms, reference_motion
+from estimator.effect_forms import Along, Terms, reference_motion
 from estimator.engine_filterpy import ReadableFilter
 from estimator.filter import RunInputs, outputs_for, prepare, run
 from estimator.flight_model import flight_model
@@ -90,7 +90,7 @@ def main(rounds: int = ROUNDS) -> dict[str, float]:
     part = prepare(repeated(inputs.recording, READABLE_PART), model)
     effects = candidates(inputs)
     motion = reference_motion(inputs.recording, run(inputs, "numba", 0), Terms(), inputs.imu)
-    columns, order, slices = pack(inputs.recording, inputs, effects, Terms(), motion)
+    columns, order, slices = pack(Along(inputs.recording, model, Terms(), motion, inputs.imu), effects)
 
     def readable() -> None:
         for _ in ReadableFilter(part).steps():

@@ -124,13 +124,7 @@ class FlightSource:
         if "gps" not in self.model.sensors:
             return None
         own = list(state.effects)
-        run = partial(
-            self._passes.run_without_slow_error,
-            effects=own,
-            beta=state.beta,
-            motion=state.motion,
-            recording=state.recording,
-        )
+        run = partial(self._passes.run_without_slow_error, along=state.along)
         journal = state.journal if self.slow_error is None else run([])[0]
         one = journal.stream("gps")
         colour = whiteness(one.white[one.accepted]) if np.any(one.accepted) else None
@@ -236,7 +230,7 @@ class FlightSource:
         own = state.effects
         journal, sensitivity = state.journal, state.sensitivity
         if len(columns) > len(own):
-            journal, sensitivity = self._passes.run(columns, own, state.beta, state.motion, state.recording)
+            journal, sensitivity = self._passes.run(columns, state.along)
         W, white = self._passes.rows(sensitivity, journal, fit.part)
         t = journal.t[sensitivity.event][self._passes.in_part(journal.t[sensitivity.event], fit.part)]
         block = np.minimum(
@@ -417,8 +411,7 @@ class FlightSource:
         if not effects:
             return []
         state = _state(fit)
-        own, beta = state.effects, state.beta
-        journal, sensitivity = self._passes.run(effects, own, beta, state.motion, state.recording)
+        journal, sensitivity = self._passes.run(effects, state.along)
         W, _ = self._passes.rows(sensitivity, journal, fit.part)
         return np.split(W, np.cumsum([entry.size for entry in effects])[:-1], axis=1)
 
@@ -428,8 +421,8 @@ class FlightSource:
 
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
-        own, beta = state.effects, state.beta
-        journal, _ = self._passes.run([], own, beta, state.motion, self._as_recorded)
+        along = self._passes.along(state.effects, state.beta, state.motion, self._as_recorded)
+        journal, _ = self._passes.run([], along)
         found = []
         for stream, (before, count) in self.wrong.items():
             wrong = min(before, len(wrong_rows(journal, stream)))
@@ -485,10 +478,7 @@ class FlightSource:
 
     def states(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
         """Time [s] and nominal state of the filter at the samples of the IMU."""
-        state = _state(fit)
-        journal, _ = self._passes.run_without_slow_error(
-            [], state.effects, state.beta, state.motion, state.recording, stride=1
-        )
+        journal, _ = self._passes.run_without_slow_error([], _state(fit).along, stride=1)
         return journal.imu_t, journal.imu_x
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
@@ -514,8 +504,7 @@ class FlightSource:
             return None
         state = _state(before)
         entry = declaration(term)
-        own, known = state.effects, state.beta
-        journal, sensitivity = self._passes.run([*own, entry], own, known, state.motion, state.recording)
+        journal, sensitivity = self._passes.run([*state.effects, entry], state.along)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
         seen = {name: float(np.sum(predicted[sensor == name] ** 2)) for name in self.model.sensors}

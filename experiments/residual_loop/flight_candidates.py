@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from estimator.effect_forms import Terms, is_lateness, stream_motion, with_covariates
+from estimator.effect_forms import Along, Terms, is_lateness, with_covariates
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.sensitivity import candidate_streams
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
@@ -30,14 +30,14 @@ def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) 
     """The effects that enter a stream of the run and whose covariates vary along the motion of the plain model."""
     declared = set(recording.effects)
     guessed = recording.environment.magnetic_field is None
-    found = []
+    plain, found = Along(recording, model, Terms(), motion), []
     for entry in effects_for("flight", candidate_streams(model)):
         if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
             continue
         if entry.stream == "level" and "gps" not in model.sensors:  # nothing sees the velocity it goes with
             continue
         if entry.stream in model.sensors:
-            along = stream_motion(recording, model, entry.stream, Terms(), motion)
+            along = plain.at(entry.stream)
         else:
             along = with_covariates(recording, entry.stream, motion)
         if not entry.missing(along) and covariates_vary(entry, along):
@@ -63,7 +63,7 @@ def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
     """Whether an effect is another one where the whole path lies elsewhere above the ground."""
     if entry.stream not in passes.model.sensors:
         return False
-    along = stream_motion(passes.recording, passes.model, entry.stream, Terms(), passes.plain_motion)
+    along = Along(passes.recording, passes.model, Terms(), passes.plain_motion).at(entry.stream)
     elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
     return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
 
@@ -80,7 +80,7 @@ def is_first_order(recording: Recording, model: FlightModel, entry: Effect, beta
         along, sensor = with_covariates(recording, entry.stream, motion), None
         plain = along.f_b if entry.stream == "accel" else along.w_ib_b
     else:
-        along, sensor = stream_motion(recording, model, entry.stream, Terms(), motion), model.sensors[entry.stream]
+        along, sensor = Along(recording, model, Terms(), motion).at(entry.stream), model.sensors[entry.stream]
         plain = sensor.predict(along)
     exact = zero_unless_finite(entry.apply(plain, beta, along, sensor) - plain)
     foretold = zero_unless_finite(entry.rows(along, plain.shape[1]) @ beta)
@@ -91,9 +91,9 @@ def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, b
     """-2 log L of the fit with one more effect, of this size, the others as they are."""
     effects, betas = [*fit.effects, entry], [*fit.beta, beta]
     try:
-        journal, _ = passes.run([], effects, betas, fit.motion)
-        motion = passes.follow(journal, effects, betas)
-        journal, _ = passes.run([], effects, betas, motion)
+        along = passes.along(effects, betas, fit.motion)
+        motion = passes.follow(passes.run([], along)[0], along)
+        journal, _ = passes.run([], passes.along(effects, betas, motion))
     except InputError:  # no state or covariance follows
         return float(np.inf)
     return passes.deviance(journal, part)

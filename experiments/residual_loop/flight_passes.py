@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from estimator.effect_forms import Terms, declared_terms, reference_motion
+from estimator.effect_forms import Along, Terms, declared_terms, reference_motion
 from estimator.events import ACCEPTED
 from estimator.filter import RunInputs, run_filter
 from estimator.flight_model import FlightModel
@@ -17,7 +16,7 @@ from estimator.imu import imu_table
 from estimator.journal import Journal
 from estimator.relinearise import COARSE_ATTITUDE
 from estimator.score import WIDEST_DIRECTION
-from estimator.sensitivity import Sensitivity, sensitivity_pass
+from estimator.sensitivity import Sensitivity, pass_along
 from estimator.smoother import smooth
 from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
 from experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
@@ -25,7 +24,7 @@ from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
 from sensors.errors import InputError
 from sensors.motion import Motion
-from sensors.recording import Recording
+from sensors.recording import Recording, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_multiply
 
 #: The last third of the time is held out.
@@ -69,7 +68,7 @@ class Fitted:
         readings alone
     deviance : -2 log likelihood of the part that was fitted, without the prior
     journal : of the pass
-    motion : along which the effects were evaluated
+    along : the effects, and the motion along which they were evaluated
     sensitivity : of the whitened innovations to the effects
     recording : of the readings that were there
     """
@@ -79,9 +78,14 @@ class Fitted:
     std: tuple[FloatArray, ...]
     deviance: float
     journal: Journal
-    motion: Motion
+    along: Along
     sensitivity: Sensitivity
     recording: Recording
+
+    @property
+    def motion(self) -> Motion:
+        """Along which the effects were evaluated."""
+        return self.along.motion
 
 
 class FlightPasses:
@@ -96,7 +100,7 @@ class FlightPasses:
     def __init__(self, recording: Recording, model: FlightModel) -> None:
         self.recording, self.model = recording, model
         self.slow_error: Law | None = None
-        self._drifts: list[tuple[Recording, GpsDrift]] = []
+        self._drifts: list[tuple[Mapping[str, Stream], GpsDrift]] = []
         self.table = imu_table(recording, model)
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
@@ -115,61 +119,51 @@ class FlightPasses:
             self.model = model.replace(relinearise=True)
         self.plain_motion = self._settled(plain_motion)
 
-    def run(
+    def along(
         self,
-        wanted: Sequence[Effect],
         effects: Sequence[Effect],
         beta: Sequence[FloatArray],
         motion: Motion,
         recording: Recording | None = None,
-    ) -> tuple[Journal, Sensitivity]:
-        """One pass with effects in the model, and the sensitivities to those wanted.
+    ) -> Along:
+        """Effects in the model, evaluated along a motion: what a pass is about.
 
         Parameters
         ----------
-        motion : along which all effects are evaluated
         recording : another with the same IMU; default: that without wrong readings
         """
         recording = self.recording if recording is None else recording
-        found = self.run_without_slow_error(wanted, effects, beta, motion, recording)
-        return found if self.slow_error is None else self._drift(self.slow_error, recording).taken_off(*found)
+        terms = Terms.of(zip(effects, beta, strict=True)).joined(declared_terms(recording))
+        return Along(self._started(recording, motion), self.model, terms, motion, self.table)
 
-    def run_without_slow_error(
-        self,
-        wanted: Sequence[Effect],
-        effects: Sequence[Effect],
-        beta: Sequence[FloatArray],
-        motion: Motion,
-        recording: Recording,
-        stride: int = 0,
-    ) -> tuple[Journal, Sensitivity]:
+    @property
+    def plain(self) -> Along:
+        """No effect, along the motion of the plain model."""
+        return self.along([], [], self.plain_motion)
+
+    def run(self, wanted: Sequence[Effect], along: Along) -> tuple[Journal, Sensitivity]:
+        """One pass, and the sensitivities to the effects wanted."""
+        found = self.run_without_slow_error(wanted, along)
+        return found if self.slow_error is None else self._drift(self.slow_error, along.recording).taken_off(*found)
+
+    @staticmethod
+    def run_without_slow_error(wanted: Sequence[Effect], along: Along, stride: int = 0) -> tuple[Journal, Sensitivity]:
         """The same where the noise of the GPS is white; `stride` IMU samples between logged states, 0: none."""
-        pairs: Any = list(zip(effects, beta, strict=True))
-        return sensitivity_pass(
-            self._started(recording, motion),
-            self.model,
-            wanted,
-            pairs,
-            motion=motion,
-            blocks=0,
-            keep_rows=1,
-            stride=stride,
-            table=self.table,
-        )
+        return pass_along(along, wanted, blocks=0, keep_rows=1, stride=stride)
 
     def _drift(self, law: Law, recording: Recording) -> GpsDrift:
-        """The slow error of the GPS in the passes over a recording, about the plain model."""
+        """The slow error of the GPS in the passes over the readings of a recording, about the plain model."""
         for known, drift in self._drifts:
-            if known is recording and drift.law is law:
+            if known is recording.streams and drift.law is law:
                 return drift
-        found = self.run_without_slow_error([error_at_nodes(law.nodes)], [], [], self.plain_motion, recording)
-        self._drifts = [(recording, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
+        plain = self.along([], [], self.plain_motion, recording)
+        found = self.run_without_slow_error([error_at_nodes(law.nodes)], plain)
+        self._drifts = [(recording.streams, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
         return self._drifts[0][1]
 
-    def follow(self, journal: Journal, effects: Sequence[Effect], beta: Sequence[FloatArray]) -> Motion:
+    def follow(self, journal: Journal, along: Along) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""
-        terms = Terms(tuple(zip(effects, beta, strict=True))).joined(declared_terms(self.recording))
-        return reference_motion(self.recording, journal, terms, self.table)
+        return reference_motion(self.recording, journal, along.terms, self.table)
 
     def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part, again: bool = True) -> Fitted:
         """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
@@ -184,15 +178,17 @@ class FlightPasses:
         """
         beta, motion = list(beta), self.plain_motion
         prior = self._prior(effects)
-        best: tuple[float, float, list[FloatArray], Journal, Motion, Sensitivity, FloatArray] | None = None
+        best: tuple[float, float, list[FloatArray], Journal, Along, Sensitivity, FloatArray] | None = None
         halvings, foretold = 0, np.inf
         for _ in range(_MOST_STEPS):
             try:
                 if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
+                    along = self.along(effects, beta, motion)
                     if best is None:
-                        journal, _ = self.run([], effects, beta, motion)
-                    motion = self.follow(journal, effects, beta)
-                journal, sensitivity = self.run(effects, effects, beta, motion)
+                        journal, _ = self.run([], along)
+                    motion = self.follow(journal, along)
+                along = self.along(effects, beta, motion)
+                journal, sensitivity = self.run(effects, along)
                 deviance = self.deviance(journal, part)
                 cost = deviance + _length(beta, prior)
                 W, white = self.rows(sensitivity, journal, part)
@@ -207,9 +203,9 @@ class FlightPasses:
                 if halvings > _MOST_HALVINGS or foretold < _SETTLED_DEVIANCE:
                     break
                 beta = [0.5 * (b + good) for b, good in zip(beta, best[2], strict=True)]
-                journal, motion = best[3], best[4]
+                journal, motion = best[3], best[4].motion
                 continue
-            best = (cost, deviance, beta, journal, motion, sensitivity, information)
+            best = (cost, deviance, beta, journal, along, sensitivity, information)
             if not effects:
                 break
             pull = score - prior * np.concatenate(beta)
@@ -220,10 +216,10 @@ class FlightPasses:
                 break
             beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
         assert best is not None
-        _, deviance, beta, journal, motion, sensitivity, information = best
+        _, deviance, beta, journal, along, sensitivity, information = best
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
-        found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, motion, sensitivity, self.recording)
+        found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, along, sensitivity, self.recording)
         for k, seen, foretold in self._hardly_seen(effects, beta, information):
             least = self._least(found, k, part, seen, foretold)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
@@ -257,12 +253,15 @@ class FlightPasses:
 
         def at(share: float) -> Fitted:
             beta = tuple(share * b if i == k else b for i, b in enumerate(fit.beta))
+            along = self.along(fit.effects, beta, fit.motion)
             try:
-                journal, sensitivity = self.run(fit.effects, fit.effects, beta, fit.motion)
+                journal, sensitivity = self.run(fit.effects, along)
             except InputError:  # no state or covariance follows
                 return replace(fit, std=std, deviance=np.inf)
-            deviance = self.deviance(journal, part)
-            return replace(fit, beta=beta, std=std, deviance=deviance, journal=journal, sensitivity=sensitivity)
+            return replace(
+                fit, beta=beta, std=std, deviance=self.deviance(journal, part), journal=journal, along=along,
+                sensitivity=sensitivity,
+            )  # fmt: skip
 
         none, low, high, found = at(0.0), 0.0, 1.0, replace(fit, std=std)
         gain = none.deviance - fit.deviance
@@ -308,12 +307,13 @@ class FlightPasses:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""
         best = np.inf
         for _ in range(_MOST_STEPS):
-            journal, _ = self.run([], [], [], motion)
+            along = self.along([], [], motion)
+            journal, _ = self.run([], along)
             deviance = self.deviance(journal, "all")
             if not deviance < best - _SETTLED_DEVIANCE:
                 break
             best, settled = deviance, motion
-            motion = self.follow(journal, [], [])
+            motion = self.follow(journal, along)
         return settled
 
     def _prior(self, effects: Sequence[Effect]) -> FloatArray:
@@ -361,7 +361,7 @@ class FlightPasses:
         """
         if self._start_std is None:
             return recording
-        q_nb, declared = motion.q_nb[0], recording.initial
+        q_nb, declared = motion.q_nb[0], self.recording.initial
         if self._keeps_heading and declared.quaternion is not None:
             turn = quaternion_multiply(declared.quaternion, quaternion_conjugate(q_nb))
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)

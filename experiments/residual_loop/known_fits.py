@@ -14,8 +14,8 @@ from sensors.arrays import FloatArray
 from sensors.effects import Effect
 from sensors.recording import Recording
 
-#: Fits that are kept, and the IMU samples of all of them together, each of which costs some 800 bytes.
-_MOST_FITS, _MOST_SAMPLES = 8, 1e6
+#: Fits that are kept, and the IMU samples of all of them together, each of which costs some 1,600 bytes.
+_MOST_FITS, _MOST_SAMPLES = 8, 5e5
 
 
 @dataclass(frozen=True)

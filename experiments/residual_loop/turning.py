@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from estimator.effect_forms import Terms
+from estimator.effect_forms import Along, Terms
 from estimator.events import window_means
 from estimator.flight_model import FlightModel
 from estimator.score import block_scatter, log_p_of_divided
@@ -119,7 +119,7 @@ class TurningPoint:
 
 def turning_regressor(recording: Recording, model: FlightModel, motion: Motion) -> FloatArray:
     """(k, 3, 3) d a / d r, averaged over each window of `level`; `motion` at the samples of the IMU table."""
-    G = driver_regressors(recording, model, "accel", [effect("accel.lever_arm")], Terms(), motion)
+    G = driver_regressors(Along(recording, model, Terms(), motion), "accel", [effect("accel.lever_arm")])
     imu = recording.streams["imu"].t
     return window_means(recording, model, G[np.clip(np.searchsorted(motion.t, imu), 0, len(motion) - 1)])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimator.alignment import align
-from estimator.effect_forms import Terms, _without_effects, stream_form
+from estimator.effect_forms import Along, Terms
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.imu import imu_table
@@ -41,8 +41,7 @@ def start_error(recording: Recording, model: FlightModel, truth: FloatArray) -> 
 def corrected(recording: Recording, model: FlightModel, beta: FloatArray) -> Recording:
     terms = Terms.of({"mag.cross_axis": beta})
     table = imu_table(recording, model)
-    form = stream_form(recording, model, "mag", terms, analytic_motion(table.t))
-    return _without_effects(recording, table, {"mag": form})
+    return Along(recording, model, terms, analytic_motion(table.t), table).without_effects
 
 
 def test_bent_field_turns_the_start(bent) -> None:

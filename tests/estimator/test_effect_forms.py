@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.effect_forms import Terms, declared_terms, stream_form, with_covariates
+from estimator.effect_forms import Along, Terms, declared_terms, stream_form, with_covariates
 from estimator.filter import run_filter
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
@@ -109,10 +109,11 @@ def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None
     model = flight_model(recording, gate_level=None)
     for name in ("sonar.sound_speed", "sonar.beam_cone", "sonar.mount_offset"):
         terms = Terms.of({name: effect(name).plausible})
-        form = stream_form(recording, model, "sonar", terms, over)
+        along = Along(recording, model, terms, over)
+        form = stream_form(along, "sonar")
         assert np.all(np.isfinite(form.offset))
         assert np.all(np.isfinite(form.D))
-        rows = sensor_regressors(recording, model, "sonar", [effect(name)], terms, over)
+        rows = sensor_regressors(along, "sonar", [effect(name)])
         assert np.all(np.isfinite(rows))
 
 

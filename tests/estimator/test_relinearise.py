@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.consistency import nees
-from estimator.effect_forms import Terms, inputs_with, reference_motion
+from estimator.effect_forms import Along, Terms, linear_form, reference_motion
 from estimator.events import collect
 from estimator.filter import prepare, run, run_filter
 from estimator.flight_model import flight_model
 from estimator.imu import imu_table
 from estimator.layout import StateLayout
-from estimator.relinearise import is_coarse, linear_form, run_relinearised
+from estimator.relinearise import is_coarse, run_relinearised
 from estimator.sensitivity import sensitivity_pass
 from experiments.scenarios.loader import load_scenario
 from sensors.arrays import FloatArray
@@ -39,7 +39,7 @@ def test_engines_agree_about_a_reference() -> None:
     model = flight_model(recording, gate_level=None)
     journal = run_filter(recording, model, engine="numba")
     motion = reference_motion(recording, journal, Terms(), journal.run.imu)
-    forms = {name: linear_form(recording, model, name, motion, Terms()) for name in model.sensors}
+    forms = {name: linear_form(Along(recording, model, Terms(), motion), name) for name in model.sensors}
     inputs = prepare(recording, model, events=collect(recording, model, forms))
     assert difference(run(inputs, "numba"), run(inputs, "filterpy")) < AGREEMENT
 
@@ -92,8 +92,8 @@ def test_sensitivities_are_those_of_the_relinearised_filter() -> None:
         for sign in (1.0, -1.0):
             terms = Terms.of({name: sign * step})
             first = (journal.run.x, journal.run.P)
-            inputs = inputs_with(recording, model, terms, motion, imu_table(recording, model), first)
-            ends.append(run(inputs, "numba", 0).white)
+            along = Along(recording, model, terms, motion, first=first)
+            ends.append(run(along.inputs, "numba", 0).white)
         slope = (ends[1] - ends[0]) / 2.0
         predicted = found.rows[:, found.of(name)] @ step
         assert np.max(np.abs(slope - predicted)) < 0.05 * np.max(np.abs(predicted))
@@ -115,6 +115,6 @@ def test_a_beam_above_the_horizon_has_no_prediction() -> None:
     motion = reference_motion(recording, journal, Terms(), table)
     over = (motion.t > 1.0) & (motion.t < 2.0)
     motion = replace(motion, q_nb=np.where(over[:, None], np.array([0.0, 1.0, 0.0, 0.0]), motion.q_nb))
-    after = run(inputs_with(recording, model, Terms(), motion, table), "numba")
+    after = run(Along(recording, model, Terms(), motion, table).inputs, "numba")
     assert np.all(np.isfinite(after.x_end))
     assert after.counts()["laser"]["no prediction"] >= 18

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.effect_forms import Terms, reference_motion
+from estimator.effect_forms import Along, Terms, reference_motion
 from estimator.engine_filterpy import ReadableFilter
 from estimator.error_dynamics import transition
 from estimator.filter import ACCEPTED, RunInputs, prepare, run_filter
@@ -21,7 +21,6 @@ from estimator.sensitivity import (
     sensor_regressors,
 )
 from estimator.strapdown import strapdown_step
-from estimator.wiener import without_vibration
 from sensors.arrays import FloatArray
 from sensors.effects import Effect, effect
 from sensors.effects.transient import for_stream
@@ -107,17 +106,15 @@ def test_fused_pass_is_the_dense_recursion(case: str) -> None:
     recording, model, journal, motion = flown(case)
     effects = candidates(model)
     _, found = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1)
-    p, N = found.rows.shape[1], len(motion)
+    p, N, along = found.rows.shape[1], len(motion), Along(recording, model, Terms(), motion)
     G_u = np.zeros((N, 6, p))
     G_z = {name: np.zeros((len(journal.stream(name)), sensor.size, p)) for name, sensor in model.sensors.items()}
     for entry, columns in zip(effects, found.slices, strict=True):
         if entry.stream in ("accel", "gyro"):
             rows = slice(0, 3) if entry.stream == "accel" else slice(3, 6)
-            G_u[:, rows, columns] = driver_regressors(recording, model, entry.stream, [entry], Terms(), motion)
+            G_u[:, rows, columns] = driver_regressors(along, entry.stream, [entry])
         else:
-            G_z[entry.stream][:, :, columns] = sensor_regressors(
-                recording, model, entry.stream, [entry], Terms(), without_vibration(motion)
-            )
+            G_z[entry.stream][:, :, columns] = sensor_regressors(along.of_vehicle, entry.stream, [entry])
     dense = DenseSensitivity(prepare(recording, model), G_u, G_z)
     for _ in dense.steps():
         pass

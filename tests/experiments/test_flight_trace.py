@@ -342,8 +342,8 @@ def test_declared_effects_are_taken_off_the_motion_that_is_followed() -> None:
     scenario, effects = load_scenario("hover"), {"accel.scale": (0.05, 0.05, 0.05)}
     recording, _ = simulate(scenario, np.random.default_rng(28), effects, declare=True)
     passes = FlightSource(recording, flight_model(recording))._passes
-    journal, _ = passes.run([], [], [], passes.plain_motion)
-    force = np.linalg.norm(np.mean(passes.follow(journal, [], []).f_b, axis=0))
+    journal, _ = passes.run([], passes.plain)
+    force = np.linalg.norm(np.mean(passes.follow(journal, passes.plain).f_b, axis=0))
     assert force == pytest.approx(np.linalg.norm(passes.plain_motion.g_n), abs=PLAUSIBLE_BIAS)
 
 

@@ -72,11 +72,11 @@ def test_a_constant_error_is_a_bias_of_the_filter(plain: Recording) -> None:
     wider = replace(gps, bias_std=float(np.hypot(gps.bias_std, more)))
     passes = FlightPasses(plain, model)
     nodes = np.linspace(passes.start, passes.end, 5)
-    journal, at_nodes = passes.run([error_at_nodes(nodes)], [], [], passes.plain_motion)
+    journal, at_nodes = passes.run([error_at_nodes(nodes)], passes.plain)
     drift = GpsDrift.of(Law(nodes, np.inf, more), journal, at_nodes)
     taken_off, _ = drift.taken_off(journal, at_nodes)
     known = FlightPasses(plain, model.replace(sensors={**model.sensors, "gps": wider}))
-    asked, _ = known.run([], [], [], passes.plain_motion)
+    asked, _ = known.run([], known.along([], [], passes.plain_motion))
     assert passes.deviance(taken_off, "all") == pytest.approx(passes.deviance(asked, "all"), abs=0.05)
     assert abs(passes.deviance(journal, "all") - passes.deviance(asked, "all")) > 1.0
     used = rows_of(journal)
@@ -148,7 +148,7 @@ def test_another_law_is_in_the_passes_over_readings_that_were_seen_before(plain:
     deviance = {}
     for sigma in (0.5, 2.0, 0.5):
         passes.slow_error = Law(nodes, 10.0, sigma)
-        found = passes.deviance(passes.run([], [], [], passes.plain_motion)[0], "all")
+        found = passes.deviance(passes.run([], passes.plain)[0], "all")
         assert deviance.setdefault(sigma, found) == found
     assert abs(deviance[0.5] - deviance[2.0]) > 1.0
 
