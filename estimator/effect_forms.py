@@ -9,7 +9,7 @@ repeated.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -176,7 +176,7 @@ def imu_corrections(recording: Recording, terms: Terms, motion: Motion) -> Float
     for stream, plain in (("accel", motion.f_b), ("gyro", motion.w_ib_b)):
         pairs = terms.of_stream(stream)
         along = with_covariates(recording, stream, motion) if pairs else motion
-        parts.append(sum((e.apply(plain, b, along) - plain for e, b in pairs), np.zeros_like(plain)))
+        parts.append(sum((e.change(plain, b, along) for e, b in pairs), np.zeros_like(plain)))
     return np.concatenate(parts, axis=1)
 
 
@@ -290,7 +290,7 @@ def stream_form(along: Along, name: str) -> StreamForm:
     ------
     InputError : an effect needs a covariate that the recording lacks
     """
-    at, sensor = along.at(name), along.model.sensors[name]
+    at, sensor, pairs = along.at(name), along.model.sensors[name], []
     offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
     for entry, beta in along.terms.of_stream(name):
         lacking = entry.missing(at)
@@ -299,21 +299,31 @@ def stream_form(along: Along, name: str) -> StreamForm:
             raise InputError(along.recording.where, found, "it among the streams", name)
         if entry.other_instants:
             offset += over_time(along, name, entry, beta)
-            continue
+        else:
+            pairs.append((entry, beta))
 
-        def added(m: Motion, entry: Effect = entry, beta: FloatArray = beta) -> FloatArray:
-            plain = sensor.predict(m)
-            return entry.apply(plain, beta, m, sensor) - plain
+    def added(m: Motion) -> FloatArray:
+        plain = sensor.predict(m)
+        return sum((entry.change(plain, beta, m, sensor) for entry, beta in pairs), np.zeros_like(plain))
 
+    if pairs:
         with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
             offset += added(at)
-            probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
-            for k, step in enumerate(STEPS):
-                if np.any(np.abs(added(moved(probe, k, step)) - added(moved(probe, k, -step))) > 1e-12 * step):
-                    D[:, :, k] += (added(moved(at, k, step)) - added(moved(at, k, -step))) / (2.0 * step)
+            for k in _states_that_matter(at, added):
+                D[:, :, k] = (added(moved(at, k, STEPS[k])) - added(moved(at, k, -STEPS[k]))) / (2.0 * STEPS[k])
     return StreamForm(
         zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
     )
+
+
+def _states_that_matter(at: Motion, added: Callable[[Motion], FloatArray]) -> list[int]:
+    """The components of position, velocity and attitude that change what effects add, at some of the instants."""
+    probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+    n, d = len(probe), np.zeros((2, 9, len(probe), 9))
+    for k, step in enumerate(STEPS):
+        d[0, k, :, k], d[1, k, :, k] = step, -step
+    ahead, behind = added(displaced(probe.rows(np.tile(np.arange(n), 18)), d.reshape(-1, 9))).reshape(2, 9, -1)
+    return [int(k) for k in np.flatnonzero(np.any(np.abs(ahead - behind) > 1e-12 * STEPS[:, None], axis=1))]
 
 
 def linear_form(along: Along, name: str) -> StreamForm:
@@ -336,7 +346,7 @@ def over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> Float
     Its memory is longer than the error of the reference is alike, so it adds nothing to H.
     """
     fine, plain, own = along.finer(name)
-    return (entry.apply(plain, beta, fine, along.model.sensors[name]) - plain)[own]
+    return entry.change(plain, beta, fine, along.model.sensors[name])[own]
 
 
 def moved(motion: Motion, k: int, step: float) -> Motion:
@@ -347,5 +357,15 @@ def moved(motion: Motion, k: int, step: float) -> Motion:
         return replace(motion, p_n=motion.p_n + d)
     if k < 6:
         return replace(motion, v_n=motion.v_n + d)
-    q = quaternion_multiply(motion.q_nb, np.broadcast_to(quaternion_exp(d), motion.q_nb.shape))
-    return replace(motion, q_nb=q, m_b=rotate_back(q, np.broadcast_to(motion.m_n, (len(motion), 3))))
+    return _turned(motion, quaternion_exp(d))
+
+
+def displaced(motion: Motion, d: FloatArray) -> Motion:
+    """The motion with the error `d` (n, 9) of position, velocity and attitude at each instant."""
+    there = replace(motion, p_n=motion.p_n + d[:, 0:3], v_n=motion.v_n + d[:, 3:6])
+    return _turned(there, quaternion_exp(d[:, 6:9]))
+
+
+def _turned(motion: Motion, turn: FloatArray) -> Motion:
+    q = quaternion_multiply(motion.q_nb, turn)
+    return replace(motion, q_nb=q, m_b=rotate_back(q, motion.m_n))

@@ -271,20 +271,18 @@ def driver_regressors(along: Along, stream: str, effects: Sequence[Effect]) -> F
         beta = along.terms.beta(entry)
         parts.append(entry.slope(plain, beta, motion) if np.any(beta) else entry.rows(motion, 3))
     G = np.concatenate(parts, axis=2)
-    present = along.terms.of_stream(stream)
+    name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
+    present = [(e, b) for e, b in along.terms.of_stream(stream) if e.exact is not None or name in e.needs]
     if not present:
         return G
     gain = np.tile(np.eye(3), (len(motion), 1, 1))
-    name, step = ("f_b", 1e-3) if stream == "accel" else ("w_ib_b", 1e-5)
     for axis in range(3):
         d = np.zeros(3)
         d[axis] = step
-        for entry, beta in present:
-            ends = []
-            for sign in (1.0, -1.0):
-                changed = _with(motion, name, plain + sign * d)
-                ends.append(entry.apply(plain + sign * d, beta, changed) - plain - sign * d)
-            gain[:, :, axis] += (ends[0] - ends[1]) / (2.0 * step)
+        for sign in (1.0, -1.0):
+            changed = _with(motion, name, plain + sign * d)
+            for entry, beta in present:
+                gain[:, :, axis] += entry.change(plain + sign * d, beta, changed) * (sign / (2.0 * step))
     if np.max(np.abs(gain - np.eye(3))) < _NO_GAIN:
         return G
     return np.asarray(_inverse(gain) @ G, dtype=np.float64)

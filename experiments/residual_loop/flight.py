@@ -22,6 +22,7 @@ from estimator.whiteness import whiteness
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
+from experiments.residual_loop.known_columns import KnownColumns
 from experiments.residual_loop.known_fits import KnownFits, Question
 from experiments.residual_loop.noise_left import slow_streams
 from experiments.residual_loop.onsets import (
@@ -39,7 +40,6 @@ from experiments.residual_loop.onsets import (
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.slow_noise import SlowNoise
 from experiments.residual_loop.source import IMPLAUSIBLE, Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
-from experiments.residual_loop.step_columns import StepColumns
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
 from experiments.residual_loop.wrong_readings import (
@@ -81,7 +81,7 @@ class FlightSource:
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
         self._passes = FlightPasses(kept, ungated)
-        self._steps = StepColumns()
+        self._known_columns = KnownColumns()
         self._known = KnownFits()
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
@@ -226,16 +226,10 @@ class FlightSource:
 
     def _evidence_of(self, columns: Sequence[Effect], fit: Fit) -> Evidence:
         """Of effects, the first of which are the fit's own."""
-        state = _state(fit)
-        own = state.effects
-        journal, sensitivity = state.journal, state.sensitivity
-        if len(columns) > len(own):
-            journal, sensitivity = self._passes.run(columns, state.along)
-        W, white = self._passes.rows(sensitivity, journal, fit.part)
-        t = journal.t[sensitivity.event][self._passes.in_part(journal.t[sensitivity.event], fit.part)]
-        block = np.minimum(
-            (_BLOCKS * (t - self._passes.start) / (self._passes.end - self._passes.start)).astype(int), _BLOCKS - 1
-        )
+        own, rows = _state(fit).effects, self._own_rows(fit)
+        W, white = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])]), rows.white
+        share = (rows.t - self._passes.start) / (self._passes.end - self._passes.start)
+        block = np.minimum((_BLOCKS * share).astype(int), _BLOCKS - 1)
         count = int(block.max()) + 1
         information, score = np.zeros((count, W.shape[1], W.shape[1])), np.zeros((count, W.shape[1]))
         for k in range(count):
@@ -340,9 +334,13 @@ class FlightSource:
         drifting = [stream for stream in DRIFTING if stream in self._local_streams][:1]  # with those that share it
         if self.slow_error is not None:
             drifting = []
-        for stream in sorted({*slow, *drifting}):
-            asked = terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
-            for term, log_p in zip(asked, self._beside_slow_noise(fit, asked, stream) if asked else (), strict=True):
+        asked = {
+            stream: terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
+            for stream in sorted({*slow, *drifting})
+        }
+        steps = self._slow_noise_columns(fit, [stream for stream, some in asked.items() if some])
+        for stream, some in asked.items():
+            for term, log_p in zip(some, self._beside_slow_noise(fit, some, stream, steps), strict=True):
                 found[term] = max(found[term], log_p)
         near = all(r.nis_per_dof < _NEAR for r in self.residuals(fit) if r.stream == "level")
         on_imu = [term for term in terms if (near or term in fit.beta) and declaration(term).stream in DRIVERS]
@@ -356,10 +354,23 @@ class FlightSource:
         """Whether a term of that size would do what its derivative foretells, along the motion of the fit."""
         return is_first_order(self.recording, self.model, declaration(term), beta, _state(fit).motion)
 
-    def _beside_slow_noise(self, fit: Fit, terms: Sequence[Term], stream: str) -> list[float]:
+    def _slow_noise_columns(self, fit: Fit, streams: Sequence[str]) -> dict[str, FloatArray]:
+        """By stream, the sensitivities to the steps of the slow noise of some, all from one pass."""
+        span, steps = self._span_of(fit), dict[str, list[Step]]()
+        for stream in streams:
+            steps |= slow_noise_steps(stream, self._local_streams, span)
+        if not steps:
+            return {}
+        wanted = self._step_rows(fit, [step for some in steps.values() for step in some]).wanted
+        widths = [len(some) * declared_step(some[0]).size for some in steps.values()]
+        return dict(zip(steps, np.split(wanted, np.cumsum(widths)[:-1], axis=1), strict=True))
+
+    def _beside_slow_noise(
+        self, fit: Fit, terms: Sequence[Term], stream: str, steps: Mapping[str, FloatArray]
+    ) -> list[float]:
+        """Logarithm of each term's p-value; `steps` from `_slow_noise_columns`."""
         span = self._span_of(fit)
-        steps = slow_noise_steps(stream, self._local_streams, span)
-        columns = {s: self._step_rows(fit, of_stream).wanted for s, of_stream in steps.items()}
+        columns = {s: steps[s] for s in slow_noise_steps(stream, self._local_streams, span) if s in steps}
         of_new: SlowNoise | None = None  # about one and the same fit
         found = {}
         for term, rows in self._rows_of_terms(fit, terms):
@@ -402,18 +413,18 @@ class FlightSource:
         return Rows(W, W[:, :0], white, sensor, journal.t[event])
 
     def _step_rows(self, fit: Fit, steps: Sequence[Step]) -> Rows:
-        rows, grid = self._own_rows(fit), grid_of(self._span_of(fit))
-        parts = self._steps.of(fit, grid, steps, lambda new: self._columns(fit, [declared_step(step) for step in new]))
-        return replace(rows, wanted=np.hstack([rows.wanted, *parts]))
+        rows, columns = self._own_rows(fit), self._columns(fit, [declared_step(step) for step in steps])
+        return replace(rows, wanted=np.hstack([rows.wanted, *columns]))
 
     def _columns(self, fit: Fit, effects: Sequence[Effect]) -> list[FloatArray]:
         """(r, size) sensitivities to effects that are not in the fit, of each."""
-        if not effects:
-            return []
-        state = _state(fit)
-        journal, sensitivity = self._passes.run(effects, state.along)
-        W, _ = self._passes.rows(sensitivity, journal, fit.part)
-        return np.split(W, np.cumsum([entry.size for entry in effects])[:-1], axis=1)
+
+        def computed(new: Sequence[Effect]) -> Sequence[FloatArray]:
+            journal, sensitivity = self._passes.run(new, _state(fit).along)
+            W, _ = self._passes.rows(sensitivity, journal, fit.part)
+            return np.split(W, np.cumsum([entry.size for entry in new])[:-1], axis=1)
+
+        return self._known_columns.of(fit, grid_of(self._span_of(fit)), effects, computed)
 
     def _outliers(self, state: Fitted) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""

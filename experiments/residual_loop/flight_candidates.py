@@ -82,7 +82,7 @@ def is_first_order(recording: Recording, model: FlightModel, entry: Effect, beta
     else:
         along, sensor = Along(recording, model, Terms(), motion).at(entry.stream), model.sensors[entry.stream]
         plain = sensor.predict(along)
-    exact = zero_unless_finite(entry.apply(plain, beta, along, sensor) - plain)
+    exact = zero_unless_finite(entry.change(plain, beta, along, sensor))
     foretold = zero_unless_finite(entry.rows(along, plain.shape[1]) @ beta)
     return bool(np.linalg.norm(exact - foretold) < _FIRST_ORDER * np.linalg.norm(exact))
 

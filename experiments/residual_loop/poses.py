@@ -188,7 +188,7 @@ class NormPoses:
     def _added(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
         """What the effects add to the reading at u."""
         motion = self._motion(u)
-        return np.asarray(np.sum([entry.apply(u, beta, motion) - u for entry, beta in pairs], axis=0))
+        return np.asarray(np.sum([entry.change(u, beta, motion) for entry, beta in pairs], axis=0))
 
     def _slope(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
         """(n, 3, 3) its derivative by u, by central differences."""

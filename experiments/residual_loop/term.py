@@ -66,7 +66,7 @@ def effects_added(model: Model, plain: FloatArray, motion: Motion) -> FloatArray
     """(n, size) what the effects of a model add to the plain reading."""
     added = np.zeros_like(plain)
     for entry, beta in effects_in_mean(model):
-        added += entry.apply(plain, beta, motion) - plain
+        added += entry.change(plain, beta, motion)
     return added
 
 

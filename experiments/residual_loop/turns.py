@@ -282,7 +282,7 @@ class GyroTurns:
 
     def _added(self, w: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
         motion = self._motion(w)
-        return np.sum([entry.apply(w, beta, motion) - w for entry, beta in pairs], axis=0)
+        return np.sum([entry.change(w, beta, motion) for entry, beta in pairs], axis=0)
 
     def _motion(self, w: FloatArray) -> Motion:
         return Motion(t=self._row_t, w_ib_b=w, f_b=self._f_b, covariates=self._covariates)

@@ -170,6 +170,8 @@ class Effect:
     ) -> FloatArray:
         """(n, size) what the effect adds to the plain reading; a beam above the horizon reads nothing and keeps it."""
         there = np.isfinite(plain)
+        if self.exact is None:
+            return np.where(there, self.rows(motion, plain.shape[1]) @ np.asarray(beta, dtype=np.float64), 0.0)
         with np.errstate(invalid="ignore"):
             applied = self.apply(plain, beta, motion, model)
         return np.where(there, applied, 0.0) - np.where(there, plain, 0.0)
