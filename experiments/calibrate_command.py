@@ -17,7 +17,7 @@ from experiments.calibrate import (
     warnings_of,
     without_declared,
 )
-from experiments.datasets import called, field_unit_of, resolve
+from experiments.datasets import called, resolve
 from experiments.report.console import tell_notes
 from experiments.report.files import write_json
 from experiments.report.words import trace_call
@@ -75,7 +75,8 @@ def run(
         one.document["window"] = None if span == WHOLE else list(span)
         one.document["notes"] = [] if one.readings is None else residual_notes(one.result, one.readings, call)
         if one.readings is not None:
-            one.document["read_in"] = field_unit_of(input, map_file) if one.sensor == "mag" else one.readings.unit
+            field_unit = recording.environment.field_unit
+            one.document["read_in"] = field_unit if one.sensor == "mag" else one.readings.unit
     if json is not None:
         write_json(json, done[0].document if sensor != ALL else all_as_json(recording.name, done, left_out))
     if html is not None:

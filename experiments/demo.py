@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from experiments.calibrate import as_json, calibrate_triad, summary, warnings_of
-from experiments.datasets import field_unit_of
 from experiments.report.files import write_json
 from experiments.report.page import png
 from experiments.report.trace_page import trace_figures, trace_page
@@ -63,7 +62,10 @@ def demonstrate(
     say("\nThe textbook's model, a scale and an offset on each axis:")
     calibration = calibrate_triad(recording, readings, "none")
     log = MEASURED if hidden is None else str(out / "recording")
-    said = {"warnings": warnings_of(calibration, readings, trace_call(log)), "read_in": field_unit_of(log)}
+    said = {
+        "warnings": warnings_of(calibration, readings, trace_call(log)),
+        "read_in": recording.environment.field_unit,
+    }
     say(summary("mag", {**as_json("mag", calibration), **said}))
     source = pose_source(recording, "mag")
     traced = Traced.alone(source, trace(source))

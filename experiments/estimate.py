@@ -57,6 +57,7 @@ class BiasCourse:
     t : (m,) s
     value, sigma : (m, components)
     truth : (m, components), or empty
+    field_unit : of the log's magnetometer; empty: not known
     """
 
     name: str
@@ -64,6 +65,7 @@ class BiasCourse:
     value: FloatArray
     sigma: FloatArray
     truth: FloatArray
+    field_unit: str = ""
 
 
 def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> list[BiasCourse]:
@@ -78,8 +80,13 @@ def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> l
             columns = BIAS_COLUMNS[name[2:]]
             there = _at(t, truth.t, truth.array(columns)) if truth.has(columns) else np.empty((0, 0))
             sigma = np.sqrt(var[:, layout.slice(name)])
-            courses.append(BiasCourse(name[2:], t, x[:, layout.nominal(name)], sigma, there))
+            courses.append(BiasCourse(name[2:], t, x[:, layout.nominal(name)], sigma, there, field_unit_of(journal)))
     return courses
+
+
+def field_unit_of(journal: Journal) -> str:
+    """The unit of the log's magnetometer; empty where nobody says it."""
+    return str(journal.run.recording.environment.field_unit)  # type: ignore[attr-defined]
 
 
 def report_of(journal: Journal) -> dict[str, Any]:
@@ -91,6 +98,7 @@ def report_of(journal: Journal) -> dict[str, Any]:
     return {
         "format": 1,
         "recording": journal.run.recording.name,  # type: ignore[attr-defined]
+        "field_unit": field_unit_of(journal) or None,
         "duration": journal.t_end - journal.t_start,
         "bias": {sensor: end[layout.nominal(block)].tolist() for sensor, block in biases.items()},
         "bias_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},

@@ -18,9 +18,9 @@ from experiments.refused import refused
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
 from experiments.report.words import (
-    BIAS_UNITS,
     SENSORS,
     bias_rows,
+    bias_unit,
     number,
     off_by,
     reference_notes,
@@ -145,7 +145,7 @@ def _biases(document: Mapping[str, Any]) -> list[str]:
             known = all(row.sigma == 0.0 for row in rows if row.sensor == sensor)
             held = sensor == "accel" and known and "gps" not in document["nis"]
             why = " (held: without GPS it cannot be told from the tilt)" if held else ""
-            lines.append(f"    {sensor:6} {text} {BIAS_UNITS.get(sensor, 'm')}{why}")
+            lines.append(f"    {sensor:6} {text} {bias_unit(sensor, document.get('field_unit'))}{why}")
         return lines
     cells = [("biases at the end", "± 1 sigma", "truth", "off by", "")]
     for row in rows:

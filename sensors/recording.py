@@ -123,12 +123,14 @@ class Environment:
     magnetic_field : (3,) NED, in the unit of the magnetometer
     ground_down : down coordinate of the flat ground [m]
     earth_rotation : the gyroscope is good enough to see the Earth turn
+    field_unit : unit of the magnetometer and of `magnetic_field`: gauss, mGauss, T, uT or nT; empty: nobody says
     """
 
     gravity: float | None = None
     magnetic_field: FloatArray | None = None
     ground_down: float = 0.0
     earth_rotation: bool = False
+    field_unit: str = ""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from experiments.datasets.inputs import called, convert, field_unit_of, resolve
+from experiments.datasets.inputs import called, convert, resolve
 from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
 __all__ = [
@@ -13,7 +13,6 @@ __all__ = [
     "called",
     "convert",
     "dataset_names",
-    "field_unit_of",
     "load_dataset",
     "resolve",
 ]

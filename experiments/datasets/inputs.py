@@ -50,21 +50,6 @@ def called(text: str, recording: Recording, span: Span = WHOLE_LOG) -> str:
     return name if span == WHOLE_LOG else f"{name} {span_words(span)}"
 
 
-def field_unit_of(text: str, map_file: Path | None = None) -> str:
-    """The unit of a log's magnetometer readings where its map names the log's own, which it turns into gauss; else
-    empty: nobody says what it is.
-    """
-    from sensors.formats.toml_table import load_toml
-    from sensors.formats.units import UNITS
-
-    kept = map_file if Path(text).exists() or map_file is not None else locate(text)[1]
-    if kept is None:
-        return ""
-    streams = load_toml(kept).table("streams")
-    named = [streams.table(name).get("mag") for name in ("mag", "poses") if name in streams]
-    return "gauss" if any(isinstance(one, dict) and one.get("unit") in UNITS["field"] for one in named) else ""
-
-
 def convert(
     text: str, folder: Path, map_file: Path | None = None, force: bool = False, span: Span = WHOLE_LOG
 ) -> Recording:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.estimate import BiasCourse
-from experiments.report.words import BIAS_UNITS, component_name, stage_names
+from experiments.report.words import bias_unit, component_name, stage_names
 from sensors.arrays import FloatArray
 
 BEFORE, AFTER, SOFT, BAND, CHANCE = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3", "#d98c2b"
@@ -80,7 +80,7 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             if high > low:  # a bias that is taken as known has no band
                 one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
             axis = component_name(course.name, k, course.value.shape[1])
-            one.set_title(f"{course.name} {axis} / {BIAS_UNITS.get(course.name, 'm')}", loc="left", fontsize=9)
+            one.set_title(f"{course.name} {axis} / {bias_unit(course.name, course.field_unit)}", loc="left", fontsize=9)
             one.tick_params(labelsize=7)
     for column in axes.T:
         lowest = [one for one in column if one.get_visible()][-1]

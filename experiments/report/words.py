@@ -127,6 +127,9 @@ _UNIT_WORDS = {
 
 def unit_words(unit: str) -> str:
     """A unit as a sentence writes it; a pure number has none."""
+    for ending, words in (("/A", " per ampere"), ("/K", " per kelvin")):
+        if unit not in _UNIT_WORDS and unit.endswith(ending):  # that of a magnetometer: gauss/A
+            return unit.removesuffix(ending) + words
     return _UNIT_WORDS.get(unit, unit.replace("^2", "²"))
 
 
@@ -222,8 +225,17 @@ def reference_note(reference: Mapping[str, Any], errors: Mapping[str, Any]) -> s
     return f"taken off before the comparison with {whose}: {found}one constant heading"
 
 
-#: sensor -> unit of its bias; ranges and heights are in metres
-BIAS_UNITS = {"accel": "m/s²", "gyro": "rad/s", "mag": "field"}
+_BIAS_UNITS = {"accel": "m/s²", "gyro": "rad/s"}
+
+
+def bias_unit(sensor: str, field: str | None) -> str:
+    """The unit of a sensor's bias; ranges and heights are in metres.
+
+    Parameters
+    ----------
+    field : unit of the magnetometer, where it is known
+    """
+    return field or "field" if sensor == "mag" else _BIAS_UNITS.get(sensor, "m")
 
 
 #: block of states -> unit in which people read it, and the factor from SI
@@ -272,7 +284,9 @@ def bias_rows(document: Mapping[str, Any]) -> list[BiasRow]:
         off = errors.get(sensor, [None] * len(listed))
         for k, (b, s, e) in enumerate(zip(listed, sigmas, off, strict=True)):
             name = f"{sensor} {component_name(sensor, k, len(listed))}".strip()
-            rows.append(BiasRow(sensor, name, BIAS_UNITS.get(sensor, "m"), b, s, None if e is None else b + e))
+            rows.append(
+                BiasRow(sensor, name, bias_unit(sensor, document.get("field_unit")), b, s, None if e is None else b + e)
+            )
     return rows
 
 

@@ -39,7 +39,16 @@ from experiments.residual_loop.onsets import (
 )
 from experiments.residual_loop.probes import probes_for
 from experiments.residual_loop.slow_noise import SlowNoise
-from experiments.residual_loop.source import IMPLAUSIBLE, Fit, LocalFinding, Part, Signature, StreamResidual, field_unit
+from experiments.residual_loop.source import (
+    IMPLAUSIBLE,
+    FieldUnit,
+    Fit,
+    LocalFinding,
+    Part,
+    Signature,
+    StreamResidual,
+    field_unit,
+)
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
 from experiments.residual_loop.wrong_readings import (
@@ -155,6 +164,11 @@ class FlightSource:
     def name(self) -> str:
         """Of the recording."""
         return self.recording.name
+
+    @property
+    def field(self) -> FieldUnit:
+        """The unit of a magnetometer's readings."""
+        return FieldUnit(self.recording.environment.field_unit)
 
     @property
     def held_out_from(self) -> float:
@@ -501,7 +515,8 @@ class FlightSource:
             keep = one.accepted
             if np.any(keep):
                 held = one.t[keep] > self._passes.split
-                unit = {"mag": field_unit(float(np.linalg.norm(self.model.m_n))), "level": "m/s^2"}.get(name, "m")
+                known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)
+                unit = {"mag": known, "level": "m/s^2"}.get(name, "m")
                 rows.append(
                     StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}, one.index[keep])
                 )

@@ -19,7 +19,7 @@ from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.linear_problem import LinearProblem, Rows
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.onsets import Step, declared_step, refined
-from experiments.residual_loop.source import LEAST_SPARE, Fit, LocalFinding, Part, Signature, StreamResidual
+from experiments.residual_loop.source import LEAST_SPARE, FieldUnit, Fit, LocalFinding, Part, Signature, StreamResidual
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
@@ -80,6 +80,11 @@ class LeastSquaresSource:
     def name(self) -> str:
         """Of the recording."""
         return self._problem.name
+
+    @property
+    def field(self) -> FieldUnit:
+        """The unit of a magnetometer's readings."""
+        return self._problem.field
 
     @property
     def noise_known(self) -> bool:

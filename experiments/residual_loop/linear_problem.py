@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from experiments.residual_loop.source import FieldUnit
 from experiments.residual_loop.term import Term
 from sensors.arrays import BoolArray, FloatArray
 from sensors.effects import Effect
@@ -54,6 +55,10 @@ class LinearProblem(Protocol):
     @property
     def unit(self) -> str:
         """Of the raw residual."""
+
+    @property
+    def field(self) -> FieldUnit:
+        """The unit of a magnetometer's readings."""
 
     @property
     def t(self) -> FloatArray:

@@ -15,7 +15,7 @@ from estimator.imu import beyond_the_range
 from experiments.residual_loop.least_squares_source import LeastSquaresSource
 from experiments.residual_loop.pose_faults import Fault, poses_that_measured
 from experiments.residual_loop.poses import NormPoses
-from experiments.residual_loop.source import field_unit
+from experiments.residual_loop.source import FieldUnit, field_unit
 from experiments.residual_loop.turns import GyroTurns
 from sensors.arrays import FloatArray
 from sensors.constants import STANDARD_GRAVITY
@@ -142,7 +142,7 @@ def triad_readings(recording: Recording, sensor: str, gravity: float | None = No
             divisor = float(np.mean(np.linalg.norm(reading, axis=1))) or 1.0
         else:
             norm = float(np.linalg.norm(field))
-            unit = field_unit(norm)
+            unit = field_unit(norm, recording.environment.field_unit)
             _require_unit_of_field(recording.where, reading, norm)
     spec = recording.spec(sensor)
     walk = None if spec.bias_walk is None else spec.bias_walk / divisor
@@ -268,6 +268,7 @@ def norm_poses(recording: Recording, r: TriadReadings) -> NormPoses:
         recording.where,
         r.full_rate,
         faults,
+        FieldUnit(recording.environment.field_unit if r.sensor == "mag" else "", r.normalised_by),
     )
 
 

@@ -17,6 +17,7 @@ from calibration.triad import calibrate_norm, norm_jacobian
 from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
 from experiments.residual_loop.linear_problem import Rows
 from experiments.residual_loop.pose_probes import probes_of_a_triad
+from experiments.residual_loop.source import NO_UNIT, FieldUnit
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -50,6 +51,7 @@ class NormPoses:
     where : how messages call the recording
     wanders : where the noise is not declared: whether the bias may wander, as far as the residuals show it
     faults : readings that are none, and are not among these: see `LinearProblem`
+    field : unit of a magnetometer's readings
     """
 
     rows_are_readings = True
@@ -69,8 +71,9 @@ class NormPoses:
         where: str = "",
         wanders: bool = False,
         faults: Sequence[tuple[str, str, float, float]] = (),
+        field: FieldUnit = NO_UNIT,
     ) -> None:
-        self.faults = tuple(faults)
+        self.faults, self.field = tuple(faults), field
         self.name, self.stream, self.unit = name, sensor, unit
         self.where = where or name
         self.reading, self.norm = reading, norm

@@ -132,12 +132,13 @@ def _change(error: Change) -> dict[str, object]:
 
 def _effect(part: Part, finding: Finding) -> dict[str, object]:
     entry = part.source.effect(finding.term)
+    size, units = part.source.field.of(entry)
     interval = finding.term.interval
     return {
         "name": finding.term.name,
-        "beta": [float(b) for b in finding.beta],
-        "std": [finite_or_none(s) for s in finding.std],
-        "unit": list(entry.units),
+        "beta": [float(size * b) for b in finding.beta],
+        "std": [finite_or_none(size * s) for s in finding.std],
+        "unit": list(units),
         "parameters": [p.name for p in entry.parameters],
         "p_value": float(np.exp(finding.log_p)),
         "log10_p_value": finding.log_p / float(np.log(10.0)),
@@ -162,15 +163,16 @@ def _errors(errors: Errors) -> dict[str, object]:
 
 def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
     entry = source.effect(Term(s.name))
+    size, units = source.field.of(entry)
     return {
         "name": s.name,
         "parameters": [p.name for p in entry.parameters],
-        "unit": list(entry.units),
+        "unit": list(units),
         "statistic": s.statistic,
         "dof": s.dof,
         "p_value": s.p_value,
         "scatter": s.scatter,
-        "detectable_from": [finite_or_none(d) for d in s.detectable_from],
+        "detectable_from": [finite_or_none(size * d) for d in s.detectable_from],
         **_judgement(s.name, [one for one in others if one.term.interval is None]),
     }
 

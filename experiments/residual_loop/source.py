@@ -34,6 +34,29 @@ UNIT_NORM = 0.01
 
 
 @dataclass(frozen=True)
+class FieldUnit:
+    """In what the parameters of an effect on a magnetometer are said, where they go with the unit of the field.
+
+    Attributes
+    ----------
+    name : of the log's own unit; empty: nobody says it, and they are said as they are fitted
+    size : of what they are fitted in, in that unit
+    """
+
+    name: str = ""
+    size: float = 1.0
+
+    def of(self, entry: Effect) -> tuple[float, tuple[str, ...]]:
+        """What a fitted parameter is multiplied by, and the units of all, of an effect."""
+        if not self.name or not entry.in_field_units:
+            return 1.0, entry.units
+        return self.size, entry.units_in(self.name)
+
+
+NO_UNIT = FieldUnit()
+
+
+@dataclass(frozen=True)
 class Fit:
     """A model with some effects in it, fitted to a part of the data in the effects' exact form.
 
@@ -194,6 +217,10 @@ class Source(Protocol):
         """Whether the noise is declared; else it is estimated from the residual."""
 
     @property
+    def field(self) -> FieldUnit:
+        """The unit of a magnetometer's readings."""
+
+    @property
     def prior_sigma(self) -> float:
         """1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not."""
 
@@ -258,9 +285,11 @@ class Source(Protocol):
         """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""
 
 
-def field_unit(norm: float) -> str:
-    """Unit of a magnetometer's residuals: parts of the field where its norm is 1, else whatever it is declared in."""
-    return "1" if abs(norm - 1.0) < UNIT_NORM else "field"
+def field_unit(norm: float, known: str = "") -> str:
+    """Unit of a magnetometer's residuals: the log's own where it is known, else parts of the field where its norm is 1,
+    else whatever it is declared in.
+    """
+    return known or ("1" if abs(norm - 1.0) < UNIT_NORM else "field")
 
 
 def log_p_needed(source: Source, alpha: float) -> float:

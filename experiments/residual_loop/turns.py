@@ -18,6 +18,7 @@ from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
 from experiments.residual_loop.directions import direction_covariance
 from experiments.residual_loop.linear_problem import Rows
 from experiments.residual_loop.pose_probes import probes_of_turns
+from experiments.residual_loop.source import NO_UNIT
 from experiments.residual_loop.term import (
     Term,
     declared_terms,
@@ -57,6 +58,7 @@ class GyroTurns:
 
     stream = "gyro"
     unit = "rad"
+    field = NO_UNIT
     rows_are_readings = False
 
     def __init__(

@@ -92,6 +92,10 @@ class Effect:
         """Unit of each parameter."""
         return tuple(parameter.unit for parameter in self.parameters)
 
+    def units_in(self, field: str) -> tuple[str, ...]:
+        """The same where the magnetic field has a unit of its own: its share an ampere becomes gauss an ampere."""
+        return tuple(field + unit[1:] for unit in self.units) if self.in_field_units else self.units
+
     @property
     def plausible(self) -> FloatArray:
         """(parameters,) plausible 1-sigma sizes."""

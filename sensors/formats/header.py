@@ -8,6 +8,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.formats.toml_table import Table
+from sensors.formats.units import UNITS
 from sensors.recording import Environment, Initial, SensorSpec
 
 Origin = tuple[float, float, float]
@@ -83,6 +84,7 @@ def _environment(table: Table) -> Environment:
         magnetic_field=table.vector("magnetic_field", 3, at_most=LARGEST),
         ground_down=table.number("ground_down", at_least=-LARGEST, at_most=LARGEST) or 0.0,
         earth_rotation=table.flag("earth_rotation") or False,
+        field_unit=table.text("field_unit", tuple(UNITS["field"])) or "",
     )
     table.done()
     if environment.magnetic_field is not None and not np.any(environment.magnetic_field):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,8 @@ from sensors.formats.columns import notes_of, read_columns
 from sensors.formats.geodetic import ned_columns, to_ned
 from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sensors.formats.plausible import check_field, check_units
-from sensors.formats.units import UNITS
-from sensors.recording import GEODETIC, QUATERNION, Recording, Stream, Truth, check_rows
+from sensors.formats.units import FIELD_UNIT, UNITS
+from sensors.recording import GEODETIC, QUATERNION, Environment, Recording, Stream, Truth, check_rows
 from sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
 
 Columns = Mapping[str, FloatArray]
@@ -51,19 +51,31 @@ def read_mapped(path: Path, rules: Map) -> Recording:
         streams[stream_map.name] = _with_derived(stream_map.name, stream)
         notes += [f"{stream_map.name}: {entry}" for entry in dropped]
     notes += log.notes()
-    header = rules.header
+    header, environment = rules.header, _environment(rules)
     streams, origin, chosen = to_ned(path, streams, header.origin)
     truth, dropped = _truth(log, origin)
     recording = Recording(
         name=rules.name or path.stem, kind=rules.kind, streams=streams, sensors=header.sensors,
-        environment=header.environment, initial=header.initial, origin=origin, source=str(path),
+        environment=environment, initial=header.initial, origin=origin, source=str(path),
         notes=(*notes, *dropped, *chosen), truth=truth,
     )  # fmt: skip
     check_units(recording)
-    units = {quantity.unit for stream in rules.streams for name, quantity in stream.quantities.items() if name == "mag"}
-    if units & set(UNITS["field"]):
+    if environment.field_unit == FIELD_UNIT:
         check_field(recording)
     return recording
+
+
+def _environment(rules: Map) -> Environment:
+    """What the map declares of the place, with the unit in which the field of a log comes out whose own it names."""
+    environment = rules.header.environment
+    units = {quantity.unit for stream in rules.streams for name, quantity in stream.quantities.items() if name == "mag"}
+    if not units & set(UNITS["field"]):
+        return environment
+    if environment.field_unit not in ("", FIELD_UNIT):
+        found = f'"{environment.field_unit}" beside readings whose unit the map names'
+        expected = f'none, or "{FIELD_UNIT}", in which they come out'
+        raise InputError(rules.path, found, expected, "[environment] field_unit")
+    return replace(environment, field_unit=FIELD_UNIT)
 
 
 def _truth(log: _Log, origin: tuple[float, float, float] | None) -> tuple[Truth | None, list[str]]:

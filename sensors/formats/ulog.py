@@ -11,7 +11,8 @@ import numpy as np
 from sensors.arrays import BoolArray, FloatArray
 from sensors.errors import InputError
 from sensors.formats.ulog_messages import read_topics
-from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Recording, SensorSpec, Stream, Truth
+from sensors.formats.units import FIELD_UNIT
+from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, Recording, SensorSpec, Stream, Truth
 
 _MICROSECOND = 1e-6
 #: A quaternion whose norm is off one by more is none: PX4 logs zeros or NaN before its estimator has an attitude.
@@ -51,8 +52,8 @@ def read_ulog(path: Path) -> Recording:
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)
     recording = Recording(
-        path.stem, "flight", streams, origin=origin, source=str(path), notes=(*topics.notes, *notes, *chosen),
-        truth=_own_attitude(topics, start), sensors=_declared(topics),
+        path.stem, "flight", streams, sensors=_declared(topics), environment=Environment(field_unit=FIELD_UNIT),
+        origin=origin, source=str(path), notes=(*topics.notes, *notes, *chosen), truth=_own_attitude(topics, start),
     )  # fmt: skip
     check_units(recording)
     return recording

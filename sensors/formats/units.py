@@ -62,5 +62,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "ratio": {"1": (1.0, 0.0), "percent": (1e-2, 0.0)},
     "number": {"1": (1.0, 0.0)},
 }
+#: That of a magnetometer's readings of which a map names the unit.
+FIELD_UNIT = "gauss"
 #: Named for readings without a unit of their own: nothing is changed.
 COUNT = "count"

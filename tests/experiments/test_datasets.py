@@ -18,7 +18,6 @@ from experiments.datasets import (
     called,
     convert,
     dataset_names,
-    field_unit_of,
     load_dataset,
     resolve,
 )
@@ -74,25 +73,6 @@ def test_url_names_commit_and_file() -> None:
 def test_unknown_data_set() -> None:
     with pytest.raises(InputError, match="one of arducopter_sonar_baro"):
         load_dataset("absent")
-
-
-@pytest.mark.parametrize("entry", ["[1, 2, 3]", '{ columns = [1, 2, 3], unit = "count", counts = { per_unit = 2 } }'])
-def test_unit_of_a_field_that_no_map_names(tmp_path: Path, entry: str) -> None:
-    map_file = tmp_path / "map.toml"
-    map_file.write_text(f'kind = "poses"\n[streams.poses]\nmag = {entry}\n')
-    assert field_unit_of(str(tmp_path / "log.csv"), map_file) == ""
-
-
-@pytest.mark.parametrize(("unit", "said"), [('unit = "uT"', "gauss"), ("", "")])
-def test_unit_of_a_field_is_known_where_the_map_names_the_unit_of_the_log(tmp_path: Path, unit: str, said: str) -> None:
-    entries = ", ".join(part for part in ("columns = [1, 2, 3]", unit) if part)
-    map_file = tmp_path / "map.toml"
-    map_file.write_text(f'kind = "poses"\n[streams.poses]\nmag = {{ {entries} }}\n')
-    assert field_unit_of(str(tmp_path / "log.csv"), map_file) == said
-
-
-def test_unit_of_a_field_of_a_plain_recording_is_not_known(tmp_path: Path) -> None:
-    assert field_unit_of(str(tmp_path)) == ""
 
 
 @pytest.mark.parametrize("text", ["run1", "run1/", "run1/recording.toml"])

@@ -441,3 +441,24 @@ def test_the_manuals_map_of_a_flight(tmp_path: Path) -> None:
     np.testing.assert_allclose(streams["mag"].array(MAG)[3], [0.03, 0.2, 0.4])  # gauss; forward, right, down
     np.testing.assert_allclose(streams["gps"].array(VELOCITY)[2], [1.0, 2.0, 3.0])
     np.testing.assert_allclose(streams["baro"].columns["pressure"][1], 95010.0)
+
+
+@pytest.mark.parametrize(
+    ("entry", "unit"),
+    [
+        ("[1, 2, 3]", ""),
+        ('{ columns = [1, 2, 3], unit = "count", counts = { per_unit = 2 } }', ""),
+        ("{ columns = [1, 2, 3] }", ""),
+        ('{ columns = [1, 2, 3], unit = "uT" }', "gauss"),
+    ],
+)
+def test_unit_of_a_field_is_known_where_the_map_names_that_of_the_log(tmp_path: Path, entry: str, unit: str) -> None:
+    recording = read(tmp_path, f'kind = "poses"\n[streams.poses]\nmag = {entry}\n', "30 20 25\n-30 20 25\n", "a.txt")
+    assert recording.environment.field_unit == unit
+
+
+def test_a_map_may_say_the_unit_of_readings_that_it_takes_as_they_are(tmp_path: Path) -> None:
+    rules = 'kind = "poses"\n[environment]\nfield_unit = "uT"\n[streams.poses]\nmag = [5, 6, 7]\n'
+    assert read(tmp_path, rules).environment.field_unit == "uT"
+    named = rules.replace("mag = [5, 6, 7]", 'mag = { columns = [5, 6, 7], unit = "nT" }')
+    assert '[environment] field_unit: "uT" beside readings whose unit the map names' in message(tmp_path, named)

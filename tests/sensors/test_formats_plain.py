@@ -82,7 +82,7 @@ def test_round_trip_is_exact(
 def test_header_round_trip(tmp_path: Path) -> None:
     recording = read_recording(folder(tmp_path)).replace(
         origin=(39.98, 116.34, 50.0),
-        environment=Environment(9.8012, np.array([0.53, -0.06, 0.85]), 1.5, True),
+        environment=Environment(9.8012, np.array([0.53, -0.06, 0.85]), 1.5, True, "uT"),
         initial=Initial(velocity=np.array([1.0, 2.0, 3.0]), attitude_std=0.1),
         sensors={"laser": SensorSpec(angles=np.array([-0.1, 0.0, 0.1])), "accel": SensorSpec(imu_samples="average")},
     )
@@ -91,6 +91,7 @@ def test_header_round_trip(tmp_path: Path) -> None:
     assert again.origin == recording.origin
     assert again.environment.gravity == 9.8012
     assert again.environment.earth_rotation
+    assert again.environment.field_unit == "uT"
     np.testing.assert_array_equal(again.environment.magnetic_field, [0.53, -0.06, 0.85])
     np.testing.assert_array_equal(again.initial.velocity, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(again.spec("laser").angles, [-0.1, 0.0, 0.1])
