@@ -202,11 +202,14 @@ def convert(input: Input, out: Out, map: Map = None, start: From = None, stop: T
     """Any readable log, or a part of it -> plain recording."""
     from experiments.datasets import convert as convert_log
     from experiments.report.console import working
+    from experiments.report.words import reference_words
 
     _require_place_for(out)
     with working("converting"):
         recording = convert_log(input, out, map, force, (start, stop))
     _show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
+    if recording.truth is not None:
+        _show(f"truth.csv: {', '.join(recording.truth.known)} by {reference_words(recording.truth.kind)}")
 
 
 @app.command()
@@ -246,7 +249,7 @@ def estimate(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a truth."""
+    """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
     from experiments.estimate_command import run
 
     _say(lambda: run(input, engine, states, map, json, html, relinearise, (start, stop)), json, html, states=states)

@@ -183,7 +183,7 @@ def reference_value(name: str, value: float) -> str:
 
 def reference_words(kind: str | None) -> str:
     """What a recording is scored against."""
-    return _REFERENCES.get(kind or "", "the truth that it holds")
+    return _REFERENCES.get(kind or "", "the recording's truth")
 
 
 def is_truth(kind: str | None) -> bool:

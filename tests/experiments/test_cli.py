@@ -192,6 +192,15 @@ def test_a_position_with_another_number_of_numbers_is_refused(given: list[str]) 
         _spread(["gnss", "a", "b", "--position", *given, "--json", "c"])
 
 
+def test_convert_says_what_can_be_scored(tmp_path: Path) -> None:
+    assert sinan("simulate", "hover", str(tmp_path / "flight")).returncode == 0
+    lines = sinan("convert", str(tmp_path / "flight"), str(tmp_path / "part"), "--to", "10").stdout.splitlines()
+    assert lines[1] == "truth.csv: position, velocity, attitude by the simulation"
+    result = sinan("estimate", str(tmp_path / "flight"), "--from", "1000")
+    assert result.returncode == 1
+    assert "from 1000 s of a log of" in result.stderr
+
+
 def test_version() -> None:
     assert sinan("--version").stdout.startswith("sinan ")
 
