@@ -197,7 +197,7 @@ def pseudoranges(observations: Observations, navigation: Navigation, systems: It
         observations.epoch[rows],
         observations.satellite[rows],
         value[rows],
-        frequency[rows] + np.where(glonass, states.channel[good] * G1_STEP, 0.0),
+        frequency[rows] + states.channel[good] * G1_STEP,
         states.position[good],
         np.where(glonass[:, None], 0.0, states.velocity[good]),
         states.clock[good],
@@ -225,8 +225,7 @@ def note_unusable(
         for reason in np.unique(status[(names == name) & (status != OK)]).tolist():
             mine = np.flatnonzero((names == name) & (status == reason))
             detail = f"{name}, {len(mine)} epochs from {moment(observations, int(rows[mine[0]]))}"
-            nearest = np.min(np.abs(age[mine])) if np.isfinite(age[mine]).any() else np.nan
-            old = f" (nearest {describe(nearest)} away)" if STATUS[reason].endswith("old") else ""
+            old = f" (nearest {describe(np.min(np.abs(age[mine])))} away)" if STATUS[reason].endswith("old") else ""
             journal.add(f"{STATUS[reason]}{old}: left out", detail)
 
 
@@ -314,8 +313,7 @@ def modelled(ranges: Pseudoranges, receiver_e: FloatArray, effects: Iterable[str
     receiver_e : (epochs, 3) ECEF [m]
     effects : names out of `MODELLED`
     """
-    names = tuple(effects)
-    return sum_of(circumstances(ranges, receiver_e), names) if names else np.zeros(len(ranges))
+    return sum_of(circumstances(ranges, receiver_e), effects)
 
 
 def line_of_sight(satellite_e: FloatArray, receiver_e: FloatArray) -> tuple[FloatArray, FloatArray]:

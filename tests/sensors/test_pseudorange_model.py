@@ -117,20 +117,28 @@ def test_what_is_no_range_is_left_out_and_said_once_each() -> None:
     assert "9999000.000 m" in ranges.journal[2]
 
 
+def test_the_strength_is_that_of_the_code_that_is_taken() -> None:
+    """A strength without a range says nothing of the range of another code."""
+    given = observed(["E01", "E02"], C1C=[NAN, 2.1e7], C1X=[2.2e7, NAN], S1C=[50.0, 40.0])
+    np.testing.assert_array_equal(pseudoranges(given, navigation(), "E").strength, [NAN, 40.0])
+
+
 def test_what_cannot_be_used_is_said_by_satellite_and_reason() -> None:
-    """G01 at two epochs 2.5 h after its message, G02 without one, E01 in order."""
+    """G01 in order, then twice 2.5 h before and later after its message; G03 too late once; G02 without a message."""
     known = navigation()
     known = replace(known, kepler=known.kepler[known.kepler["satellite"] != "G02"])
-    late = simulation.START + 9000.0 + np.array([0.0, 30.0])
-    given = observed(["G01", "E01", "G01", "G02"], C1C=[2.1e7] * 4)
-    given = replace(given, t=late, epoch=np.array([0, 0, 1, 1]))
-    ranges = pseudoranges(given, known, "GE")
-    assert ranges.satellite.tolist() == ["E01"]
-    first, second = ranges.journal
-    assert "G01, 2 epochs from 2022-03-10 02:30:00" in first
-    assert "navigation message too old (nearest 2.5 h away): left out" in first
-    assert "G02, 1 epochs from 2022-03-10 02:30:30" in second
-    assert "no navigation message: left out" in second
+    t = simulation.START + np.array([-10800.0, -9000.0, 0.0, 10800.0])
+    given = observed(["G01", "G01", "G02", "G01", "G02", "G01", "G03"], C1C=[2.1e7] * 7)
+    given = replace(given, t=t, epoch=np.array([0, 1, 1, 2, 2, 3, 3]))
+    ranges = pseudoranges(given, known, "G")
+    assert ranges.satellite.tolist() == ["G01"]
+    first, second, third = sorted(ranges.journal)
+    assert first.startswith("my.obs, G01, 3 epochs from 2022-03-09 21:00:00")
+    assert first.endswith("navigation message too old (nearest 2.5 h away): left out")
+    assert second.startswith("my.obs, G02, 2 epochs from 2022-03-09 21:30:00")
+    assert second.endswith("no navigation message: left out")
+    assert third.startswith("my.obs, G03, 1 epochs from 2022-03-10 03:00:00")
+    assert third.endswith("(nearest 3.0 h away): left out")
 
 
 @pytest.mark.parametrize(("hours", "words"), [(1.5, "1.5 h"), (47.9, "47.9 h"), (72.0, "3 days")])
@@ -237,16 +245,17 @@ def test_effects_add_each_at_its_size() -> None:
 
 
 def test_the_earth_s_rotation_enters_exactly() -> None:
-    """Over tau = |p_s - p_r| / c the satellite's frame turns by w tau: |Rz p_s - p_r|, for the second one."""
+    """While the signal travels its satellite's frame turns by w tau; tau is that of the turned path, to 10 um."""
     ranges = two()
     p = ranges.position[1]
-    tau = np.linalg.norm(p - EQUATOR) / SPEED_OF_LIGHT
-    angle = 7.2921151467e-5 * tau
-    turned = np.array([np.cos(angle) * p[0] + np.sin(angle) * p[1], np.cos(angle) * p[1] - np.sin(angle) * p[0], p[2]])
-    expected = np.linalg.norm(turned - EQUATOR) - np.linalg.norm(p - EQUATOR)
-    assert abs(expected) > 10.0
+    straight = path = float(np.linalg.norm(p - EQUATOR))
+    for _ in range(5):
+        angle = 7.2921151467e-5 * path / SPEED_OF_LIGHT
+        c, s = np.cos(angle), np.sin(angle)
+        path = float(np.linalg.norm(np.array([c * p[0] + s * p[1], c * p[1] - s * p[0], p[2]]) - EQUATOR))
+    assert abs(path - straight) > 10.0
     found = modelled(ranges, AT_BOTH, ["pseudorange.earth_rotation"])[1]
-    assert found == pytest.approx(expected, abs=MILLIMETRE)
+    assert found == pytest.approx(path - straight, abs=1e-5)
 
 
 def test_a_range_less_what_is_modelled_is_geometry_and_clocks() -> None:
@@ -260,16 +269,16 @@ def test_a_range_less_what_is_modelled_is_geometry_and_clocks() -> None:
 
 
 def test_what_a_range_is_worth() -> None:
-    """RTKLIB's variance by hand. At 30 deg, sin E = 1/2, a delay of 5 m, 2 m of accuracy:
-    0.81 (1 + 2) + 4 + (0.2 x 5)^2 + 0.3^2 + (0.3 / 0.6)^2 = 7.77 m^2."""
-    both = two(satellite=np.array(["G05", "R06"]), accuracy=np.array([2.0, 0.0]))
-    found = code_variance(both, np.radians([30.0, 90.0]), np.array([5.0, 0.0]))
-    assert found[0] == pytest.approx(7.77)
+    """RTKLIB's variance by hand. At 30 deg, sin E = 1/2, a delay of 10 m, 0.5 m of accuracy:
+    0.81 (1 + 2) + 0.25 + (0.2 x 10)^2 + 0.3^2 + (0.3 / 0.6)^2 = 7.02 m^2."""
+    both = two(satellite=np.array(["G05", "R06"]), accuracy=np.array([0.5, 0.0]))
+    found = code_variance(both, np.radians([30.0, 90.0]), np.array([10.0, 0.0]))
+    assert found[0] == pytest.approx(7.02)
     # GLONASS overhead without a promise: 2.25 x 0.81 x 2 + 2.4^2 + 0.09 + (0.3 / 1.1)^2
     assert found[1] == pytest.approx(2.25 * 1.62 + 5.76 + 0.09 + (0.3 / 1.1) ** 2)
-    assert code_variance(both, np.radians([30.0, 90.0]))[0] == pytest.approx(6.77)
+    assert code_variance(both, np.radians([30.0, 90.0]))[0] == pytest.approx(3.02)
     low = code_variance(both, np.radians([1.0, 5.0]))
-    assert low[0] == pytest.approx(0.81 * (1.0 + 1.0 / np.sin(np.radians(5.0))) + 4.0 + 0.09 + left_of_air(5.0))
+    assert low[0] == pytest.approx(0.81 * (1.0 + 1.0 / np.sin(np.radians(5.0))) + 0.25 + 0.09 + left_of_air(5.0))
 
 
 def left_of_air(elevation_deg: float) -> float:
@@ -292,6 +301,8 @@ def test_what_the_broadcast_ionosphere_leaves_is_half_of_it_and_a_field() -> Non
     found = ionosphere_left(at(np.full(3, 30.0), np.array([0.0, 90.0, 180.0])), np.full(3, 8.0))
     far = 4.0 * 0.5514
     np.testing.assert_allclose(found, [[4.0, far, 0.0], [4.0, 0.0, far], [4.0, -far, 0.0]], atol=1e-3)
+    little = ionosphere_left(at(np.array([30.0]), np.zeros(1)), np.array([0.5]))
+    assert little[0, 0] == pytest.approx(0.25)
 
 
 def test_an_ionosphere_that_is_not_known_is_five_metres_overhead() -> None:
