@@ -1,6 +1,6 @@
 """Sensor models with one mistake each, and whether a test notices.
 
-    python -m tests.mutants                         every mutant of every model; docs/notes/mutants.md has the table
+    python -m tests.mutants                         every mutant of every model and effect; docs/notes/mutants.md
     python -m tests.mutants laser sonar             of some models
     python -m tests.mutants --sample 40 --seed 1    a part, as the suite runs it
     python -m tests.mutants laser --list            what would be tried
@@ -55,6 +55,15 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "dgps": ("tests/sensors/test_dgps_model.py", *_GNSS),
 }
 
+_EFFECTS = ("tests/contracts/test_effects_by_another_hand.py", "tests/contracts/test_effects.py")
+TARGETS |= {
+    f"effects.{path.stem}": ("tests/sensors/test_pseudorange.py", "tests/sensors/test_pseudorange_model.py")
+    if path.stem.startswith("pseudorange")
+    else _EFFECTS
+    for path in sorted((ROOT / "sensors" / "effects").glob("*.py"))
+    if path.stem not in ("__init__", "declaration", "streams", "outliers")
+}
+
 #: Functions whose call is left out, its first argument staying
 _LEFT_OUT = {"abs", "clip", "exp", "log", "maximum", "minimum", "nan_to_num", "sqrt", "max", "min"}
 #: Functions that stand for each other
@@ -106,7 +115,7 @@ class Mutant:
 
 def file_of(model: str) -> Path:
     """Where a model is written."""
-    return ROOT / "sensors" / f"{model}.py"
+    return ROOT / "sensors" / f"{model.replace('.', '/')}.py"
 
 
 def parsed(model: str) -> ast.Module:

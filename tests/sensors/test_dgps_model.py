@@ -54,9 +54,9 @@ def test_each_epoch_and_constellation_loses_its_weighted_mean() -> None:
 
 
 def test_an_epoch_without_a_constellation_has_no_clock_of_it() -> None:
-    base = table([0.0, 30.0], [0, 1], ["G01", "E01"])
-    _, clock = dgps.without_clock(base, np.array([4.0, 7.0]), np.ones(2))
-    np.testing.assert_array_equal(clock, [[4.0, np.nan], [np.nan, 7.0]])
+    base = table([0.0, 30.0, 60.0], [0, 1, 2], ["G01", "E01", "G01"])
+    _, clock = dgps.without_clock(base, np.array([4.0, 7.0, 2.0]), np.ones(3))
+    np.testing.assert_array_equal(clock, [[4.0, np.nan], [np.nan, 7.0], [2.0, np.nan]])
 
 
 def test_a_line_through_what_is_near_in_time_gives_value_and_rate() -> None:
