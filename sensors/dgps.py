@@ -123,7 +123,7 @@ def straight_lines(base: Pseudoranges, value: FloatArray) -> tuple[FloatArray, F
             n, st, sy, stt, sty = sums[:, last] - sums[:, first]
             spread = n * stt - st**2
             enough = (n >= FEWEST_FOR_RATE) & (spread > 0.0)
-            slope = np.where(enough, (n * sty - st * sy) / np.where(enough, spread, 1.0), 0.0)
+            slope = np.divide(n * sty - st * sy, spread, out=np.zeros_like(spread), where=enough)
             rate[rows] = slope
             smooth[rows] = np.where(enough, offset + sy / n + slope * (time - st / n), value[rows])
     return smooth, rate
@@ -156,7 +156,7 @@ def apply(given: Corrections, rover: Pseudoranges, navigation: Navigation, longe
     InputError : no correction is within `longest_age` of any of the rover's epochs
     """
     row, age = nearest(given, rover)
-    usable = (row >= 0) & (np.abs(np.where(row >= 0, age, np.inf)) <= longest_age)
+    usable = np.abs(age) <= longest_age
     if not usable.any():
         raise InputError(
             given.base.where,
@@ -182,10 +182,7 @@ def nearest(given: Corrections, rover: Pseudoranges) -> tuple[IntArray, FloatArr
         theirs = np.flatnonzero(base.satellite == name)
         mine = np.flatnonzero(rover.satellite == name)
         times = t_base[theirs]
-        after = np.clip(np.searchsorted(times, t_rover[mine]), 0, len(times) - 1)
-        before = np.maximum(after - 1, 0)
-        use_before = np.abs(t_rover[mine] - times[before]) <= np.abs(times[after] - t_rover[mine])
-        chosen = np.where(use_before, before, after)
+        chosen = np.searchsorted(0.5 * (times[1:] + times[:-1]), t_rover[mine])  # of two as near the earlier
         row[mine] = theirs[chosen]
         age[mine] = t_rover[mine] - times[chosen]
     return row, age
@@ -199,8 +196,6 @@ def other_message(
     change = np.zeros(len(i))
     wanted = rover.message[usable]
     differs = np.flatnonzero(wanted != base.message[i])
-    if not len(differs):
-        return change
     rows = i[differs]
     states = satellite_states(
         navigation, base.satellite[rows], base.week, base.time[rows], base.value[rows], wanted[differs]

@@ -61,7 +61,7 @@ def test_an_epoch_without_a_constellation_has_no_clock_of_it() -> None:
 
 def test_a_line_through_what_is_near_in_time_gives_value_and_rate() -> None:
     """Within 30 s to either side. Against NumPy's straight line, satellite by satellite."""
-    t = np.array([0.0, 10.0, 25.0, 40.0, 90.0, 130.0])
+    t = np.array([0.0, 10.0, 25.0, 40.0, 90.0, 110.0])  # the last two have but each other
     base = table(t.tolist(), [0, 1, 2, 3, 4, 5] * 2, ["G01"] * 6 + ["G02"] * 6)
     rng = np.random.default_rng(1)
     value = np.concatenate([100.0 + 0.3 * t, 7.0 - 0.2 * t]) + rng.normal(0.0, 1.0, 12)
@@ -84,6 +84,12 @@ def test_another_navigation_message_begins_another_line() -> None:
     smooth, rate = dgps.straight_lines(base, np.array([1.0, 1.0, 1.0, 51.0, 51.0, 51.0]))
     np.testing.assert_allclose(smooth, [1.0, 1.0, 1.0, 51.0, 51.0, 51.0])
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+
+
+def test_a_line_through_tenths_of_a_second_has_a_slope() -> None:
+    base = table([7.0, 7.1, 7.2], [0, 1, 2], ["G01"] * 3)
+    _, rate = dgps.straight_lines(base, np.array([5.0, 5.2, 5.4]))
+    np.testing.assert_allclose(rate, 2.0)
 
 
 def test_readings_at_one_instant_have_no_slope() -> None:
