@@ -47,10 +47,8 @@ class Magnetometer:
         return BiasProcess("b_mag", 3, self.bias_std, self.bias_walk)
 
     def predict(self, motion: Motion) -> FloatArray:
-        """(n, 3) field in the body: C_bn m_n, or `m_b` where the attitude is not known."""
-        if motion.has("q_nb") and motion.has("m_n"):
-            return rotate_back(motion.q_nb, motion.m_n)
-        return motion.m_b
+        """(n, 3) field in the body."""
+        return field_b(motion)
 
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """d m / d dtheta_b = [C_bn m_n]x, since C_bn_true = Exp(-dtheta_b) C_bn; the bias enters directly."""
@@ -58,6 +56,13 @@ class Magnetometer:
         if self.bias is not None:
             blocks["b_mag"] = np.broadcast_to(np.eye(3), (len(motion), 3, 3))
         return blocks
+
+
+def field_b(motion: Motion) -> FloatArray:
+    """(n, 3) field in the body: C_bn m_n, or `m_b` where the attitude is not known."""
+    if motion.has("q_nb") and motion.has("m_n"):
+        return rotate_back(motion.q_nb, motion.m_n)
+    return motion.m_b
 
 
 def tilt_compensated_heading(m_b: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:

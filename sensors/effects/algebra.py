@@ -1,4 +1,4 @@
-"""The shapes that regressors share: what grows with one quantity on each axis, turned triads, the field, the air."""
+"""The shapes that regressors share: what grows with one quantity on each axis, turned triads, the air."""
 
 from __future__ import annotations
 
@@ -41,13 +41,6 @@ def covariate_on_each_axis(motion: Motion, name: str) -> FloatArray:
 def turned_triad(reading: FloatArray, beta: FloatArray) -> FloatArray:
     """(n, 3) Exp(-beta) reading: what a triad reads that is turned by the rotation vector beta against the body."""
     return reading @ rotation_exp(-np.asarray(beta)).T
-
-
-def field_b(motion: Motion) -> FloatArray:
-    """(n, 3) field in the body: C_bn m_n, or `m_b` where the attitude is not known."""
-    if motion.has("q_nb") and motion.has("m_n"):
-        return rotate_back(motion.q_nb, motion.m_n)
-    return motion.m_b
 
 
 def wind_n(motion: Motion) -> FloatArray:

@@ -30,7 +30,7 @@ def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorMode
     whatever the sampling. For a lag that is not positive the linear form continues the function.
     """
     b = float(beta[0])
-    if b <= 0.0 or len(motion) < 2:
+    if b <= 0.0:
         return plain + b * regressor(motion)[:, :, 0]
     u, v, h = plain[:, 0], -motion.v_n[:, 2], np.diff(motion.t)
     I_0, I_1, I_2, I_3 = moments(h / b)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.arrays import FloatArray
-from sensors.effects.algebra import field_b
 from sensors.effects.declaration import Effect, Parameter
+from sensors.magnetometer import field_b
 from sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; soft iron of a few per cent is what compass calibrations of multicopters find

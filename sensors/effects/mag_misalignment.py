@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from sensors.arrays import FloatArray
-from sensors.effects.algebra import field_b, turned_triad
+from sensors.effects.algebra import turned_triad
 from sensors.effects.declaration import Effect, Parameter
+from sensors.magnetometer import field_b
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.rotation import skew

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from sensors.arrays import FloatArray, zero_unless_finite
-from sensors.effects.algebra import field_b
 from sensors.effects.beams import beams_b
 from sensors.effects.declaration import Effect, Parameter
 from sensors.effects.streams import STREAMS as ALL_STREAMS
 from sensors.effects.streams import textbook_model
+from sensors.magnetometer import field_b
 from sensors.model import SensorModel
 from sensors.motion import Motion
 from sensors.ranging import slant_range_jacobian

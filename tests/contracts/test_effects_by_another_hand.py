@@ -5,6 +5,7 @@ A linear effect has no exact form that its regressor could be compared with, so 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -160,6 +161,25 @@ def test_an_offset_comes_and_goes_as_the_maker_has_it(name: str) -> None:
     reading = np.zeros((len(T), size))
     found = entry.over(*interval).apply(reading, beta, motion_of(stream)) - reading
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+
+
+def test_an_airspeed_that_is_not_measured_is_the_speed_against_the_wind() -> None:
+    entry, motion = effect("baro.airspeed"), motion_of("baro")
+    known = {name: values for name, values in motion.covariates.items() if name != "airspeed"}
+    windy = replace(motion, covariates={**known, "wind": body().wind[:, :2]})
+    beta, reading = beta_of(entry), plain("baro")
+    expected = entry.apply(reading, beta, motion)
+    np.testing.assert_allclose(entry.apply(reading, beta, windy), expected, rtol=0.0, atol=1e-11)
+    still = entry.apply(reading, beta, replace(motion, covariates=known)) - reading
+    np.testing.assert_allclose(still, beta * np.sum(body().v ** 2, axis=1)[:, None], rtol=0.0, atol=1e-11)
+
+
+def test_a_current_that_is_not_measured_is_the_throttle() -> None:
+    entry, motion = effect("mag.current"), motion_of("mag")
+    beta = beta_of(entry)
+    known = {name: values for name, values in motion.covariates.items() if name != "current"}
+    found = entry.apply(np.zeros((len(T), 3)), beta, replace(motion, covariates=known))
+    np.testing.assert_allclose(found, np.outer(scene().throttle(body()).mean(axis=1), beta), rtol=0.0, atol=1e-15)
 
 
 def test_rotor_drag_is_the_horizontal_force_of_the_maker_s_body() -> None:
