@@ -48,7 +48,7 @@ def moments(x: FloatArray) -> tuple[FloatArray, ...]:
     """I_k = int_0^1 x exp(-x (1 - s)) s^k ds for k = 0 to 3: I_k = 1 - k I_{k-1} / x, by its series where x < 1."""
     recursive = [-np.expm1(-x)]
     for k in (1, 2, 3):
-        recursive.append(1.0 - k * recursive[-1] / np.maximum(x, 1.0))
+        recursive.append(1.0 - k * recursive[-1] / x)
     near = np.minimum(x, 1.0)
     series = [np.zeros_like(x) for _ in range(4)]
     term = near * np.exp(-near)

@@ -34,10 +34,8 @@ def inclined_ground(motion: Motion, slope: FloatArray) -> FloatArray:
     for beam in beams_b(motion):
         d = rotate(motion.q_nb, np.broadcast_to(beam, (len(motion), 3)))
         towards = d[:, 2] + d[:, :2] @ slope
-        meets = towards > 0.0
-        ranges.append(
-            np.where(meets, (motion.height - motion.p_n[:, :2] @ slope) / np.where(meets, towards, 1.0), np.inf)
-        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ranges.append(np.where(towards > 0.0, (motion.height - motion.p_n[:, :2] @ slope) / towards, np.inf))
     return np.stack(ranges, axis=1)
 
 

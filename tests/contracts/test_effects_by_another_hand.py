@@ -15,15 +15,17 @@ from experiments.blind.maker.body import Body, Multirotor
 from experiments.blind.maker.catalogue import Hidden
 from experiments.blind.maker.curves import Curve, Sine
 from experiments.blind.maker.forward import Seen
+from experiments.blind.maker.forward_heights import beam_range
 from experiments.blind.maker.instruments import Instrument
 from experiments.blind.maker.measure import FORWARD, Plan, belonging, local_offset, plain_reading
 from experiments.blind.maker.scene import Scene, Vibration, WarmUp
-from experiments.blind.maker.turning import quaternion
+from experiments.blind.maker.turning import quaternion, rot_x, rot_y
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, Effect, effect
 from sensors.effects.streams import STREAMS, textbook_model
 from sensors.gyroscope import Gyroscope
+from sensors.laser import Laser
 from sensors.model import SensorModel
 from sensors.motion import Motion
 
@@ -161,6 +163,69 @@ def test_an_offset_comes_and_goes_as_the_maker_has_it(name: str) -> None:
     reading = np.zeros((len(T), size))
     found = entry.over(*interval).apply(reading, beta, motion_of(stream)) - reading
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.3, 2.0], ids=["finely sampled", "about the lag", "coarsely sampled"])
+def test_a_lag_is_the_solution_of_its_equation(step: float) -> None:
+    """Of b dz/dt = u - z with a cubic u: z = u - b d + b^2 dd - b^3 ddd + c exp(-t / b), begun at u - b d."""
+    b, t = 0.4, np.arange(0.0, 12.0, step)
+    u, d, dd, ddd = 3.0 + 2.0 * t + 0.7 * t**2 - 0.1 * t**3, 2.0 + 1.4 * t - 0.3 * t**2, 1.4 - 0.6 * t, -0.6
+    zero = np.zeros((len(t), 2))
+    motion = Motion(t, np.column_stack([zero, -u]), np.column_stack([zero, -d]))
+    forced = u - b * d + b**2 * dd - b**3 * ddd
+    begun = (u - b * d - forced)[0] * np.exp(-t / b)
+    found = effect("baro.lag").apply(u[:, None], np.array([b]), motion)[:, 0]
+    np.testing.assert_allclose(found, forced + begun, rtol=0.0, atol=1e-10)
+
+
+ANGLES = np.deg2rad([-20.0, 5.0, 25.0])
+
+
+def scanned(turn: FloatArray | None = None, slope: FloatArray | None = None, late: float = 0.0) -> FloatArray:
+    """(n, beams) ranges of a scan by the maker's formula, its beams turned, the ground inclined, or some time ago."""
+    at = scene().motion(T - late)
+    beams = np.array([[0.0, np.sin(a), np.cos(a)] for a in ANGLES])
+    turned = beams if turn is None else beams @ turn.T
+    return np.stack([beam_range(at, scene(), beam, slope) for beam in turned], axis=1)
+
+
+@pytest.mark.parametrize(
+    "name", ["boresight", "terrain_slope", "scale", "mount_offset", "time_offset", "step", "transient"]
+)
+def test_a_scan_has_the_effect_in_every_beam(name: str) -> None:
+    entry = effect(f"laser.{name}")
+    entry = entry.over(*INTERVAL) if name in LOCAL else entry
+    beta, motion = beta_of(entry), motion_of("laser").with_covariates(angles=np.tile(ANGLES, (len(T), 1)))
+    reading, inside = scanned(), (INTERVAL[0] <= T) & (INTERVAL[1] > T)
+    expected = {
+        "boresight": lambda: scanned(turn=rot_x(float(beta[0])) @ rot_y(float(beta[1]))),
+        "terrain_slope": lambda: scanned(slope=beta),
+        "scale": lambda: reading * (1.0 + beta),
+        "mount_offset": lambda: reading + beta,
+        "time_offset": lambda: scanned(late=float(beta[0])),
+        "step": lambda: reading + inside[:, None] * beta,
+        "transient": lambda: reading + inside[:, None] * beta,
+    }[name]()
+    model = Laser(1.0, angles=ANGLES)
+    np.testing.assert_allclose(model.predict(motion), reading, rtol=0.0, atol=1e-11)
+    inner, tolerance = (slice(100, -100), 3e-4) if name == "time_offset" else (slice(None), ROUNDING)
+    found = entry.apply(reading, beta, motion, model)
+    change = float(np.max(np.abs(expected - reading)))
+    np.testing.assert_allclose(found[inner], expected[inner], rtol=0.0, atol=tolerance * change)
+    slope = (entry.apply(reading, 1e-5 * beta, motion, model) - reading) / 1e-5
+    G = entry.rows(motion, len(ANGLES)) @ beta
+    np.testing.assert_allclose(slope[inner], G[inner], rtol=0.0, atol=0.01 * float(np.max(np.abs(G))))
+
+
+def test_a_beam_that_does_not_meet_an_inclined_ground_has_no_end() -> None:
+    """Rolled by 80 deg to the left, its beam goes 10 deg down to the right: ground that falls by 0.1 it meets, ground
+    that falls by 0.3, 17 deg, it does not.
+    """
+    rolled = quaternion(rot_x(np.deg2rad(-80.0))[None])
+    at = Motion(np.zeros(1), np.array([[0.0, 0.0, -2.0]]), q_nb=rolled)
+    ranges = [effect("laser.terrain_slope").apply(np.ones((1, 1)), np.array([0.0, s]), at)[0, 0] for s in (-0.1, -0.3)]
+    assert ranges[0] == pytest.approx(2.0 / (np.sin(np.deg2rad(10.0)) - 0.1 * np.cos(np.deg2rad(10.0))))
+    assert ranges[1] == np.inf
 
 
 def test_an_airspeed_that_is_not_measured_is_the_speed_against_the_wind() -> None:
