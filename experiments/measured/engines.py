@@ -18,6 +18,8 @@ from sensors.arrays import FloatArray
 from sensors.recording import Recording
 from sensors.window import between, start_of
 
+#: A part in which every stream has readings [s].
+COMPILED = 5.0
 #: Largest difference of the engines, in sigma + |value|.
 AGREEMENT = 1e-9
 
@@ -49,7 +51,7 @@ class Agreement:
 
 def agreement(ready: Prepared) -> Agreement:
     """Run both engines on a prepared log and compare them at every step."""
-    run_filter(shortened(ready.recording, 1.0), ready.model, engine="numba")  # compile outside the clock
+    run_filter(shortened(ready.recording, COMPILED), ready.model, engine="numba")  # compile outside the clock
     journals, seconds = [], []
     for engine in ("numba", "filterpy"):
         start = perf_counter()
