@@ -156,10 +156,8 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
         return f"the {worse} grows with it: check axes, units and clocks of log and reference before the effect is used"
     if document["verdict"] == "unexplained":
         longer = [f"record longer, and see whether {e['name']} predicts then" for e in not_predicting(document)[:1]]
-        remains = (
-            "read what remains, cut out what is stuck or saturated, check axes, units and clocks, declare the noise"
-        )
-        return "; ".join([*longer, remains])
+        remains = ["read what remains, cut out what is stuck or saturated"] if document["remaining"] else []
+        return "; ".join([*longer, *remains, "check axes, units and clocks, declare the noise"])
     return "; ".join(_use(effect, log) for effect in _kinds(told(document)))
 
 
@@ -265,8 +263,8 @@ def residual_change(error: Mapping[str, Any]) -> str:
 
 
 def stream_change(error: Mapping[str, Any]) -> str:
-    """RMS of one stream's residual before and after, with sensor and unit."""
-    return f"{_sensor(error['stream'])} residual {_sizes(error)}"
+    """RMS of one stream's residual before and after, with sensor and unit, as a clause."""
+    return f"{_sensor(error['stream'])} residual goes {_sizes(error)}"
 
 
 def _sizes(error: Mapping[str, Any]) -> str:

@@ -271,7 +271,7 @@ def test_what_no_held_out_reading_can_tell_has_no_proof_in_the_head_line() -> No
     [
         ("no_effect", {"effects": []}, "What would have been seen"),
         ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or declare the one"),
-        ("unexplained", {}, "read what remains"),
+        ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
     ],
 )
 def test_every_verdict_says_what_to_do_next(verdict: str, changes: Mapping[str, Any], said: str) -> None:
