@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,11 @@ def test_trace_writes_its_report(poses: Path, tmp_path: Path) -> None:
     error = np.abs(np.array(effect["beta"]) - [0.03, 0.0, -0.02])
     assert np.all(error < 4.0 * np.array(effect["std"]))
     assert document["error"]["after"]["rms"] < document["error"]["before"]["rms"]
+    page = (tmp_path / "trace.html").read_text()
+    for words in ("headline", "says", "next"):
+        assert document[words] in result.stdout or document[words][1:] in result.stdout
+    assert "Verdict <code>effects</code>: " in page
+    assert f"<footer>sinan {version('sinan-nav')}, <code>sinan trace {poses} --json {out}" in page
 
 
 def test_same_input_same_report(poses: Path, tmp_path: Path) -> None:
