@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.measured.gallery import Finding
 from experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
-from experiments.report.verdict_words import told
+from experiments.report.verdict_words import told, twin_words
 from experiments.report.words import number
 
 HEAD = """# Gallery: the loop on measured logs
@@ -81,12 +81,17 @@ def _name(effect: Mapping[str, Any]) -> str:
     return f"{effect['name']} ({NOT_PREDICTING})" if effect["predicts"] is False else str(effect["name"])
 
 
+def _is_proved(one: Finding) -> bool:
+    """Whether the held-out part speaks for an effect that is told."""
+    return any(effect["predicts"] for effect in told(one.document))
+
+
 def held_out(one: Finding) -> str:
     """Stream and RMS before and after."""
     error = one.document["error"]
     before, after = error["before"], error["after"]
     unit = "" if before["unit"] == "1" else f" {before['unit']}"
-    change = f" -> {number(after['rms'])}" if told(one.document) else ""
+    change = f" -> {number(after['rms'])}" if _is_proved(one) else ""
     return f"{error['stream']} {number(before['rms'])}{change}{unit}"
 
 
@@ -110,6 +115,7 @@ def section(one: Finding) -> list[str]:
     lines += [f"- verdict: **{document['verdict']}**" + (f" ({one.failure})" if one.failure else "")]
     lines += [f"- {effect_line(effect)}" for effect in document["effects"]]
     lines.append(f"- held out: {held_out(one)}{_interval(one)}")
+    lines += [f"- {twin_words(twin)}" for twin in document["twins"]]
     if document["effects"]:
         same = "the same" if document["error"]["same_names_on_fitting_part"] else "other"
         lines.append(f"- the fitting part alone chooses {same} effects")
@@ -128,7 +134,7 @@ def section(one: Finding) -> list[str]:
 
 
 def _interval(one: Finding) -> str:
-    if not told(one.document):
+    if not _is_proved(one):
         return ""
     low, high = one.document["error"]["after"]["interval"]
     return f" (95 % interval {number(low)} to {number(high)})"

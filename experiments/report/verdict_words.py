@@ -341,10 +341,15 @@ def not_predicting_sentence(document: Mapping[str, Any], effect: Mapping[str, An
 
 def twin_words(twin: Mapping[str, Any]) -> str:
     """One of the effects that explain the data equally well: its size, and what the held-out errors are with it."""
-    held = twin["truth_held_out"]
-    whose = f" against {reference_words(held.get('kind'))}" if held else ""
-    sizes = [f"{name} {change_}" for name, change_ in twin_errors(twin).items()]
-    text = ", ".join(sizes).replace(f" (RMS){whose}", "")
+    held = twin["truth_held_out"] or {"before": {}, "after": {}}
+    sizes = [f"{_sensor(error['stream'])} residual {_sizes(error)}" for error in twin["errors"]]
+    against = [
+        f"{name.removesuffix('_rms')} {reference_change(name, before, held['after'][name])}"
+        for name, before in held["before"].items()
+        if name in held["after"]
+    ]
+    text = ", ".join(sizes)
+    text += f"; against {reference_words(held.get('kind'))}: {', '.join(against)}" if against else ""
     failed = f"; {NOT_PREDICTING}" if twin["predicts"] is False else ""
     return f"with {twin['name']} ({size_words(twin)}), held out: {text}{failed}"
 

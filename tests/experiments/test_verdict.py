@@ -186,7 +186,8 @@ def test_two_heights_that_disagree_are_told_with_the_errors_of_each() -> None:
     assert height["laser.mount_offset"] == pytest.approx((0.15, 0.3), abs=0.02)
     text = trace_summary(document)
     assert "with laser.mount_offset (-0.30 m), held out: sonar residual" in text
-    assert "height error 0.15 → 0.30 m" in text
+    assert "; against the simulation: position " in text
+    assert "height 0.15 → 0.30 m" in text
     assert " to 0.2996 m on the last third, depending on which it is" in document["headline"]
 
 
