@@ -48,10 +48,11 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
     layout, initial = model.layout, recording.initial
     _check(recording)
     x, P = np.zeros(layout.n + 1), np.zeros((layout.n, layout.n))
-    for process in [model.accel.bias, model.gyro.bias, *(s.bias for s in model.sensors.values())]:
-        if process is not None:
-            block = layout.slice(process.block)
-            P[block, block] = np.eye(process.size) * process.std**2
+    for process in model.processes:
+        block = layout.slice(process.block)
+        P[block, block] = np.eye(process.size) * process.std**2
+    if model.field is not None:
+        P[layout.slice("field"), layout.slice("field")] = model.field
     q, P_attitude, beside = _first_attitude(recording, model)
     x[6:10], P[6:9, 6:9] = q, P_attitude
     for name, block_beside in beside.items():
@@ -104,13 +105,13 @@ def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with b_accel and b_mag.
+    """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with the biases and the colour in it.
 
     Force and field are turned back to the first instant with the gyroscope and averaged; the force is that of gravity
     and,
     where a GPS gives velocities, of the acceleration between them.
 
-        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + n)
+        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n)
 
     J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
     The field
@@ -145,10 +146,10 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
         return q, covariance, beside
     mag, field_b = model.sensors["mag"], m_b
-    bias_std = 0.0 if mag.bias is None else mag.bias.std
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
-    covariance = covariance + (bias_std**2 + float(mag.R[0, 0])) * J_m @ J_m.T
-    return q, covariance, {**beside, "b_mag": -(bias_std**2) * J_m}
+    errors = [process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None]
+    variance = sum(process.std**2 for process in errors) + float(mag.R[0, 0])
+    return q, covariance + variance * J_m @ J_m.T, {**beside, **{e.block: -(e.std**2) * J_m for e in errors}}
 
 
 def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from estimator.error_dynamics import bias_rates
 from estimator.filter import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for
-from estimator.layout import BLOCK_SIZES, CAPACITY
+from estimator.flight_model import FlightModel
+from estimator.layout import CAPACITY
 from sensors.arrays import FloatArray, IntArray
 
 TILE = 16  # = engine_numba.TILE
@@ -67,6 +69,12 @@ def no_columns(sensors: int, events: int) -> Columns:
     )
 
 
+def _first_colour(model: FlightModel, name: str) -> int:
+    """Where the colour of a sensor's readings begins in the state; -1: it has none."""
+    parts = model.colour_of(name)
+    return model.layout.start(parts[0][1].block) if parts else -1
+
+
 @dataclass
 class CompiledRun:
     """One run of the compiled engine, in chunks that share its state.
@@ -75,8 +83,8 @@ class CompiledRun:
     ----------
     inputs, outputs : of the run
     columns : candidate effects
-    x, P : (25,), (1, 576) state and covariance as the kernels hold them
-    V : (tiles, 384) sensitivities of the state error
+    x, P : (CAPACITY + 1,), (1, CAPACITY^2) state and covariance as the kernels hold them
+    V : (tiles, 16 CAPACITY) sensitivities of the state error
     """
 
     inputs: RunInputs
@@ -101,27 +109,26 @@ class CompiledRun:
     def _pack(self) -> None:
         model, names = self.inputs.model, self.inputs.events.sensors
         sizes = [model.sensors[name].size for name in names]
-        widest = max(sizes, default=1)
         self.size = np.array(sizes, dtype=np.int64)
         self.kind = np.array([KIND[name] for name in names], dtype=np.int64)
         blocks = [BIAS_BLOCK.get(name, f"b_{name}") for name in names]
         self.bias = np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64)
-        self.r = np.zeros((len(names), widest))
         beams, self.beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
         for s, name in enumerate(names):
             sensor = model.sensors[name]
-            self.r[s, : sensor.size] = np.diag(sensor.R)
             if KIND[name] == 4:
                 self.beam_start[s] = sum(len(b) for b in beams)
                 beams.append(getattr(sensor, "beams_b", np.array([[0.0, 0.0, 1.0]])))
         self.beams = np.ascontiguousarray(np.concatenate(beams))
         self.gate = np.array([model.threshold(name) for name in names])
         self.robust = np.array([model.robust_threshold(name) for name in names])
-        self.walk2 = np.zeros(CAPACITY)
-        for process in [model.accel.bias, model.gyro.bias, *(s.bias for s in model.sensors.values())]:
-            if process is not None:
-                start = model.layout.start(process.block)
-                self.walk2[start : start + BLOCK_SIZES[process.block]] = process.walk**2
+        self.tail = np.array([model.tail_of(name) or 0.0 for name in names])
+        self.colour = np.array([_first_colour(model, name) for name in names], dtype=np.int64)
+        self.field = model.layout.start("field") if model.layout.has("field") else -1
+        self.walk2, self.rate = np.zeros(CAPACITY), np.zeros(CAPACITY)
+        n = model.layout.n
+        self.walk2[:n], self.rate[:n] = bias_rates(model)
+        self.states = 8 * -(-n // 8)
 
     def chunk(self, i0: int, i1: int, record: dict[str, Any] | None = None, rows: FloatArray | None = None,
               white: FloatArray | None = None, rows_event: IntArray | None = None) -> int:  # fmt: skip
@@ -138,8 +145,10 @@ class CompiledRun:
             self.clock, imu.t, imu.u, imu.q_accel, imu.q_gyro, i0, i1, k0, k1,
             events.t, events.sensor, events.row, out.S_row, out.status,
             events.z, events.has_form, events.D, events.ref,
-            self.kind, self.size, self.bias, self.beam_start, self.beams, self.r, self.gate, self.robust,
-            model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged, self.walk2,
+            self.kind, self.size, self.bias, self.colour, self.field, self.beam_start, self.beams,
+            events.r, self.gate, self.robust, self.tail,
+            model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged, self.states,
+            self.walk2, self.rate,
             self.x, self.P,
             out.nu, out.white, out.S, out.nis, out.loglik, out.weight, out.x_event, out.var_event,
             out.stride, out.x_imu, out.var_imu,

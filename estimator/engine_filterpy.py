@@ -13,13 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from estimator.error_dynamics import process_noise, transition, walk_rates
+from estimator.error_dynamics import bias_rates, decay_over, process_noise, transition
 from estimator.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD
 from estimator.filter import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
 from estimator.strapdown import strapdown_step
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
-from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply, right_jacobian
+from sensors.rotation import (
+    matrix_from_quaternion,
+    quaternion_conjugate,
+    quaternion_log,
+    quaternion_multiply,
+    right_jacobian,
+)
 
 LOG_2_PI = 1.8378770664093453
 
@@ -40,7 +46,7 @@ class ReadableFilter:
         self.inputs, self.outputs = inputs, outputs or outputs_for(inputs)
         self.model, n = inputs.model, inputs.model.layout.n
         self.x, self.t = inputs.x.copy(), float(inputs.imu.t[0])
-        self.walk = walk_rates(self.model)
+        self.walk2, self.rate = bias_rates(self.model)
         self.ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1)
         self.ekf.x = np.zeros((n, 1))
         self.ekf.P = 0.5 * (inputs.P + inputs.P.T)
@@ -85,8 +91,10 @@ class ReadableFilter:
         u0 = (1.0 - a0) * imu.u[i] + a0 * imu.u[i + 1]
         u1 = (1.0 - a1) * imu.u[i] + a1 * imu.u[i + 1]
         self.x, step = strapdown_step(self.x, u0, u1, h, model.g_n, model.w_ie_n, model.translation)
-        self.ekf.F = transition(step, model.layout.n, model.translation)
-        self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], self.walk, model.translation)
+        phi, q = decay_over(h, self.walk2, self.rate)
+        self.x[10:] *= phi[9:]
+        self.ekf.F = transition(step, model.layout.n, model.translation, phi)
+        self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], q, model.translation)
         self.ekf.predict()
         self.t = t_next
 
@@ -101,7 +109,7 @@ class ReadableFilter:
         if not np.all(np.isfinite(z_pred)):
             out.status[k] = NO_PREDICTION
             return
-        R = self.model.sensors[name].R
+        R = np.diag(events.r[rows])
         nu, S = events.z[rows] - z_pred, H @ self.ekf.P @ H.T + R
         try:
             L = np.linalg.cholesky(S)
@@ -117,10 +125,10 @@ class ReadableFilter:
         if nis > self.model.threshold(name):
             out.status[k] = GATED
             return
-        limit = self.model.robust_threshold(name)
-        if nis > limit:  # more noise, so that S grows by nis / limit
-            out.weight[k] = limit / nis
-            R = R + (nis / limit - 1.0) * S
+        spread = self.model.spread(name, nis)
+        if spread > 1.0:  # more noise, so that S grows so much
+            out.weight[k] = 1.0 / spread
+            R = R + (spread - 1.0) * S
         self.ekf.update(nu[:, None], lambda _: H, lambda _: np.zeros((len(nu), 1)), R=R)
         dx = self.ekf.x[:, 0]
         self.x = layout.retract(self.x, dx)
@@ -135,13 +143,20 @@ class ReadableFilter:
         """Predicted reading (m,) and H (m, n), from the sensor's own model, with what effects add."""
         events, model, layout, x = self.inputs.events, self.model, self.model.layout, self.x
         sensor = model.sensors[name]
+        m_n = model.m_n + x[layout.nominal("field")] if layout.has("field") else model.m_n
         motion = Motion(
-            t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=model.m_n[None, :],
+            t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=m_n[None, :],
             g_n=model.g_n, ground_down=model.ground_down,
         )  # fmt: skip
         z_pred, H = sensor.predict(motion)[0].copy(), np.zeros((sensor.size, layout.n))
         for block, values in sensor.jacobian(motion).items():
             H[:, layout.slice(block)] = values[0]
+        if name == "mag" and layout.has("field"):
+            H[:, layout.slice("field")] = matrix_from_quaternion(x[6:10]).T
+        for start, process in model.colour_of(name):
+            part = slice(start, start + process.size) if process.size > 1 else slice(None)
+            H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0
+            z_pred[part] += x[layout.nominal(process.block)]
         bias = BIAS_BLOCK.get(name, f"b_{name}")
         if layout.has(bias):
             z_pred += H[:, layout.slice(bias)] @ x[layout.nominal(bias)]

@@ -3,8 +3,9 @@
 What it computes is what `estimator.strapdown`, `estimator.error_dynamics` and the models in `sensors` say; the tests
 hold it against them and against the filterpy engine. Arrays and floats only; it returns a status, `filter` raises.
 
-Layout: P is flat, 24 to a row (`CAPACITY`), so that offsets are constants and loops fill vector registers; states that
-do not exist keep P = 0. The sensitivities V come in tiles of 24 rows x 16 columns. Those of effects on accelerometer
+Layout: P is flat, `CAPACITY` to a row, so that offsets are constants and loops fill vector registers; states that do
+not exist keep P = 0, and of the rows only those are visited in which states are, eight at a time. The sensitivities V
+come in tiles of `CAPACITY` rows x 16 columns. Those of effects on accelerometer
 and gyroscope move at every step; between two readings the others obey V <- Phi V, so that the product of the Phi waits
 for the next reading that corrects, or for the end of the chunk.
 
@@ -22,12 +23,12 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-CAP = 24  # = layout.CAPACITY
+CAP = 40  # = layout.CAPACITY
 TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
 SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, which would keep a loop from vectors
 P_Z, T_X, T_Y, T_Z = np.uint64(32), np.uint64(96), np.uint64(112), np.uint64(128)  # rows 2, 6, 7, 8 of a tile
 MAX_H = 14  # non-zero columns of a row of H: position, velocity, attitude, bias
-GPS, BASE, MAG, BARO, RANGE, LEVEL = 0, 1, 2, 3, 4, 5
+GPS, BASE, MAG, BARO, RANGE, LEVEL, SPEED = 0, 1, 2, 3, 4, 5, 6
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
 
@@ -211,34 +212,68 @@ def _propagation(stride):
     return propagate
 
 
-_propagate_P, _propagate_top, _propagate_tile = _propagation(24), _propagation(12), _propagation(TILE)
+_propagate_P, _propagate_top, _propagate_tile = _propagation(CAP), _propagation(12), _propagation(TILE)
 
 
 @njit(**_INLINE)
-def _predict(P, c, top, h, q_accel, q_gyro, walk2):
+def _decay_over(h, states, rate, walk2, phi, q):
+    """phi = exp(-h rate) and the variance q that the process adds to each bias over h; a walk has rate 0."""
+    for j in range(15, states):
+        if rate[j] == 0.0:
+            phi[j], q[j] = 1.0, walk2[j] * h
+        elif rate[j] == rate[j - 1]:
+            phi[j] = phi[j - 1]
+            q[j] = 0.5 * walk2[j] / rate[j] * (1.0 - phi[j] * phi[j])
+        else:
+            phi[j] = np.exp(-h * rate[j])
+            q[j] = 0.5 * walk2[j] / rate[j] * (1.0 - phi[j] * phi[j])
+
+
+@njit(**_INLINE)
+def _predict(P, c, top, h, q_accel, q_gyro, walk2, states, phi, q):
     """P <- Phi P Phi' + Q, both triangles equal."""
     _propagate_P(P, 0, c)
     for i in range(9):
         for j in range(15):
-            top[0, 12 * j + i] = P[0, 24 * i + j]
+            top[0, 12 * j + i] = P[0, CAP * i + j]
     _propagate_top(top, 0, c)
     for i in range(9):
         for j in range(i, 9):
             value = top[0, 12 * i + j]
-            P[0, 24 * i + j] = value
-            P[0, 24 * j + i] = value
-    for i in range(9, 24):
+            P[0, CAP * i + j] = value
+            P[0, CAP * j + i] = value
+    for i in range(15, states):
+        if phi[i] != 1.0:
+            for j in range(9):
+                P[0, CAP * j + i] *= phi[i]
+            for j in range(9, states):
+                P[0, CAP * i + j] *= phi[i]
+            for j in range(9, states):
+                P[0, CAP * j + i] *= phi[i]
+    for i in range(9, states):
         for j in range(9):
-            P[0, 24 * i + j] = P[0, 24 * j + i]
+            P[0, CAP * i + j] = P[0, CAP * j + i]
     for i in range(3):
         v = q_accel * h
-        P[0, 25 * i] += v * h * h / 3.0
-        P[0, 24 * i + i + 3] += 0.5 * v * h
-        P[0, 24 * (i + 3) + i] += 0.5 * v * h
-        P[0, 25 * (i + 3)] += v
-        P[0, 25 * (i + 6)] += q_gyro * h
-    for i in range(9, 24):
-        P[0, 25 * i] += walk2[i] * h
+        P[0, (CAP + 1) * i] += v * h * h / 3.0
+        P[0, CAP * i + i + 3] += 0.5 * v * h
+        P[0, CAP * (i + 3) + i] += 0.5 * v * h
+        P[0, (CAP + 1) * (i + 3)] += v
+        P[0, (CAP + 1) * (i + 6)] += q_gyro * h
+    for i in range(9, 15):
+        P[0, (CAP + 1) * i] += walk2[i] * h
+    for i in range(15, states):
+        P[0, (CAP + 1) * i] += q[i]
+
+
+@njit(**_INLINE)
+def _decay_V(V, first, last, states, phi):
+    """The rows of V of biases that decay, for the tiles from `first` to `last`."""
+    for i in range(15, states):
+        if phi[i] != 1.0:
+            for tile in range(first, last):
+                for j in range(TILE):
+                    V[tile, TILE * i + j] *= phi[i]
 
 
 @njit(**_INLINE)
@@ -359,7 +394,7 @@ def _put(H_index, H_value, H_n, row, index, value):
 
 
 @njit(**_INLINE)
-def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_index, H_value, H_n, z_pred):
+def _measure(kind, m, bias, colour, field, x, C, m_n, g, ground_down, beams, first_beam, H_index, H_value, H_n, z_pred):
     """Prediction of one reading and the non-zero elements of its H; False where there is no prediction."""
     for i in range(m):
         H_n[i] = 0
@@ -367,6 +402,10 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
         for i in range(m):
             z_pred[i] = x[i]
             _put(H_index, H_value, H_n, i, i, 1.0)
+    elif kind == SPEED:
+        for i in range(m):
+            z_pred[i] = x[3 + i]
+            _put(H_index, H_value, H_n, i, 3 + i, 1.0)
     elif kind == BASE:
         for i in range(m):
             z_pred[i] = 0.0
@@ -389,6 +428,8 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
         s, a, b, c = 1.0, m_n[0], m_n[1], m_n[2]
         if kind == LEVEL:
             s, a, b, c = -1.0, g[0], g[1], g[2]
+        elif field >= 0:
+            a, b, c = a + x[field + 1], b + x[field + 2], c + x[field + 3]
         for i in range(3):
             z_pred[i] = s * (C[i] * a + C[3 + i] * b + C[6 + i] * c)
         _put(H_index, H_value, H_n, 0, 7, -z_pred[2])
@@ -397,10 +438,19 @@ def _measure(kind, m, bias, x, C, m_n, g, ground_down, beams, first_beam, H_inde
         _put(H_index, H_value, H_n, 1, 8, -z_pred[0])
         _put(H_index, H_value, H_n, 2, 6, -z_pred[1])
         _put(H_index, H_value, H_n, 2, 7, z_pred[0])
+        if kind == MAG and field >= 0:
+            for i in range(3):
+                for j in range(3):
+                    _put(H_index, H_value, H_n, i, field + j, C[3 * j + i])
     if bias >= 0:
         single = kind in (BARO, RANGE)
         for i in range(m if single else 3):
             at = bias if single else bias + i
+            z_pred[i] += x[at + 1]
+            _put(H_index, H_value, H_n, i, at, 1.0)
+    if colour >= 0:
+        for i in range(m):
+            at = colour if kind == RANGE else colour + i
             z_pred[i] += x[at + 1]
             _put(H_index, H_value, H_n, i, at, 1.0)
     return True
@@ -456,14 +506,14 @@ def _add_form(m, row, D, ref, event, replaces, x, H_index, H_value, H_n, z_pred,
 @njit(**_INLINE)
 def _set_row(M, i, N, k, a):
     """M[i] <- a N[k]."""
-    for j in range(24):
+    for j in range(CAP):
         M[i, j] = a * N[k, j]
 
 
 @njit(**_INLINE)
 def _add_row(M, i, N, k, a):
     """M[i] <- M[i] + a N[k]."""
-    for j in range(24):
+    for j in range(CAP):
         M[i, j] += a * N[k, j]
 
 
@@ -471,8 +521,8 @@ def _subtraction(stride):
     """The compiled M <- M - U' W: three rows of U and W, eight rows of M = M[at] at a time."""
 
     @njit(**_INLINE)
-    def subtract(M, at, U, k, W, first):
-        for i in range(0, 24, 8):
+    def subtract(M, at, U, k, W, first, states):
+        for i in range(0, states, 8):
             a0, b0, c0 = U[k, i + 0], U[k + 1, i + 0], U[k + 2, i + 0]
             a1, b1, c1 = U[k, i + 1], U[k + 1, i + 1], U[k + 2, i + 1]
             a2, b2, c2 = U[k, i + 2], U[k + 1, i + 2], U[k + 2, i + 2]
@@ -496,16 +546,15 @@ def _subtraction(stride):
     return subtract
 
 
-_subtract_P, _subtract_tile = _subtraction(24), _subtraction(TILE)
+_subtract_P, _subtract_tile = _subtraction(CAP), _subtraction(TILE)
 
 
 @njit(**_INLINE)
-def _subtract_one(V, tile, U, k, w):
-    """V[tile] <- V[tile] - u w', one row u = U[k], twelve rows of the tile at a time."""
-    for i in range(0, 24, 12):
+def _subtract_one(V, tile, U, k, w, states):
+    """V[tile] <- V[tile] - u w', one row u = U[k], eight rows of the tile at a time."""
+    for i in range(0, states, 8):
         a0, a1, a2, a3 = U[k, i + 0], U[k, i + 1], U[k, i + 2], U[k, i + 3]
         a4, a5, a6, a7 = U[k, i + 4], U[k, i + 5], U[k, i + 6], U[k, i + 7]
-        a8, a9, a10, a11 = U[k, i + 8], U[k, i + 9], U[k, i + 10], U[k, i + 11]
         n = TILE * i
         for j in range(TILE):
             u = w[0, j]
@@ -517,15 +566,14 @@ def _subtract_one(V, tile, U, k, w):
             V[tile, n + 80 + j] -= a5 * u
             V[tile, n + 96 + j] -= a6 * u
             V[tile, n + 112 + j] -= a7 * u
-            V[tile, n + 128 + j] -= a8 * u
-            V[tile, n + 144 + j] -= a9 * u
-            V[tile, n + 160 + j] -= a10 * u
-            V[tile, n + 176 + j] -= a11 * u
 
 
 @njit(**_INLINE)
-def _factor(m, P, H_index, H_value, H_n, r, sensor, B, S, L):
-    """B = H P, S = H P H' + R, S = L L'; P as rows (24, 24). False where S is not positive."""
+def _factor(m, P, H_index, H_value, H_n, r, row, B, S, L):
+    """B = H P, S = H P H' + R, S = L L', R the variances r from `row` on; P as rows (CAP, CAP).
+
+    False where S is not positive.
+    """
     for i in range(m):
         _set_row(B, i, P, H_index[i, 0], H_value[i, 0])
         for k in range(1, H_n[i]):
@@ -535,7 +583,7 @@ def _factor(m, P, H_index, H_value, H_n, r, sensor, B, S, L):
             for k in range(H_n[j]):
                 s += H_value[j, k] * B[i, H_index[j, k]]
             if i == j:
-                s += r[sensor, i]
+                s += r[row + i]
             S[i, j] = s
             S[j, i] = s
     for i in range(m):
@@ -555,37 +603,38 @@ def _factor(m, P, H_index, H_value, H_n, r, sensor, B, S, L):
 @njit(**_INLINE)
 def _reset(P, J):
     """P <- J P J' on the attitude block: the error is counted from the turned attitude on."""
-    for j in range(24):
-        t0, t1, t2 = P[0, 144 + j], P[0, 168 + j], P[0, 192 + j]
-        P[0, 144 + j] = J[0] * t0 + J[1] * t1 + J[2] * t2
-        P[0, 168 + j] = J[3] * t0 + J[4] * t1 + J[5] * t2
-        P[0, 192 + j] = J[6] * t0 + J[7] * t1 + J[8] * t2
+    for j in range(CAP):
+        t0, t1, t2 = P[0, 6 * CAP + j], P[0, 7 * CAP + j], P[0, 8 * CAP + j]
+        P[0, 6 * CAP + j] = J[0] * t0 + J[1] * t1 + J[2] * t2
+        P[0, 7 * CAP + j] = J[3] * t0 + J[4] * t1 + J[5] * t2
+        P[0, 8 * CAP + j] = J[6] * t0 + J[7] * t1 + J[8] * t2
     for i in range(6, 9):
-        t0, t1, t2 = P[0, 24 * i + 6], P[0, 24 * i + 7], P[0, 24 * i + 8]
+        t0, t1, t2 = P[0, CAP * i + 6], P[0, CAP * i + 7], P[0, CAP * i + 8]
         for j in range(3):
-            P[0, 24 * i + 6 + j] = J[3 * j] * t0 + J[3 * j + 1] * t1 + J[3 * j + 2] * t2
-    for j in range(24):
+            P[0, CAP * i + 6 + j] = J[3 * j] * t0 + J[3 * j + 1] * t1 + J[3 * j + 2] * t2
+    for j in range(CAP):
         if j < 6 or j > 8:
-            P[0, 24 * j + 6], P[0, 24 * j + 7], P[0, 24 * j + 8] = P[0, 144 + j], P[0, 168 + j], P[0, 192 + j]
-    P[0, 24 * 7 + 6], P[0, 24 * 8 + 6], P[0, 24 * 8 + 7] = P[0, 24 * 6 + 7], P[0, 24 * 6 + 8], P[0, 24 * 7 + 8]
+            at = CAP * j + 6
+            P[0, at], P[0, at + 1], P[0, at + 2] = P[0, 6 * CAP + j], P[0, 7 * CAP + j], P[0, 8 * CAP + j]
+    P[0, CAP * 7 + 6], P[0, CAP * 8 + 6], P[0, CAP * 8 + 7] = P[0, CAP * 6 + 7], P[0, CAP * 6 + 8], P[0, CAP * 7 + 8]
 
 
 @njit(**_INLINE)
-def _correct(m, U, y, x, P, J, dx):
+def _correct(m, U, y, x, P, J, dx, states):
     """x <- x (+) U' y, P <- P - U' U, and the reset of the attitude error."""
-    for j in range(24):
+    for j in range(CAP):
         value = 0.0
         for k in range(m):
             value += U[k, j] * y[k]
         dx[j] = value
     for k in range(m, 3 * ((m + 2) // 3)):
-        for j in range(24):
+        for j in range(CAP):
             U[k, j] = 0.0
     for k in range(0, m, 3):
-        _subtract_P(P, 0, U, k, U, k)
+        _subtract_P(P, 0, U, k, U, k, states)
     for j in range(6):
         x[j] += dx[j]
-    for j in range(9, 24):
+    for j in range(9, states):
         x[j + 1] += dx[j]
     _turn(x, dx[6], dx[7], dx[8])
     _right_jacobian(dx[6], dx[7], dx[8], J)
@@ -660,7 +709,7 @@ def _whiten(m, L, W, row, columns):
 
 
 @njit(**_INLINE)
-def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r):
+def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r, states):
     """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
 
     All components of S_beta are taken before V changes: a reading with less weight has L scaled, but not its H V. The
@@ -682,9 +731,9 @@ def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, coun
                 for j in range(SIXTEEN):
                     group[i, j] = W[row + k + i, at + j]
             if k + 1 == m:
-                _subtract_one(V, tile, U, k, group)
+                _subtract_one(V, tile, U, k, group, states)
             else:
-                _subtract_tile(V, tile, U, k, group, 0)
+                _subtract_tile(V, tile, U, k, group, 0, states)
         for j in range(16):
             t0, t1, t2 = V[tile, 96 + j], V[tile, 112 + j], V[tile, 128 + j]
             V[tile, 96 + j] = J[0] * t0 + J[1] * t1 + J[2] * t2
@@ -695,8 +744,8 @@ def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, coun
 @njit(**_OPTIONS)
 def run_chunk(
     clock, imu_t, imu_u, q_accel, q_gyro, i0, i1, k0, k1, ev_t, ev_sensor, ev_row, ev_S, ev_status,
-    z, form, D, ref, kind, size, bias, beam_start, beams, r, gate, robust,
-    g, m_n, w_ie, ground_down, translation, averaged, walk2, x, P,
+    z, form, D, ref, kind, size, bias, colour, field, beam_start, beams, r, gate, robust, tail,
+    g, m_n, w_ie, ground_down, translation, averaged, states, walk2, rate, x, P,
     nu, white, S_out, nis, loglik, weight, x_event, var_event, log_imu, x_imu, var_imu,
     record, steps, step_of_event, step_of_imu, U_out, H_out, turn_out,
     V, tiles, Ga, Gg, a_tiles, g_first, g_tiles, Gz, ev_G, col_first, col_count, W_out, W_white, W_event,
@@ -705,12 +754,14 @@ def run_chunk(
 
     `clock[0]` is the time of the state. What each array holds is said where `estimator.filter` makes it.
     """
-    m_max = r.shape[1]
+    m_max = np.max(size) if len(size) else 1
     C0, C1, J, c, top = np.zeros(9), np.zeros(9), np.zeros(9), np.zeros(55), np.zeros((1, 180))
-    u0, u1, work, dx, y, z_pred = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(24), np.zeros(m_max), np.zeros(m_max)
+    u0, u1, work, dx = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(CAP)
+    y, z_pred = np.zeros(m_max), np.zeros(m_max)
     H_index, H_value, H_n = np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64)
-    U, S, L = np.zeros((m_max + 3, 24)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
-    P_rows, group = P.reshape((24, 24)), np.zeros((3, 16))
+    phi, q = np.ones(CAP), np.zeros(CAP)
+    U, S, L = np.zeros((m_max + 3, CAP)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
+    P_rows, group = P.reshape((CAP, CAP)), np.zeros((3, 16))
     driven = max(a_tiles, g_first + g_tiles)  # tiles that move at every step
     if tiles - driven < 2:  # the product costs as much as a tile
         driven = tiles
@@ -741,12 +792,16 @@ def run_chunk(
                 u0[j] = (1.0 - a0) * imu_u[i, j] + a0 * imu_u[i + 1, j]
                 u1[j] = (1.0 - a1) * imu_u[i, j] + a1 * imu_u[i + 1, j]
             _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c)
+            _decay_over(h, states, rate, walk2, phi, q)
+            for j in range(15, states):
+                x[j + 1] *= phi[j]
             if tiles > 0:
+                _decay_V(V, 0, driven, states, phi)
                 _predict_V(V, c, driven, Ga, Gg, i, a_tiles, g_first, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
                 if driven < tiles:
                     _propagate_top(M, 0, c)
                     T += h
-            _predict(P, c, top, h, q_accel[i] if translation else 0.0, q_gyro[i], walk2)
+            _predict(P, c, top, h, q_accel[i] if translation else 0.0, q_gyro[i], walk2, states, phi, q)
             if record:
                 for j in range(55):
                     steps[n_steps, j] = c[j]
@@ -758,10 +813,10 @@ def run_chunk(
             if record:
                 step_of_imu[i - i0] = n_steps
             if log_imu > 0 and i % log_imu == 0:
-                for j in range(25):
+                for j in range(CAP + 1):
                     x_imu[i // log_imu, j] = x[j]
-                for j in range(24):
-                    var_imu[i // log_imu, j] = P[0, 25 * j]
+                for j in range(CAP):
+                    var_imu[i // log_imu, j] = P[0, (CAP + 1) * j]
             continue
         # --- a reading
         s = ev_sensor[k]
@@ -773,7 +828,22 @@ def run_chunk(
             if not np.isfinite(C0[0] + x[2]):
                 return NOT_FINITE, k, rows
             seen = _measure(
-                kind[s], m, bias[s], x, C0, m_n, g, ground_down, beams, beam_start[s], H_index, H_value, H_n, z_pred
+                kind[s],
+                m,
+                bias[s],
+                colour[s],
+                field,
+                x,
+                C0,
+                m_n,
+                g,
+                ground_down,
+                beams,
+                beam_start[s],
+                H_index,
+                H_value,
+                H_n,
+                z_pred,
             )
             if not seen:
                 ev_status[k] = NO_PREDICTION
@@ -782,7 +852,7 @@ def run_chunk(
                     _add_form(m, at, D, ref, k, form[s] == 2, x, H_index, H_value, H_n, z_pred, J)
                 for j in range(m):
                     nu[at + j] = z[at + j] - z_pred[j]
-                if not _factor(m, P_rows, H_index, H_value, H_n, r, s, U, S, L):
+                if not _factor(m, P_rows, H_index, H_value, H_n, r, at, U, S, L):
                     return NOT_POSITIVE, k, rows
                 total, log_det = 0.0, 0.0
                 for a in range(m):
@@ -804,9 +874,12 @@ def run_chunk(
                 elif total > gate[s]:
                     ev_status[k] = GATED
                 else:
-                    if total > robust[s]:
-                        factor = np.sqrt(total / robust[s])
-                        weight[k] = robust[s] / total
+                    spread = total / robust[s]
+                    if tail[s] > 0.0:
+                        spread = (tail[s] + total) / (tail[s] + m)
+                    if spread > 1.0:
+                        factor = np.sqrt(spread)
+                        weight[k] = 1.0 / spread
                         for a in range(m):
                             y[a] /= factor
                             for b in range(a + 1):
@@ -815,15 +888,17 @@ def run_chunk(
                         for b in range(a):
                             _add_row(U, a, U, b, -L[a, b])
                         _set_row(U, a, U, a, 1.0 / L[a, a])
-                    _correct(m, U, y, x, P, J, dx)
+                    _correct(m, U, y, x, P, J, dx, states)
                     if tiles > 0:
                         if T > 0.0:
                             _apply_product(V, driven, tiles, M, T)
+                            _decay_over(T, states, rate, walk2, phi, q)
+                            _decay_V(V, driven, tiles, states, phi)
                             _start_product(M)
                             T = 0.0
                         _correct_V(
                             m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s],
-                            W_out, rows, group, near, h_other, r_other,
+                            W_out, rows, group, near, h_other, r_other, states,
                         )  # fmt: skip
                     if len(W_white) > 1:  # asked for
                         for a in range(m):
@@ -834,24 +909,26 @@ def run_chunk(
                         for j in range(3):
                             turn_out[k - k0, j] = dx[6 + j]
                         for a in range(m):
-                            for j in range(24):
+                            for j in range(CAP):
                                 U_out[at + a - ev_row[k0], j] = U[a, j]
                                 H_out[at + a - ev_row[k0], j] = 0.0
                             for b in range(H_n[a]):
                                 H_out[at + a - ev_row[k0], H_index[a, b]] = H_value[a, b]
                             for b in range(a):
-                                for j in range(24):
+                                for j in range(CAP):
                                     H_out[at + a - ev_row[k0], j] -= L[a, b] * H_out[at + b - ev_row[k0], j]
-                            for j in range(24):
+                            for j in range(CAP):
                                 H_out[at + a - ev_row[k0], j] /= L[a, a]
-        for j in range(25):
+        for j in range(CAP + 1):
             x_event[k, j] = x[j]
-        for j in range(24):
-            var_event[k, j] = P[0, 25 * j]
+        for j in range(CAP):
+            var_event[k, j] = P[0, (CAP + 1) * j]
         k += 1
     if T > 0.0:  # V is whole at the end of a chunk
         _apply_product(V, driven, tiles, M, T)
-    for j in range(25):
+        _decay_over(T, states, rate, walk2, phi, q)
+        _decay_V(V, driven, tiles, states, phi)
+    for j in range(CAP + 1):
         if not np.isfinite(x[j]):
             return NOT_FINITE, k, rows
     return OK, k, rows

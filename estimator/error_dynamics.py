@@ -22,9 +22,9 @@ from sensors.arrays import FloatArray
 from sensors.rotation import right_jacobian, skew
 
 
-def transition(step: Step, n: int, translation: bool = True) -> FloatArray:
-    """(n, n) Phi of one step."""
-    h, Phi = step.h, np.eye(n)
+def transition(step: Step, n: int, translation: bool = True, decay: FloatArray | None = None) -> FloatArray:
+    """(n, n) Phi of one step; `decay` (n,) is that of the biases, from `decay_over`; default: none decays."""
+    h, Phi = step.h, np.eye(n) if decay is None else np.diag(decay)
     p, v, t, a, g = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
     Phi[t, t] = step.C1.T @ step.C0
     Phi[t, g] = -h * right_jacobian(step.phi)
@@ -42,24 +42,31 @@ def transition(step: Step, n: int, translation: bool = True) -> FloatArray:
     return Phi
 
 
-def walk_rates(model: FlightModel) -> FloatArray:
-    """(n,) growth of the variance of each state's own random walk [unit^2/s]."""
-    rates = np.zeros(model.layout.n)
-    for process in [model.accel.bias, model.gyro.bias, *(sensor.bias for sensor in model.sensors.values())]:
-        if process is not None:
-            rates[model.layout.slice(process.block)] = process.walk**2
-    return rates
+def bias_rates(model: FlightModel) -> tuple[FloatArray, FloatArray]:
+    """(n,), (n,) walk^2 of each bias state [unit^2/s] and 1 / tau [1/s]; zero of the other states."""
+    walk2, rate = np.zeros(model.layout.n), np.zeros(model.layout.n)
+    for process in model.processes:
+        block = model.layout.slice(process.block)
+        walk2[block], rate[block] = process.walk**2, process.rate
+    return walk2, rate
 
 
-def process_noise(h: float, q_accel: float, q_gyro: float, walk: FloatArray, translation: bool = True) -> FloatArray:
+def decay_over(h: float, walk2: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n,), (n,) factor phi = exp(-h rate) of each bias over h; variance added, walk^2 (1 - phi^2) / (2 rate)."""
+    phi = np.exp(-h * rate)
+    moving = np.where(rate > 0.0, rate, 1.0)
+    return phi, np.where(rate > 0.0, 0.5 * walk2 / moving * (1.0 - phi**2), walk2 * h)
+
+
+def process_noise(h: float, q_accel: float, q_gyro: float, q_bias: FloatArray, translation: bool = True) -> FloatArray:
     """(n, n) Q of one step; two half steps, the first carried through Phi, add up to the whole.
 
     Parameters
     ----------
     q_accel, q_gyro : variance rates of the interval, `estimator.imu`
-    walk : (n,) from `walk_rates`
+    q_bias : (n,) from `decay_over`
     """
-    Q = np.diag(walk * h)
+    Q = np.diag(q_bias)
     Q[6:9, 6:9] += q_gyro * h * np.eye(3)
     if translation:
         Q[3:6, 3:6] += q_accel * h * np.eye(3)

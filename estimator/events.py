@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from estimator.faults import Note, frozen_runs, saturated_runs
 from estimator.flight_model import FlightModel
 from sensors.arrays import FloatArray, IntArray
 from sensors.atmosphere import height_from_pressure
+from sensors.bounds import RATE
 from sensors.errors import InputError
-from sensors.recording import ACCEL, MAG, POSITION, VELOCITY, Recording, Stream
+from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
@@ -51,6 +52,7 @@ class Events:
     index : (K,) row in the stream
     row : (K + 1,) first component in `z`
     z : (rows,) readings, less the offsets of effects
+    r : (rows,) variance of the white noise of each component
     status : (K,) what is known before the filter runs
     D, ref : (rows, 9), (K, 10) of `StreamForm`; one row of zeros where no stream has a form
     has_form : (sensors,) 1: a form is added, 2: it replaces the model's own prediction
@@ -63,6 +65,7 @@ class Events:
     index: IntArray
     row: IntArray
     z: FloatArray
+    r: FloatArray
     status: IntArray
     D: FloatArray
     ref: FloatArray
@@ -83,6 +86,8 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     t = stamps(recording, model, name)
     if name == "level":
         return window_means(recording, model, recording.streams["imu"].array(ACCEL)), t
+    if name in ("place", "speed"):
+        return np.zeros((len(t), 3)), t
     stream, size = recording.streams[name], model.sensors[name].size
     if name == "mag":
         return stream.array(MAG), t
@@ -105,7 +110,36 @@ def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
     """(k,) instants at which the readings of one sensor were valid [s]; of `level` the middles of its windows."""
     if name == "level":
         return window_means(recording, model, recording.streams["imu"].t)
+    if name in ("place", "speed"):
+        imu = recording.streams["imu"].t
+        return np.arange(imu[0], imu[-1], 1.0 / RATE)
     return recording.streams[name].t - model.latency.get(name, 0.0)
+
+
+def variances(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+    """(k, m) variances of the white noise of each reading of one sensor.
+
+    A magnetometer whose stamps are uncertain by s reads, besides, the field of another instant: (s |w| |m|)^2 / 2 on an
+    axis on average, w from the gyroscope.
+    """
+    sensor, count = model.sensors[name], len(stamps(recording, model, name))
+    r = np.tile(np.diag(sensor.R), (count, 1))
+    if name == "mag" and model.stamp_std > 0.0:
+        imu = recording.streams["imu"]
+        rate = np.linalg.norm(imu.array(GYRO), axis=1)
+        w = np.interp(recording.streams["mag"].t, imu.t, rate)
+        r += 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n))[:, None] ** 2
+    return r
+
+
+def with_variances(events: Events, recording: Recording, model: FlightModel) -> Events:
+    """The events with the noise of another model."""
+    r = np.zeros_like(events.r)
+    for s, name in enumerate(events.sensors):
+        mine = np.flatnonzero(events.sensor == s)
+        at = events.row[mine][:, None] + np.arange(model.sensors[name].size)
+        r[at] = variances(recording, model, name)[events.index[mine]]
+    return replace(events, r=r)
 
 
 def ranges_of(stream: Stream) -> tuple[str, ...]:
@@ -199,7 +233,7 @@ def collect(
             notes.append(
                 Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
             )
-        if name not in ("level", "base"):
+        if name not in ("level", "base", "place", "speed"):
             for start, stop in frozen_runs(z):
                 status[start + 1 : stop] = FAULTY
                 notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
@@ -219,16 +253,17 @@ def collect(
     sensor, t, index = sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
     sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
     row = np.concatenate([[0], np.cumsum(sizes[sensor])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
-    z, status = np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
+    z, r, status = np.zeros(row[-1]), np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
     formed = any(part[4] is not None for part in parts)
     D, ref = np.zeros((row[-1] if formed else 1, 9)), np.zeros((len(t) if formed else 1, 10))
     for s, (_, _, values, part_status, form) in enumerate(parts):
         mine = np.flatnonzero(sensor == s)
         at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
         z[at] = values[index[mine]].ravel()
+        r[at] = variances(recording, model, names[s])[index[mine]].ravel()
         status[mine] = part_status[index[mine]]
         if form is not None:
             D[at] = form.D[index[mine]].reshape(-1, 9)
             ref[mine] = form.ref[index[mine]]
     has_form = np.array([0 if part[4] is None else 1 + part[4].replaces for part in parts], dtype=np.int64)
-    return Events(names, t, sensor, index, row, z, status, D, ref, has_form, tuple(notes))
+    return Events(names, t, sensor, index, row, z, r, status, D, ref, has_form, tuple(notes))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import ACCEPTED, GATED, Events, collect
+from estimator.events import ACCEPTED, GATED, Events, collect, with_variances
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
@@ -20,7 +20,7 @@ from sensors.recording import Recording
 
 Engine = Literal["auto", "numba", "filterpy"]
 #: What a sensor is to the kernels: their code of its equations.
-KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level": 5}
+KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level": 5, "place": 0, "speed": 6}
 #: The state block that a sensor's own equations add to its reading.
 BIAS_BLOCK = {"gps": "b_gps", "base": "b_gps", "level": "b_accel"}
 #: One IMU sample and its share of readings cost this long in the readable engine, compiling the other this long [s].
@@ -77,7 +77,7 @@ def prepare(
 ) -> RunInputs:
     """Everything an engine needs, from a recording and its model."""
     imu = imu_table(recording, model) if imu is None else imu
-    events = collect(recording, model) if events is None else events
+    events = collect(recording, model) if events is None else with_variances(events, recording, model)
     x, P = first_state(recording, model) if first is None else first
     return RunInputs(recording, model, imu, events, x, P)
 

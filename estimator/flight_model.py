@@ -6,7 +6,8 @@ Nothing is guessed: a noise that neither the recording declares nor the caller p
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
+from dataclasses import field as default
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from estimator.layout import StateLayout, layout_for
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import BoolArray, FloatArray
 from sensors.barometer import Barometer
+from sensors.bounds import Bounds
 from sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sensors.errors import InputError
 from sensors.gps import BaseReceiver, Gps
@@ -22,18 +24,37 @@ from sensors.laser import Laser
 from sensors.level import Level
 from sensors.magnetometer import Magnetometer
 from sensors.model import SensorModel
+from sensors.noise import BiasProcess
+from sensors.noise import colour as coloured
 from sensors.recording import VELOCITY, Recording, SensorSpec
 from sensors.sonar import Sonar
 
 #: Streams that drive the filter, both in the table of the IMU.
 DRIVERS = ("accel", "gyro")
 #: Streams that can update the filter, in the order in which equal time stamps are processed.
-AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "level")
+AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "level", "place", "speed")
 #: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
 GATE_LEVEL = 1e-6
 #: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
 LEVEL_SIGMA = 1.0
 LEVEL_WINDOW = 0.1  # s
+
+
+@dataclass(frozen=True)
+class InStep:
+    """Noise of the IMU in step with the motion: what integration between the samples misses, and errors of scale.
+
+    Attributes
+    ----------
+    accel, gyro : share of the local mean square of second differences that is the variance of a sample; 1/6 where the
+        samples are instants of a vibration faster than they show, whose integral is none
+    rate : white noise of the rate per unit of the rate [sqrt(s)]; a scale error s of a body that turns one way for
+        T makes s sqrt(T)
+    """
+
+    accel: float = 0.0
+    gyro: float = 0.0
+    rate: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,6 +75,11 @@ class FlightModel:
     latency : by stream, how late its stamps are [s]: the reading belongs to t - latency
     gate_level : false-alarm rate of the chi-square gate on a whole reading; None: no gate
     robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
+    colour : by sensor, first-order noise beside the white noise: first component of the reading, and the process
+    in_step : noise of the IMU that goes with the motion
+    field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
+    stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
+    tail : degrees of freedom of the Student law of every innovation; None: normal
     relinearise : every reading is linear about the smoothed motion of the pass before; see `estimator.relinearise`
     withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
     notes : what was decided while the model was made, for the report
@@ -70,12 +96,28 @@ class FlightModel:
     ground_down: float
     w_ie_n: FloatArray
     translation: bool = True
-    latency: Mapping[str, float] = field(default_factory=dict)
+    latency: Mapping[str, float] = default(default_factory=dict)
     gate_level: float | None = GATE_LEVEL
     robust_level: float | None = None
+    colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]] = default(default_factory=dict)
+    in_step: InStep = InStep()
+    field: FloatArray | None = None
+    stamp_std: float = 0.0
+    tail: float | None = None
     relinearise: bool = False
-    withheld: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
+    withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @property
+    def processes(self) -> tuple[BiasProcess, ...]:
+        """Every bias and colour that is a state."""
+        biases = (self.accel.bias, self.gyro.bias, *(sensor.bias for sensor in self.sensors.values()))
+        coloured = (process for parts in self.colour.values() for _, process in parts)
+        return tuple(process for process in (*biases, *coloured) if process is not None)
+
+    def colour_of(self, sensor: str) -> tuple[tuple[int, BiasProcess], ...]:
+        """Colour of one sensor's readings: first component, and the process."""
+        return self.colour.get(sensor, ())
 
     def replace(self, **changes: object) -> FlightModel:
         """A copy with some attributes changed."""
@@ -96,6 +138,21 @@ class FlightModel:
         """NIS above which a reading of the sensor is given less weight."""
         return _quantile(self.robust_level, self.sensors[sensor].size)
 
+    def tail_of(self, sensor: str) -> float | None:
+        """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
+        return None if sensor in ("level", "place", "speed") else self.tail
+
+    def spread(self, sensor: str, nis: float) -> float:
+        """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
+
+        Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS)
+        of the nominal one (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
+        """
+        tail = self.tail_of(sensor)
+        if tail is not None:
+            return max(1.0, (tail + nis) / (tail + self.sensors[sensor].size))
+        return max(1.0, nis / self.robust_threshold(sensor))
+
 
 def _quantile(level: float | None, dof: int) -> float:
     if level is None:
@@ -115,6 +172,11 @@ def flight_model(
     latency: Mapping[str, float] | None = None,
     gate_level: float | None = GATE_LEVEL,
     robust_level: float | None = None,
+    tail: float | None = None,
+    in_step: InStep | None = None,
+    field: FloatArray | None = None,
+    stamp_std: float = 0.0,
+    bounds: Bounds | None = None,
     relinearise: bool = False,
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
@@ -124,10 +186,12 @@ def flight_model(
     recording : a flight
     specs : noise estimated elsewhere, by sensor; what is set here goes before what the recording declares
     use : the aiding streams to use; default: all that are there
-    level : the pseudo-sensor `level`; default: switched on, with `LEVEL_SIGMA`, where no GPS aids the position
+    level : the pseudo-sensor `level`; default: switched on, with `LEVEL_SIGMA`, where neither a GPS aids the position
+        nor `bounds` are given
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     latency : by stream, how late its stamps are [s]
-    gate_level, robust_level, relinearise : see `FlightModel`
+    gate_level, robust_level, in_step, field, stamp_std, tail, relinearise : see `FlightModel`
+    bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
 
     Raises
     ------
@@ -154,12 +218,19 @@ def flight_model(
     elif "base" in sensors and sensors["gps"].bias is None:
         notes.append("base: left out, the gps is declared to have no bias that it could see")
         del sensors["base"]
-    if "gps" not in sensors and (level is not None or "level" in wanted):
+    if "gps" not in sensors and bounds is None and (level is not None or "level" in wanted):
         chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
         sensors["level"] = chosen
         notes.append(f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt")
-    translation = bool(set(sensors) & {"gps", "baro", "sonar", "laser"})
-    if not set(sensors) - {"level"}:
+    if "gps" not in sensors and bounds is not None:
+        sensors.update(bounds.sensors)
+    translation = bool(set(sensors) - {"mag", "base", "level"})
+    colour = {
+        name: parts
+        for name in sensors
+        if name in declared and (parts := _colour(where, name, declared[name], sensors[name].size))
+    }
+    if not set(sensors) - {"level", "place", "speed"}:
         notes.append("no aiding stream: heading and position drift")
     environment = recording.environment
     m_n = environment.magnetic_field if magnetic_field is None else magnetic_field
@@ -171,7 +242,11 @@ def flight_model(
             m_n = field_of_the_log(recording)
             notes.append("magnetic field: not declared, found from the log; north is magnetic north")
     return FlightModel(
-        layout=layout_for([process.block for process in (model.bias for model in sensors.values()) if process]),
+        layout=layout_for(
+            [process.block for process in (model.bias for model in sensors.values()) if process]
+            + [process.block for parts in colour.values() for _, process in parts]
+            + (["field"] if field is not None and "mag" in sensors else [])
+        ),
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
         gyro=Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)),
         sensors=sensors,
@@ -185,6 +260,11 @@ def flight_model(
         latency=dict(latency or {}),
         gate_level=gate_level,
         robust_level=robust_level,
+        colour=colour,
+        field=field if "mag" in sensors else None,
+        in_step=in_step or InStep(),
+        stamp_std=stamp_std,
+        tail=tail,
         relinearise=relinearise,
         notes=tuple(notes),
     )
@@ -252,6 +332,21 @@ def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> Se
         return Sonar(sigma, std, walk)
     angles = np.zeros(1) if spec.angles is None else np.asarray(spec.angles, dtype=np.float64)
     return Laser(sigma, std, walk, angles)
+
+
+def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[int, BiasProcess], ...]:
+    """First-order noise of one sensor, where its size and time are given."""
+    parts = []
+    for key, block, first, width in (
+        ("colour_std", f"c_{name}", 0, min(size, 3)),
+        ("velocity_colour_std", f"c_{name}_velocity", 3, 3),
+    ):
+        std = getattr(spec, key)
+        if std:
+            time = _positive(where, name, "colour_time", spec.colour_time)
+            width = 1 if name in ("sonar", "laser") else width
+            parts.append((first, coloured(block, width, _positive(where, name, key, std), time)))
+    return tuple(parts)
 
 
 def _averaged(where: str, samples: str) -> bool:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimator.faults import Note, frozen_runs, saturated_runs, stuck_runs
-from estimator.flight_model import FlightModel
+from estimator.flight_model import FlightModel, InStep
 from sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sensors.recording import ACCEL, GYRO, Recording
 
@@ -27,6 +27,8 @@ from sensors.recording import ACCEL, GYRO, Recording
 GAP = 2.5
 #: Windows from which the unseen motion inside a gap is estimated, at least this many.
 GAP_WINDOWS = 8
+#: Length over which roughness is averaged [s]: vibration changes with the throttle, within tenths of a second.
+ROUGH = 0.1
 _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
 #: Samples over which the slope into and out of a saturated stretch is taken.
 _SLOPE = 3
@@ -81,6 +83,8 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     t, u, excess = t[row], u[row] + excess[row], excess[row]
     nominal = 1.0 / model.rate
     q_accel, q_gyro = _sample_noise(t, nominal, model)
+    if model.in_step != InStep():
+        q_accel, q_gyro = q_accel + in_step_accel(t, u, model.in_step), q_gyro + in_step_gyro(t, u, model.in_step)
     h = np.diff(t)
     if np.any(excess):
         q_accel, q_gyro = (
@@ -161,6 +165,29 @@ def _sample_noise(t: FloatArray, nominal: float, model: FlightModel) -> tuple[Fl
         w[0], w[-1] = h[0], h[-1]  # the first and the last sample: half an interval each, rounded up
         width = 0.5 * (w[:-1] + w[1:])
     return model.accel.sigma**2 * width, model.gyro.sigma**2 * width
+
+
+def in_step_accel(t: FloatArray, u: FloatArray, share: InStep) -> FloatArray:
+    """(n - 1,) variance rate that goes with the accelerometer's second differences [(m/s^2)^2 s]."""
+    return share.accel * np.diff(t) * roughness(t, u[:, _ACCEL])
+
+
+def in_step_gyro(t: FloatArray, u: FloatArray, share: InStep) -> FloatArray:
+    """(n - 1,) variance rate that goes with the gyroscope's second differences, and with its rate [(rad/s)^2 s]."""
+    square = np.sum(u[:, _GYRO] ** 2, axis=1)
+    return share.gyro * np.diff(t) * roughness(t, u[:, _GYRO]) + share.rate**2 * 0.5 * (square[:-1] + square[1:])
+
+
+def roughness(t: FloatArray, u: FloatArray) -> FloatArray:
+    """(n - 1,) mean square of the second differences of (n, 3), of the axes together and over `ROUGH` around."""
+    if len(t) < 3:
+        return np.zeros(len(t) - 1)
+    square = np.mean(np.diff(u, n=2, axis=0) ** 2, axis=1)
+    width = max(1, round(ROUGH / float(np.median(np.diff(t)))))
+    sums = np.concatenate([[0.0], np.cumsum(square)])
+    middle = np.arange(len(t) - 1)
+    low, high = np.clip(middle - width // 2 - 1, 0, len(square) - 1), np.clip(middle + width // 2, 1, len(square))
+    return np.asarray((sums[high] - sums[low]) / np.maximum(high - low, 1))
 
 
 def unseen_motion(t: FloatArray, u: FloatArray, length: float, nominal: float) -> tuple[float, float]:

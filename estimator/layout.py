@@ -1,7 +1,8 @@
 """Where each state lives: the one owner of indices.
 
 Error state ``dx``, block after block: position (NED, m), velocity (NED, m/s), attitude (``dtheta_b``, rad, with
-``C_true = C Exp(dtheta_b)``), then the biases of the sensors (reading = truth + bias).
+``C_true = C Exp(dtheta_b)``), then the biases of the sensors and the colour of their noise (reading = truth + bias +
+colour + white noise), and the error of the declared magnetic field (NED).
 Nominal state ``x``: the same with the attitude as a quaternion ``q_nb``, so it is one longer.
 """
 
@@ -28,10 +29,17 @@ BLOCK_SIZES = {
     "b_baro": 1,
     "b_sonar": 1,
     "b_laser": 1,
+    "c_mag": 3,
+    "c_gps": 3,
+    "c_gps_velocity": 3,
+    "c_baro": 1,
+    "c_sonar": 1,
+    "c_laser": 1,
+    "field": 3,
 }
 PROCESS_BLOCKS = ("position", "velocity", "attitude", "b_accel", "b_gyro")
 #: Length of a row of the covariance inside the kernels: every block of the list above, a multiple of a vector register.
-CAPACITY = 24
+CAPACITY = 40
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,9 @@ class StateLayout:
             "position": ("north", "east", "down"),
             "velocity": ("north", "east", "down"),
             "b_gps": ("north", "east", "down"),
+            "c_gps": ("north", "east", "down"),
+            "field": ("north", "east", "down"),
+            "c_gps_velocity": ("north", "east", "down"),
         }
         labels: list[str] = []
         for name in self.names:

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.error_dynamics import walk_rates
+from estimator.error_dynamics import bias_rates
 from estimator.error_integrals import MOVING, ErrorIntegrals, transitions
 from estimator.flight_model import FlightModel
 from estimator.layout import StateLayout
@@ -150,7 +150,7 @@ def information(
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
-    walk = walk_rates(model)
+    walk, _ = bias_rates(model)
     grown = _grown_noise(model, motion, noise)
     if cell is None:
         cell = _cell_length(model, motion, {name: sensors[name] for name in readings}, walk, grown)

@@ -54,6 +54,6 @@ def _events_between(events: Events, k0: int, k1: int) -> Events:
     formed = len(events.ref) == len(events) and len(events) > 1
     return replace(
         events, t=events.t[k0:k1], sensor=events.sensor[k0:k1], index=events.index[k0:k1], row=row - row[0],
-        z=events.z[components], status=events.status[k0:k1],
+        z=events.z[components], r=events.r[components], status=events.status[k0:k1],
         D=events.D[components] if formed else events.D, ref=events.ref[k0:k1] if formed else events.ref,
     )  # fmt: skip

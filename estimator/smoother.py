@@ -21,6 +21,7 @@ import numpy as np
 
 from estimator.events import ACCEPTED
 from estimator.filter import RunInputs, outputs_for
+from estimator.flight_model import FlightModel
 from estimator.imu import at_instants
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
@@ -109,14 +110,15 @@ def _smooth_stretch(part: RunInputs, r: FloatArray, information: FloatArray, sig
     steps, step_of_event, row = record["steps"][:count], record["step_of_event"][:K], part.events.row
     r_after, x_smooth = np.zeros((count, CAPACITY)), np.zeros((samples, CAPACITY + 1))
     backward(
-        steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, information, sigmas
-    )
+        steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, engine.walk2,
+        engine.rate, information, sigmas,
+    )  # fmt: skip
     d = np.zeros(CAPACITY)
     n = len(part.P)
     d[:n] = part.P @ r[:n]
     forward(
         steps, step_of_event, record["step_of_imu"], row, white, record["U"], record["turn"], d, r_after, engine.walk2,
-        part.model.translation, outputs.x_imu, x_smooth,
+        engine.rate, part.model.translation, outputs.x_imu, x_smooth,
     )  # fmt: skip
     return x_smooth
 
@@ -149,7 +151,7 @@ def estimated_motion(
     f_b, w_b = u[:, :3] - x[:, 10:13], u[:, 3:] - x[:, 13:16]
     motion = Motion(
         t=table.t, p_n=x[:, 0:3], v_n=x[:, 3:6], q_nb=x[:, 6:10], f_b=f_b, w_ib_b=w_b,
-        dw_b=_slope(table.t, w_b), m_n=model.m_n[None, :], g_n=model.g_n, ground_down=model.ground_down,
+        dw_b=_slope(table.t, w_b), m_n=field_along(model, x), g_n=model.g_n, ground_down=model.ground_down,
     )  # fmt: skip
     motion = replace(motion, m_b=_field(motion))
     return motion if t is None else motion.at(t)
@@ -165,6 +167,12 @@ def _slope(t: FloatArray, w: FloatArray) -> FloatArray:
     index = np.clip(np.arange(len(t))[:, None] + np.arange(-half, half + 1), 0, len(t) - 1)
     s = t[index] - t[index].mean(axis=1, keepdims=True)
     return np.asarray(np.einsum("ij,ijk->ik", s, w[index]) / np.sum(s * s, axis=1)[:, None])
+
+
+def field_along(model: FlightModel, x: FloatArray) -> FloatArray:
+    """(1, 3) or (n, 3) magnetic field in NED: as declared, or with its error as the states (n, ...) have it."""
+    layout = model.layout
+    return model.m_n[None, :] + x[:, layout.nominal("field")] if layout.has("field") else model.m_n[None, :]
 
 
 def _field(motion: Motion) -> FloatArray:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from estimator.engine_numba import _right_jacobian, _turn
+from estimator.engine_numba import CAP, _decay_over, _right_jacobian, _turn
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 
 
 @njit(**_OPTIONS)
-def _transposed_step(c, r):
-    """r <- Phi' r, the adjoint of `engine_numba._propagation`."""
+def _transposed_step(c, r, phi):
+    """r <- Phi' r, the adjoint of `engine_numba._propagation` and of the biases' decay `phi`."""
     half = c[54]
     w0, w1, w2 = r[3] + half * r[0], r[4] + half * r[1], r[5] + half * r[2]
     n0 = r[6] - c[27] * w0 - c[30] * w1 - c[33] * w2
@@ -27,10 +27,12 @@ def _transposed_step(c, r):
         r[6 + j] = c[j] * n0 + c[3 + j] * n1 + c[6 + j] * n2 - c[18 + j] * w0 - c[21 + j] * w1 - c[24 + j] * w2
         r[9 + j] -= (c[36 + j] + c[45 + j]) * w0 + (c[39 + j] + c[48 + j]) * w1 + (c[42 + j] + c[51 + j]) * w2
         r[12 + j] -= c[9 + j] * n0 + c[12 + j] * n1 + c[15 + j] * n2
+    for j in range(15, CAP):
+        r[j] *= phi[j]
 
 
 @njit(**_OPTIONS)
-def _step(c, d):
+def _step(c, d, phi):
     """d <- Phi d."""
     half = c[54]
     n, w = np.empty(3), np.empty(3)
@@ -48,6 +50,8 @@ def _step(c, d):
         d[i] += half * (d[3 + i] + w[i])
         d[3 + i] = w[i]
         d[6 + i] = n[i]
+    for j in range(15, CAP):
+        d[j] *= phi[j]
 
 
 @njit(**_OPTIONS)
@@ -62,14 +66,15 @@ def _turned(J, r, transposed):
 
 
 @njit(**_OPTIONS)
-def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, N, with_N):
-    """Carry r (24,) and N (24, 24) from the end of the stretch to its start.
+def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, walk2, rate, N, with_N):
+    """Carry r (CAP,) and N (CAP, CAP) from the end of the stretch to its start.
 
     Reading: r <- J' r, r <- r + H~' (y - U r);  N <- (I - U' H~)' J' N J (I - U' H~) + H~' H~, H~ = L^-1 H
     Step:    r <- Phi' r;                        N <- Phi' N Phi
     `r_after[s]` keeps r right after step s.
     """
-    J, temp = np.empty(9), np.empty(24)
+    J, temp = np.empty(9), np.empty(CAP)
+    phi, q = np.ones(CAP), np.zeros(CAP)
     k, s = len(step_of_event) - 1, len(r_after)
     while True:
         while k >= 0 and step_of_event[k] == s:
@@ -77,17 +82,17 @@ def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, N, with_N
             _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
             _turned(J, r, True)
             if with_N:
-                for j in range(24):
+                for j in range(CAP):
                     _turned(J, N[j], True)
                 N[:, :] = N.T.copy()
-                for j in range(24):
+                for j in range(CAP):
                     _turned(J, N[j], True)
             for a in range(m):
                 temp[a] = white[first + a]
-                for j in range(24):
+                for j in range(CAP):
                     temp[a] -= U[first + a, j] * r[j]
             for a in range(m):
-                for j in range(24):
+                for j in range(CAP):
                     r[j] += H[first + a, j] * temp[a]
             if with_N:
                 for _ in range(2):  # N <- (N - N U' H~) then the same from the other side
@@ -98,30 +103,33 @@ def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, N, with_N
         if s == 0:
             return
         s -= 1
-        for j in range(24):
+        for j in range(CAP):
             r_after[s, j] = r[j]
-        _transposed_step(steps[s], r)
+        _decay_over(steps[s, 55], CAP, rate, walk2, phi, q)
+        _transposed_step(steps[s], r, phi)
         if with_N:
-            for j in range(24):
-                _transposed_step(steps[s], N[j])
+            for j in range(CAP):
+                _transposed_step(steps[s], N[j], phi)
             N[:, :] = N.T.copy()
-            for j in range(24):
-                _transposed_step(steps[s], N[j])
+            for j in range(CAP):
+                _transposed_step(steps[s], N[j], phi)
 
 
 @njit(**_OPTIONS)
-def forward(steps, step_of_event, step_of_imu, row, white, U, turn, d, r_after, walk2, translation, x_imu, x_smooth):
+def forward(
+    steps, step_of_event, step_of_imu, row, white, U, turn, d, r_after, walk2, rate, translation, x_imu, x_smooth
+):
     """Carry the smoothed correction d = E[dx | all readings] through the stretch: d <- Phi d + Q r, d <- J (d - U' y).
 
     At every IMU sample x_smooth = x_imu (+) d.
     """
-    J = np.empty(9)
+    J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
     k, i, s = 0, 0, 0
     while True:
         while i < len(step_of_imu) and step_of_imu[i] == s:
             for j in range(6):
                 x_smooth[i, j] = x_imu[i, j] + d[j]
-            for j in range(9, 24):
+            for j in range(9, CAP):
                 x_smooth[i, j + 1] = x_imu[i, j + 1] + d[j]
             for j in range(6, 10):
                 x_smooth[i, j] = x_imu[i, j]
@@ -130,7 +138,7 @@ def forward(steps, step_of_event, step_of_imu, row, white, U, turn, d, r_after, 
         while k < len(step_of_event) and step_of_event[k] == s:
             first, m = row[k] - row[0], row[k + 1] - row[k]
             for a in range(m):
-                for j in range(24):
+                for j in range(CAP):
                     d[j] -= U[first + a, j] * white[first + a]
             _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
             _turned(J, d, False)
@@ -138,13 +146,136 @@ def forward(steps, step_of_event, step_of_imu, row, white, U, turn, d, r_after, 
         if s == len(steps):
             return
         h, q_accel, q_gyro = steps[s, 55], steps[s, 56], steps[s, 57]
-        _step(steps[s], d)
+        _decay_over(h, CAP, rate, walk2, phi, q)
+        _step(steps[s], d, phi)
         for j in range(3):
             if translation:
                 v = q_accel * h
                 d[j] += v * h * h / 3.0 * r_after[s, j] + 0.5 * v * h * r_after[s, 3 + j]
                 d[3 + j] += 0.5 * v * h * r_after[s, j] + v * r_after[s, 3 + j]
             d[6 + j] += q_gyro * h * r_after[s, 6 + j]
-        for j in range(9, 24):
+        for j in range(9, 15):
             d[j] += walk2[j] * h * r_after[s, j]
+        for j in range(15, CAP):
+            d[j] += q[j] * r_after[s, j]
         s += 1
+
+
+@njit(**_OPTIONS)
+def backward_scores(
+    steps, step_of_event, step_of_imu, row, S_row, used, weight, white, S, U, H, turn, walk2, rate, states, translation,
+    r, N, by_r, by_q_accel, by_q_gyro, by_bias,
+):  # fmt: skip
+    """`backward` with N, and what r and N say of every noise on the way; see `estimator.level_scores`.
+
+    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight.
+    """
+    J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
+    m_max = 1
+    for k in range(len(step_of_event)):
+        m_max = max(m_max, row[k + 1] - row[k])
+    L, G, y = np.zeros((m_max, m_max)), np.zeros((m_max, m_max)), np.zeros(m_max)
+    UN, UNU = np.zeros((m_max, CAP)), np.zeros((m_max, m_max))
+    k, s, i = len(step_of_event) - 1, len(steps), len(step_of_imu) - 2
+    while True:
+        while k >= 0 and step_of_event[k] == s:
+            first, m = row[k] - row[0], row[k + 1] - row[k]
+            if not used[k]:
+                k -= 1
+                continue
+            _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
+            _turned(J, r, True)
+            _turn_both(J, N, states)
+            scale = np.sqrt(weight[k])
+            for a in range(m):
+                y[a] = scale * white[first + a]
+                for j in range(states):
+                    y[a] -= U[first + a, j] * r[j]
+                for j in range(states):
+                    value = 0.0
+                    for n in range(states):
+                        value += U[first + a, n] * N[n, j]
+                    UN[a, j] = value
+            for a in range(m):
+                for b in range(m):
+                    value = 1.0 if a == b else 0.0
+                    for j in range(states):
+                        value += UN[a, j] * U[first + b, j]
+                    UNU[a, b] = value
+            for a in range(m):  # L L' = S / weight, G = L^-1
+                for b in range(a + 1):
+                    value = S[S_row[k] + a * m + b] / weight[k]
+                    for n in range(b):
+                        value -= L[a, n] * L[b, n]
+                    L[a, b] = np.sqrt(value) if a == b else value / L[b, b]
+                for b in range(a + 1):
+                    value = 1.0 if a == b else 0.0
+                    for n in range(b, a):
+                        value -= L[a, n] * G[n, b]
+                    G[a, b] = value / L[a, a]
+            for j in range(m):  # u = G' y, D = G' (1 + U N U') G
+                u, d = 0.0, 0.0
+                for a in range(j, m):
+                    u += G[a, j] * y[a]
+                    for b in range(j, m):
+                        d += G[a, j] * UNU[a, b] * G[b, j]
+                by_r[first + j] = 0.5 * (u * u - d) / weight[k]
+            for a in range(m):
+                for j in range(states):
+                    r[j] += H[first + a, j] * y[a]
+            for a in range(m):  # N <- (1 - H'U) N (1 - U'H) + H'H, one side after the other: what cancels does so once
+                for j in range(states):
+                    for n in range(states):
+                        N[j, n] -= UN[a, j] * H[first + a, n]
+            for a in range(m):
+                for n in range(states):
+                    value = 0.0
+                    for j in range(states):
+                        value += U[first + a, j] * N[j, n]
+                    UN[a, n] = H[first + a, n] - value
+            for a in range(m):
+                for j in range(states):
+                    for n in range(states):
+                        N[j, n] += H[first + a, j] * UN[a, n]
+            for j in range(states):
+                for n in range(j):
+                    N[j, n] = 0.5 * (N[j, n] + N[n, j])
+                    N[n, j] = N[j, n]
+            k -= 1
+        if s == 0:
+            return
+        s -= 1
+        while i > 0 and step_of_imu[i] > s:
+            i -= 1
+        h = steps[s, 55]
+        _decay_over(h, states, rate, walk2, phi, q)
+        for j in range(3):
+            by_q_gyro[i] += 0.5 * h * (r[6 + j] * r[6 + j] - N[6 + j, 6 + j])
+            if translation:
+                v = r[3 + j] * r[3 + j] - N[3 + j, 3 + j]
+                p = r[j] * r[3 + j] - N[j, 3 + j]
+                w = r[j] * r[j] - N[j, j]
+                by_q_accel[i] += 0.5 * h * (v + h * p + h * h / 3.0 * w)
+        for j in range(9, 15):
+            by_bias[j] += 0.5 * walk2[j] * h * (r[j] * r[j] - N[j, j])
+        for j in range(15, states):
+            by_bias[j] += 0.5 * q[j] * (r[j] * r[j] - N[j, j])
+        _transposed_step(steps[s], r, phi)
+        for j in range(states):
+            _transposed_step(steps[s], N[j], phi)
+        for j in range(states):
+            for n in range(j):
+                N[j, n], N[n, j] = N[n, j], N[j, n]
+        for j in range(states):
+            _transposed_step(steps[s], N[j], phi)
+
+
+@njit(**_OPTIONS)
+def _turn_both(J, N, states):
+    """N <- J' N J on the attitude block."""
+    for j in range(states):
+        _turned(J, N[j], True)
+    for j in range(states):
+        a, b, c = N[6, j], N[7, j], N[8, j]
+        for i in range(3):
+            N[6 + i, j] = J[i] * a + J[3 + i] * b + J[6 + i] * c

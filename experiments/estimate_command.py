@@ -12,7 +12,7 @@ from estimator.filter import Engine
 from estimator.journal import Journal
 from experiments.datasets import called, resolve
 from experiments.estimate import bias_courses, estimated, score
-from experiments.measured.preparation import prepared
+from experiments.measured.preparation import settled
 from experiments.measured.reference import reference_of
 from experiments.refused import refused
 from experiments.report.console import tell_notes, working
@@ -53,7 +53,7 @@ def run(
     if engine not in get_args(Engine):
         raise InputError("--engine", engine, "one of " + ", ".join(get_args(Engine)))
     with working("running the filter", flies=True):
-        ready = prepared(recording)
+        ready = settled(recording)
         model = ready.model.replace(relinearise=relinearise)
         journal, document = estimated(ready.recording, model, engine, states)  # type: ignore[arg-type]
         target = reference_of(recording)

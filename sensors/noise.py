@@ -16,20 +16,34 @@ from sensors.arrays import FloatArray
 
 @dataclass(frozen=True)
 class BiasProcess:
-    """A bias as a Gaussian random walk: b(0) ~ N(0, std^2), db/dt = white noise of density `walk`.
+    """A bias as a first-order Gauss-Markov process: b(0) ~ N(0, std^2), db/dt = -b / tau + white noise.
+
+    With tau infinite it is a random walk. A stationary one has walk^2 = 2 std^2 / tau (`colour`).
 
     Attributes
     ----------
     block : name of the state block, such as "b_accel"
     size : number of components
     std : 1-sigma of each component at the start [unit of the reading]
-    walk : the variance of each component grows by walk^2 t [unit/sqrt(s)]
+    walk : the variance of each component grows by walk^2 t while t is far below tau [unit/sqrt(s)]
+    tau : time constant [s]
     """
 
     block: str
     size: int
     std: float
     walk: float
+    tau: float = float("inf")
+
+    @property
+    def rate(self) -> float:
+        """1 / tau [1/s]; 0 of a random walk."""
+        return 1.0 / self.tau
+
+
+def colour(block: str, size: int, std: float, tau: float) -> BiasProcess:
+    """A stationary first-order Gauss-Markov process of standard deviation `std` and time constant `tau` [s]."""
+    return BiasProcess(block, size, std, float(std * np.sqrt(2.0 / tau)), tau)
 
 
 def sample_std(density: float, rate: float) -> float:
@@ -45,7 +59,9 @@ def density_of(std: float, rate: float) -> float:
 def random_walk(t: FloatArray, process: BiasProcess, rng: np.random.Generator) -> FloatArray:
     """Draw the bias at the instants t.
 
-    b_0 ~ N(0, std^2),  b_k = b_{k-1} + walk sqrt(t_k - t_{k-1}) n_k
+    b_0 ~ N(0, std^2),  b_k = phi b_{k-1} + sqrt(q) n_k,  phi = exp(-h / tau),  q = walk^2 tau (1 - phi^2) / 2
+
+    over h = t_k - t_{k-1}; of a random walk phi = 1 and q = walk^2 h.
 
     Parameters
     ----------
@@ -59,5 +75,11 @@ def random_walk(t: FloatArray, process: BiasProcess, rng: np.random.Generator) -
     """
     steps = rng.standard_normal((len(t), process.size))
     steps[0] *= process.std
-    steps[1:] *= process.walk * np.sqrt(np.diff(t))[:, None]
-    return np.cumsum(steps, axis=0)
+    if np.isinf(process.tau):
+        steps[1:] *= process.walk * np.sqrt(np.diff(t))[:, None]
+        return np.cumsum(steps, axis=0)
+    phi = np.exp(-np.diff(t) * process.rate)
+    steps[1:] *= (process.walk * np.sqrt(0.5 * process.tau * (1.0 - phi**2)))[:, None]
+    for k, share in enumerate(phi):
+        steps[k + 1] += share * steps[k]
+    return steps

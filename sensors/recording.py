@@ -96,6 +96,9 @@ class SensorSpec:
     velocity_noise_std : the same for GPS velocity [m/s]
     bias_walk : random walk of the bias w [unit/s/sqrt(Hz)]: its variance grows by w^2 t
     bias_std : 1-sigma of the bias at the start [unit]
+    colour_std : standard deviation of first-order (Gauss-Markov) noise beside the white noise [unit]
+    velocity_colour_std : the same of GPS velocity [m/s]
+    colour_time : its time constant [s]
     average_time : time over which one pose was averaged [s]
     imu_samples : "instant" (the value at the stamp) or "average" (over the interval before it)
     angles : (beams,) angles of a scanning laser [rad]
@@ -107,6 +110,9 @@ class SensorSpec:
     velocity_noise_std: float | None = None
     bias_walk: float | None = None
     bias_std: float | None = None
+    colour_std: float | None = None
+    velocity_colour_std: float | None = None
+    colour_time: float | None = None
     average_time: float | None = None
     imu_samples: str = "instant"
     angles: FloatArray | None = None

@@ -21,7 +21,7 @@ from estimator.smoother import smooth
 from experiments.datasets import resolve
 from experiments.measured.arguments import usage
 from experiments.measured.logs import FLIGHTS
-from experiments.measured.preparation import prepared
+from experiments.measured.preparation import settled
 from experiments.measured.reference import Mounted, attitude_error, reference_of
 from experiments.report.files import write_json
 from sensors.arrays import FloatArray, finite_or_none
@@ -94,7 +94,7 @@ def target_of(name: str, recording: Recording) -> Mounted:
 
 def ours(recording: Recording) -> Mapping[str, Attitude]:
     """The filter, and the smoother behind it."""
-    journal = prepared(recording).run()
+    journal = settled(recording).run()
     smoothed = smooth(journal)
     return {FILTER: (journal.imu_t, journal.imu_x[:, 6:10]), SMOOTHER: (smoothed.t, smoothed.x[:, 6:10])}
 

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.compass import Compass, compass_of, corrected
+from calibration.compass import DIRECTION_STD, Compass, compass_of, corrected, direction_at
 from calibration.heading import with_heading
+from calibration.levels import Levels, first_levels, fit_levels, sizes_of
 from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels
 from calibration.noise_start import within_imu
+from estimator.alignment import field_of_the_log
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
-from sensors.geomagnetism import declination, inclination
+from sensors.geomagnetism import declination, field_along, inclination
 from sensors.recording import Recording
 
 
@@ -83,6 +85,79 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     streams = headed.streams if compass is None else {**headed.streams, "mag": kept.streams["mag"]}
     as_declared = headed.replace(streams=streams, environment=declared.environment, notes=(*declared.notes, *notes))
     return Prepared(as_declared, noise, model, tuple(notes))
+
+
+def settled(recording: Recording) -> Prepared:
+    """The same for an estimate: what a recording does not declare is a size with a prior, or a state.
+
+    Readings are coloured, their innovations have a heavy tail, stamps are late by what the log shows, a field that is
+    not declared is a state near that of place and log, and where no position is measured place and speed are bounded.
+    A recording that declares everything comes back as it is.
+
+    Raises
+    ------
+    InputError : what `flight_model` raises; readings that all lie outside the IMU's time
+    """
+    if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
+        flight_model(recording)  # says what is missing
+    within = within_imu(recording)
+    sizes = sizes_of(within)
+    if not sizes:
+        return prepared(recording)
+    notes = outside_notes(recording, within)
+    m_n, covariance, said = field_beforehand(within)
+    headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
+    notes += [*said, *headed.notes[len(recording.notes) :]]
+    levels = fit_levels(headed, m_n, covariance)
+    model = levels.model(headed)
+    notes += level_notes(levels)
+    estimated = tuple((size.sensor, size.key) for size in levels.found if size.sensor in model.sensors)
+    noise = NoiseFit(levels.specs, estimated, (), log_likelihood=levels.log_posterior)
+    as_declared = headed.replace(notes=(*recording.notes, *notes))
+    return Prepared(as_declared, noise, model, tuple(notes))
+
+
+#: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
+#: steel in a room makes a tenth.
+FIELD_STD = 0.1
+
+
+def field_beforehand(recording: Recording) -> tuple[FloatArray | None, FloatArray | None, list[str]]:
+    """(3,) field that the readings are expected to show, its (3, 3) covariance, and what was taken, in words.
+
+    Its norm is that of the readings; dip and declination are those of the place, where there is one, else the dip is
+    that of the log, and north is magnetic north. None where the recording declares the field, or has no compass.
+    """
+    if "mag" not in recording.streams or recording.environment.magnetic_field is not None:
+        return None, None, []
+    found = field_of_the_log(recording)
+    norm, dip, east = float(np.linalg.norm(found)), inclination(found), 0.0
+    stds = np.array([FIELD_STD, FIELD_STD, 0.0])
+    if recording.origin is not None:
+        dip, east = direction_at(recording.origin)
+        stds[1:] = DIRECTION_STD[1], DIRECTION_STD[0] * np.cos(dip)
+    m_n = field_along(norm, dip, east)
+    along, level = m_n / norm, np.array([-np.sin(east), np.cos(east), 0.0])
+    axes = np.stack([along, np.cross(along, level), level], axis=1)
+    where = "of the place" if recording.origin is not None else "found from the log; north is magnetic north"
+    said = f"mag: field of norm {norm:.4g} from the log; dip {np.rad2deg(dip):.0f} deg, declination "
+    return m_n, norm**2 * (axes * stds**2) @ axes.T, [f"{said}{np.rad2deg(east):.1f} deg {where}; a state"]
+
+
+def level_notes(levels: Levels) -> list[str]:
+    """One line a sensor: the sizes that were found or taken from the class of instrument."""
+    lines = []
+    for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in ("in_step", "latency")):
+        parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
+        lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
+    for sensor, late in levels.latency.items():
+        lines.append(f"{sensor}: stamps {1e3 * late:.0f} ms late, by the likelihood")
+    if levels.bounds is not None:
+        held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
+        lines.append(
+            f"no position is measured: the body is taken to stay {held} (1 sigma), the likeliest of the bounds"
+        )
+    return lines
 
 
 def _is_field_open(recording: Recording) -> bool:

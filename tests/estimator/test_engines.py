@@ -13,6 +13,7 @@ from estimator.filter import outputs_for, prepare, run, run_filter
 from estimator.flight_model import flight_model
 from estimator.journal import Journal
 from estimator.strapdown import strapdown_step
+from sensors.bounds import Bounds
 from sensors.recording import SensorSpec
 from tests.estimator.analytic_flight import RATES, SPECS, fly
 
@@ -27,6 +28,14 @@ TRIOS = {
         "specs": {**SPECS, "laser": SensorSpec(noise_std=0.02, bias_std=0.1, bias_walk=1e-3)},
     },
 }  # fmt: skip
+
+
+COLOURED = {
+    "gps": replace(SPECS["gps"], colour_std=0.4, velocity_colour_std=0.2, colour_time=1.5),
+    "mag": replace(SPECS["mag"], colour_std=0.02, colour_time=3.0),
+    "baro": replace(SPECS["baro"], colour_std=0.5, colour_time=4.0),
+    "laser": replace(SPECS["laser"], colour_std=0.05, colour_time=0.7),
+}
 
 
 def difference(a: Journal, b: Journal) -> float:
@@ -46,6 +55,23 @@ def test_engines_agree(case: str) -> None:
     fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
     assert difference(fast, slow) < AGREEMENT
     assert np.array_equal(fast.status, slow.status)
+
+
+def test_engines_agree_with_colour_tails_and_an_unsure_field() -> None:
+    recording, _ = fly(11, duration=5.0)
+    model = flight_model(recording, specs=COLOURED, gate_level=None, tail=4.0, field=0.1 * np.diag([1.0, 2.0, 3.0]))
+    assert model.layout.n == 22 + 11 + 3
+    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    assert np.any(fast.weight < 1.0)
+    assert difference(fast, slow) < AGREEMENT
+
+
+def test_engines_agree_under_bounds() -> None:
+    recording, _ = fly(12, duration=5.0, sensors=("mag",))
+    model = flight_model(recording, bounds=Bounds(0.5, 1.0), specs={"mag": COLOURED["mag"]})
+    assert {"place", "speed"} <= set(model.sensors)
+    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    assert difference(fast, slow) < AGREEMENT
 
 
 def test_engines_agree_with_effects_and_earth_rotation() -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from estimator.faults import frozen_runs, saturated_runs
-from estimator.filter import run_filter
+from estimator.filter import prepare, run, run_filter
 from estimator.flight_model import flight_model
 from estimator.imu import imu_table
 from estimator.journal import Journal
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, Initial, Recording, SensorSpec, Stream
+from sensors.recording import GYRO, Initial, Recording, SensorSpec, Stream
 from tests.estimator.analytic_flight import SPECS, fly
 
 BOUND = 5.0  # sigma that an error may reach at the end of a flight with a fault in it
@@ -189,12 +189,11 @@ def test_impossible_first_state(flown, changes: dict[str, object], place: str) -
 
 @pytest.mark.parametrize("engine", ["numba", "filterpy"])
 def test_a_state_that_overflows_is_an_error_with_time_and_sensor(flown, engine: str) -> None:
-    recording, _ = flown
-    imu = recording.streams["imu"]
-    huge = {c: np.where((imu.t > 0.5) & (imu.t < 0.6), 1e308, imu[c]) for c in ACCEL}
-    model = flight_model(recording, gate_level=None)
+    inputs = prepare(flown[0], flight_model(flown[0], gate_level=None))
+    u, inside = inputs.imu.u.copy(), (inputs.imu.t > 0.5) & (inputs.imu.t < 0.6)
+    u[inside, :3] = 1e308  # beyond what a recording may hold
     with np.errstate(all="ignore"), pytest.raises(InputError, match=r"t = 0\.5.* s, sensor .*not finite"):
-        run_filter(with_stream(recording, "imu", **huge), model, engine=engine)
+        run(replace(inputs, imu=replace(inputs.imu, u=u)), engine)
 
 
 def test_poses_are_not_a_flight(flown) -> None:

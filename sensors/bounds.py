@@ -1,0 +1,102 @@
+"""Bounds of a motion that no position shows: the body stays near a place, and its speed is bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.arrays import FloatArray
+from sensors.motion import Motion
+from sensors.noise import BiasProcess
+
+#: Readings of the bounds a second: a swing of the arm lasts about as long as one of them.
+RATE = 2.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """The body is near one place, the origin: a pseudo-reading 0 = p_n + n.
+
+    What moves within a metre shows its tilt: an error d of the tilt moves the integrated body by g d t^2 / 2. It is a
+    sensor like any other, named, journalled, in the report; on only where no position aids the filter.
+
+    Neglects how the excursions of one second go on in the next: its noise is white.
+
+    Attributes
+    ----------
+    sigma : standard deviation of each coordinate about the place [m]
+    """
+
+    sigma: float
+    name: str = "place"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) m^2."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """None: the place is the origin."""
+        return None
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) position, NED [m]."""
+        return motion.p_n
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """Identity on the position."""
+        return {"position": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The velocity is bounded: a pseudo-reading 0 = v_n + n; see `Place`.
+
+    Attributes
+    ----------
+    sigma : standard deviation of each component of the velocity [m/s]
+    """
+
+    sigma: float
+    name: str = "speed"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) (m/s)^2."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """None: on average the body does not move."""
+        return None
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) velocity, NED [m/s]."""
+        return motion.v_n
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """Identity on the velocity."""
+        return {"velocity": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Both bounds: the likelier one is the narrower, and a wide one says nothing.
+
+    Attributes
+    ----------
+    place, speed : their standard deviations [m], [m/s]
+    """
+
+    place: float
+    speed: float
+
+    @property
+    def sensors(self) -> Mapping[str, Place | Speed]:
+        """As pseudo-sensors by name."""
+        return {"place": Place(self.place), "speed": Speed(self.speed)}
