@@ -37,7 +37,6 @@ from estimator.layout import StateLayout
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.model import SensorModel
 from sensors.motion import Motion
-from sensors.rotation import cos_tilt
 
 #: Length of a cell [s]: in half of it a consumer gyroscope adds 6e-5 rad, a hundredth of a magnetometer's noise.
 CELL = 0.2
@@ -166,7 +165,7 @@ def information(
     blocks, counts = {}, {}
     for name, instants in readings.items():
         inside = instants[(instants >= start) & (instants <= stop)]
-        inside = inside[_sees(name, motion.at(inside))]
+        inside = inside[_sees(sensors[name], motion.at(inside))]
         whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, rates, inside)
         blocks[name] = whole[:, square[0], square[1]] * outer
         counts[name] = len(inside)
@@ -178,11 +177,9 @@ def information(
     )  # fmt: skip
 
 
-def _sees(name: str, motion: Motion) -> BoolArray:
-    """(k,) a range finder that looks at the sky has no prediction."""
-    if name not in ("sonar", "laser"):
-        return np.ones(len(motion), dtype=np.bool_)
-    return np.asarray(cos_tilt(motion.q_nb) > 0.0)
+def _sees(sensor: SensorModel, motion: Motion) -> BoolArray:
+    """(k,) a range finder of which a beam looks at the sky has no prediction."""
+    return np.asarray(np.all(np.isfinite(sensor.predict(motion)), axis=1))
 
 
 def _padded(Phi: FloatArray, n: int) -> FloatArray:
@@ -283,8 +280,8 @@ def _cell_length(
     rates = np.median(_noise_rates(model, motion, edges, walk, grown), axis=0)
     probes = motion.at(0.5 * (edges[:-1] + edges[1:]))
     seen = []
-    for name, sensor in sensors.items():
-        here = probes.rows(_sees(name, probes))
+    for sensor in sensors.values():
+        here = probes.rows(_sees(sensor, probes))
         seen.append((_jacobian(sensor, model.layout, here), np.diag(sensor.R)))
     cell = max(CELL, least)
     while cell > 2.0 * least:

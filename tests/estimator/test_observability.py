@@ -16,9 +16,11 @@ from estimator.strapdown import strapdown_step
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
 from sensors.gps import BaseReceiver, Gps
+from sensors.laser import Laser
 from sensors.manoeuvres import Manoeuvre
 from sensors.motion import Motion
 from sensors.recording import SensorSpec
+from sensors.rotation import rpy_from_quaternion
 from sensors.scenario import Instrument, Scenario
 from sensors.simulate import simulate
 
@@ -261,3 +263,18 @@ def test_an_unknown_sensor_is_named() -> None:
 def test_a_state_that_is_not_uncertain_is_named() -> None:
     with pytest.raises(KeyError, match="no uncertain state `b_sonar`"):
         found_on(REST).index("b_sonar")
+
+
+def test_a_scan_with_a_beam_above_the_horizon_says_nothing_then() -> None:
+    """Its outer beams lie 80 deg off body down: a lean of more than 10 deg to a side lifts one above the horizon."""
+    model, motion, _ = flown(DASH)
+    scan = Laser(0.03, angles=np.deg2rad([-80.0, 0.0, 80.0]))
+    t = np.arange(0.0, 20.0, 0.05)
+    at = motion.at(t)
+    roll, pitch = np.abs(rpy_from_quaternion(at.q_nb))[:, :2].T
+    down = np.minimum(np.cos(np.deg2rad(80.0) + roll), np.cos(np.deg2rad(80.0) - roll)) * np.cos(pitch)
+    assert 0.1 < np.mean(down > 0.0) < 0.9
+    every, seen = (information(model, motion, {"laser": x}, prior(model), extra=(scan,)) for x in (t, t[down > 0.0]))
+    assert every.counts == seen.counts == {"laser": int(np.sum(down > 0.0))}
+    assert np.all(np.isfinite(every.readings["laser"]))
+    np.testing.assert_array_equal(every.readings["laser"], seen.readings["laser"])
