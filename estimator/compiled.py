@@ -23,8 +23,8 @@ def is_compiled() -> bool:
 
     if run_chunk.signatures:
         return True
-    cache = Path(run_chunk.stats.cache_path or "")
-    return cache.is_dir() and any(cache.glob("engine_numba.run_chunk-*.nbc"))
+    cache = run_chunk.stats.cache_path
+    return cache is not None and any(Path(cache).glob("engine_numba.run_chunk-*.nbc"))
 
 
 @dataclass(frozen=True)

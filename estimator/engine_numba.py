@@ -23,6 +23,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from estimator.kernel_cache import options
+
 CAP = 40  # = layout.CAPACITY
 TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
 SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, which would keep a loop from vectors
@@ -32,7 +34,7 @@ GPS, BASE, MAG, BARO, RANGE, LEVEL, SPEED = 0, 1, 2, 3, 4, 5, 6
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
 
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+_OPTIONS = options()
 _INLINE: dict[str, Any] = {**_OPTIONS, "forceinline": True}  # arrays as arguments cost more than many a body here
 
 

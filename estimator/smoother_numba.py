@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
 from estimator.engine_numba import CAP, _decay_over, _right_jacobian, _turn
+from estimator.kernel_cache import options
 
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+_OPTIONS = options()
 
 
 @njit(**_OPTIONS)

@@ -16,7 +16,7 @@ from sensors.window import WHOLE, Span, span_words
 
 def run(input: str, map_file: Path | None, json: Path | None, html: Path | None, span: Span = WHOLE) -> str:
     """Study a scenario or a recording, write what is asked for, return the summary for the terminal."""
-    with working("following what every set of sensors shows"):
+    with working("following what every set of sensors shows", flies=True):
         result = study(case_of(input, map_file, span))
     if json is not None:
         write_json(json, document(result))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from threading import Timer
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,21 @@ def first_run_note() -> str:
     return "" if is_compiled() else " (first run: compiling, once, 10 to 20 s)"
 
 
+@cache
+def tell_kernel_cache() -> None:
+    """Where compiled kernels are kept, once, where that is not as usual and they are not there yet."""
+    from estimator.kernel_cache import kernel_cache
+
+    kept, text = kernel_cache()
+    if text and not kept:
+        note(text)
+    elif text:
+        from estimator.compiled import is_compiled
+
+        if not is_compiled():
+            note(text)
+
+
 @contextmanager
 def working(what: str, flies: bool = False) -> Iterator[None]:
     """On a terminal, a line on stderr with the time that passes, once the work takes longer than a moment.
@@ -44,6 +60,8 @@ def working(what: str, flies: bool = False) -> Iterator[None]:
     ----------
     flies : whether the work runs the compiled filter
     """
+    if flies:
+        tell_kernel_cache()
     if not sys.stderr.isatty():
         yield
         return
@@ -75,6 +93,8 @@ def progress(what: str, flies: bool = False) -> Iterator[Callable[[str, int, int
     ----------
     flies : whether the work runs the compiled filter
     """
+    if flies:
+        tell_kernel_cache()
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 

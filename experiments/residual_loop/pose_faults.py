@@ -84,9 +84,10 @@ def _are_too_short(
     known = 0.0 if sigma is None else float(np.mean(sigma[keep])) * per_unit
     J, J_rest = norm_jacobian(fit.x, reading[pinned]), norm_jacobian(fit.x, reading[rest])
     off = norm_residual(fit.x, reading[pinned], norm) / max(noise, known)
-    C = np.eye(len(off)) + J @ np.linalg.pinv(J_rest.T @ J_rest, rcond=1e-12, hermitian=True) @ J.T
-    gain = float(off @ np.linalg.solve(C, off))
+    spread = J @ np.linalg.pinv(J_rest.T @ J_rest, rcond=1e-12, hermitian=True) @ J.T
+    size, axes = np.linalg.eigh(spread)  # of C = I + spread, whose inverse is found from it however large that is
+    gain = float(np.sum((axes.T @ off) ** 2 / (1.0 + np.maximum(size, 0.0))))
     m = len(off)
     log_p = float(stats.f.logsf(gain / m, m, freedom)) if noise >= known else float(stats.chi2.logsf(gain, m))
-    short = bool(np.mean(off) < 0.0) and bool(np.all(off < 3.0 * np.sqrt(np.diag(C))))
+    short = bool(np.mean(off) < 0.0) and bool(np.all(off < 3.0 * np.sqrt(1.0 + np.diag(spread))))
     return short and gain - m > DETECTABLE_LAMBDA and log_p < np.log(np.sqrt(FROZEN_LEVEL))
