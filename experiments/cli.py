@@ -125,6 +125,7 @@ def _require_place_for(folder: Path | None) -> None:
 
     if folder is not None:
         require_parent(folder.parent)
+        folder.exists()  # a name that no folder can have is an error before the work
 
 
 def _version(wanted: bool) -> None:

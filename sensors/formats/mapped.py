@@ -182,7 +182,8 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
     for quantity in quantities:
         readings = _table(log, file, quantity, f"{place} {quantity.outputs[0].rsplit('_', 1)[0]}")
         raw.append(readings)
-        values = _value(quantity, readings)
+        with np.errstate(all="ignore"):  # what is no number stays none, and is named with its row
+            values = _value(quantity, readings)
         columns |= {name: values[:, k] for k, name in enumerate(quantity.outputs)}
     lengths = {len(readings) for readings in raw}
     if len(lengths) > 1:

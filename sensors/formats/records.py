@@ -104,5 +104,6 @@ def fields_at(
         values = np.empty((len(starts), kind.itemsize), dtype=np.uint8)
         for k in range(kind.itemsize):
             values[:, k] = raw[starts + (offset + k)]
-        columns[name] = values.view(kind)[:, 0].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # what signals that it is no number still is none
+            columns[name] = values.view(kind)[:, 0].astype(np.float64)
     return columns

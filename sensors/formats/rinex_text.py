@@ -130,7 +130,8 @@ def expand(where: Path, raw: bytes) -> tuple[bytes, str]:
         complaints.seek(0)
         complaint = " ".join(complaints.read(500).decode("ascii", "replace").split())
     if process.returncode not in (0, 2):  # 2: done, with warnings
-        raise InputError(where, f"compact RINEX that cannot be expanded ({complaint})", "a complete file")
+        found = f"compact RINEX that cannot be expanded ({complaint or f'status {process.returncode}'})"
+        raise InputError(where, found, "a complete file")
     return text.getvalue(), complaint
 
 

@@ -44,7 +44,8 @@ def read_toml(path: Path) -> dict[str, object]:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(path, str(error), "TOML") from None
+        found, _, place = str(error).removesuffix(")").partition(" (at ")
+        raise InputError(path, found, "TOML", place) from None
     except RecursionError:
         raise _too_deep(path, _line(text, rf"[\[{{](?:[^\]}}]*?[\[{{]){{{DEEPEST}}}")) from None
     except ValueError:

@@ -120,6 +120,9 @@ class Topics(Mapping[str, FloatArray]):
         found = self._topics[topic]
         return fields_at(self._raw, np.array(found.at, dtype=np.int64), found.dtype, (column,))[column]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
 
