@@ -49,6 +49,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "ranging": ("tests/sensors/test_laser.py", "tests/sensors/test_sonar.py", *_CONTRACTS),
     "gps": _CONTRACTS,
     "level": _CONTRACTS,
+    "bounds": ("tests/sensors/test_bounds.py",),
     "noise": ("tests/sensors/test_noise.py", *_CONTRACTS),
     "atmosphere": ("tests/sensors/test_atmosphere.py", "tests/sensors/test_sonar.py"),
     "pseudorange": ("tests/sensors/test_pseudorange_model.py", *_GNSS),

@@ -120,21 +120,21 @@ def test_ctrl_c_ends_the_flights_and_keeps_what_was_finished(
 
 
 def test_it_goes_on_from_what_was_kept_without_a_folder_too(command: Callable[..., Command], tmp_path: Path) -> None:
-    run = fly(command, "--runs", "9", "--workers", "2")
+    run = fly(command, "--runs", "90", "--workers", "2")
     run.wait_for(lambda: len(run.processes()) >= 5)  # two workers, the fork server, the tracker
     time.sleep(0.3)
     run.interrupt()
     status, error = run.end()
     assert status == 130, error
     found = re.fullmatch(
-        r"sinan: stopped after \d of 9 flights, kept: the same command with --resume (\S+) goes on\n", error
+        r"sinan: stopped after \d+ of 90 flights, kept: the same command with --resume (\S+) goes on\n", error
     )
     assert found, error
     kept = Path(found[1])
     assert finished(kept) >= 1
     outputs = []
     for options in (["--resume", str(kept)], []):
-        whole = fly(command, "--runs", "9", "--workers", "1", *options, "--json", f"{len(options)}.json")
+        whole = fly(command, "--runs", "90", "--workers", "1", *options, "--json", f"{len(options)}.json")
         assert whole.process.wait(120) == 0
         outputs.append((tmp_path / f"{len(options)}.json").read_bytes())
     assert outputs[0] == outputs[1]
