@@ -1,5 +1,15 @@
-"""`python -m experiments` is `sinan`."""
+"""`python -m experiments` is `sinan`: signals are heard before anything is loaded that takes its time."""
 
-from experiments.cli import main
+from experiments.stopping import listening
 
-main()
+
+def main() -> None:
+    """Load the command line and run it: Ctrl-C meanwhile ends with status 130 and one line, as later."""
+    with listening():
+        from experiments.cli import main as command_line
+
+        command_line()
+
+
+if __name__ == "__main__":
+    main()

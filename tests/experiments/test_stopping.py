@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -300,4 +301,34 @@ def test_ctrl_c_that_a_library_swallows_is_heard_all_the_same(way: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SWALLOWS, way], cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False
     )
+    assert (done.returncode, done.stderr) == (130, "sinan: stopped\n")
+
+
+#: The two ways to call the command, with an interrupt where it first looks for a module.
+LOADING = """
+import os, runpy, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+
+way, module, sys.argv[1:] = sys.argv[1], sys.argv[2], ["--help"]
+sys.meta_path.insert(0, Interrupt())
+if way == "module":
+    runpy.run_module("experiments", run_name="__main__")
+else:
+    name, function = way.split(":")
+    getattr(__import__(name, fromlist=[function]), function)()
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "inspect", "experiments.labs"])
+@pytest.mark.parametrize("way", ["module", "script"])
+def test_ctrl_c_while_the_command_is_loaded(way: str, module: str) -> None:
+    if way == "script":
+        way = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["sinan"]
+    call = [sys.executable, "-c", LOADING, way, module]
+    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False)
     assert (done.returncode, done.stderr) == (130, "sinan: stopped\n")
