@@ -58,7 +58,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
 
 _EFFECTS = ("tests/contracts/test_effects_by_another_hand.py", "tests/contracts/test_effects.py")
 TARGETS |= {
-    f"effects.{path.stem}": ("tests/sensors/test_pseudorange.py", "tests/sensors/test_pseudorange_model.py")
+    f"effects.{path.stem}": tuple(f"tests/sensors/test_pseudorange{part}.py" for part in ("_effects", "", "_model"))
     if path.stem.startswith("pseudorange")
     else _EFFECTS
     for path in sorted((ROOT / "sensors" / "effects").glob("*.py"))
