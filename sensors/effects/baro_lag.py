@@ -49,13 +49,12 @@ def moments(x: FloatArray) -> tuple[FloatArray, ...]:
     recursive = [-np.expm1(-x)]
     for k in (1, 2, 3):
         recursive.append(1.0 - k * recursive[-1] / x)
-    near = np.minimum(x, 1.0)
     series = [np.zeros_like(x) for _ in range(4)]
-    term = near * np.exp(-near)
+    term = x * np.exp(-x)
     for j in range(SERIES_TERMS):
         for k in range(4):
             series[k] += term / (j + k + 1)
-        term = term * near / (j + 1)
+        term = term * x / (j + 1)
     return tuple(np.where(x < 1.0, series[k], recursive[k]) for k in range(4))
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import numpy as np
 import pytest
 
+from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect, apply_effects, effects_for
-from sensors.effects.streams import textbook_model
+from sensors.effects import CATALOGUE, Effect, apply_effects, effects_for, sonar_beam_cone, step, transient
+from sensors.effects.streams import STREAMS, textbook_model
+from sensors.laser import Laser
 from sensors.motion import Motion
 from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
@@ -143,3 +147,43 @@ def test_effects_of_one_stream_add(motion: Motion) -> None:
 def test_poses_have_no_candidates_of_moving_sensors() -> None:
     streams = {candidate.stream for candidate in effects_for("poses", ("accel", "gyro", "mag", "baro", "gps"))}
     assert streams == {"accel", "gyro", "mag"}
+
+
+@pytest.mark.parametrize("stream", STREAMS)
+@pytest.mark.parametrize("kind", [step, transient], ids=["step", "transient"])
+def test_an_offset_knows_its_stream(kind: ModuleType, stream: str) -> None:
+    """Of the whole recording where no interval is named, in a flight that has the stream, in the field's units."""
+    entry, size = kind.for_stream(stream), len(STREAMS[stream].components)
+    whole = entry.regressor(Motion(t=np.array([-5.0, 0.0, 7.0])))
+    np.testing.assert_array_equal(whole, np.broadcast_to(np.eye(size), (3, size, size)))
+    assert stream in load_scenario(entry.scenario).sensors
+    assert (entry.scenario == "base_receiver") == (stream == "base")
+    assert entry.in_field_units == (stream == "mag")
+    assert kind.for_stream(stream, size=size).parameters == entry.parameters
+
+
+@pytest.mark.parametrize("kind", [step, transient], ids=["step", "transient"])
+def test_an_offset_enters_every_component_of_a_reading(kind: ModuleType) -> None:
+    assert [p.name for p in kind.for_stream("gps").parameters] == ["north", "east", "down"]
+    assert [p.name for p in kind.for_stream("gps", size=6).parameters] == ["c0", "c1", "c2", "c3", "c4", "c5"]
+    assert [p.name for p in kind.for_stream("laser", size=2).parameters] == ["c0", "c1"]
+
+
+def test_a_late_reading_is_that_of_the_model_it_is_late_for() -> None:
+    """A scan whose beams the motion does not know: 0.2 s after, level above the ground that a body climbs from."""
+    t = np.linspace(0.0, 1.0, 11)
+    zero = np.zeros((11, 3))
+    up = np.column_stack([zero[:, :2], -5.0 - 2.0 * t])
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (11, 1))
+    motion = Motion(t, up, np.array([0.0, 0.0, -2.0]) + zero, q_nb=level, w_ib_b=zero)
+    scan = Laser(0.1, angles=np.deg2rad([0.0, 60.0]))
+    late = CATALOGUE["laser.time_offset"].apply(scan.predict(motion), np.array([0.2]), motion, scan)
+    height = 5.0 + 2.0 * (t[3:] - 0.2)
+    np.testing.assert_allclose(late[3:], np.column_stack([height, 2.0 * height]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.7, 1.1, 2.3])
+def test_upside_down_is_half_a_turn(turn: float) -> None:
+    """Rounding takes the cosine of a tilt below -1 there."""
+    upside_down = Motion(t=np.zeros(1), q_nb=np.array([[0.0, np.cos(turn) * (1.0 + 1e-15), np.sin(turn), 0.0]]))
+    assert sonar_beam_cone.tilt(upside_down)[0] == pytest.approx(np.pi)

@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from experiments.blind.maker.body import Body, Multirotor
 from experiments.blind.maker.catalogue import Hidden
@@ -23,6 +24,8 @@ from experiments.blind.maker.turning import quaternion, rot_x, rot_y
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
 from sensors.effects import CATALOGUE, Effect, effect
+from sensors.effects.algebra import airspeed
+from sensors.effects.baro_lag import moments
 from sensors.effects.streams import STREAMS, textbook_model
 from sensors.gyroscope import Gyroscope
 from sensors.laser import Laser
@@ -228,11 +231,22 @@ def test_a_beam_that_does_not_meet_an_inclined_ground_has_no_end() -> None:
     assert ranges[1] == np.inf
 
 
+@pytest.mark.parametrize("x", [1e-9, 1e-4, 0.3, 0.99, 1.0, 4.0, 30.0, 1e5])
+def test_the_lag_of_a_cubic_has_the_integrals_of_its_equation(x: float) -> None:
+    """int_0^1 x exp(-x (1 - s)) s^k ds; with u = x (1 - s) it is int_0^x exp(-u) (1 - u / x)^k du."""
+    found = moments(np.array([x]))
+    for k in range(4):
+        expected, _ = quad(lambda u, k=k: np.exp(-u) * (1.0 - u / x) ** k, 0.0, min(x, 60.0), epsabs=0.0, epsrel=1e-12)
+        assert found[k][0] == pytest.approx(expected, rel=1e-10)
+
+
 def test_an_airspeed_that_is_not_measured_is_the_speed_against_the_wind() -> None:
     entry, motion = effect("baro.airspeed"), motion_of("baro")
     known = {name: values for name, values in motion.covariates.items() if name != "airspeed"}
     windy = replace(motion, covariates={**known, "wind": body().wind[:, :2]})
     beta, reading = beta_of(entry), plain("baro")
+    assert np.array_equal(airspeed(motion), body().airspeed)
+    np.testing.assert_allclose(airspeed(windy), body().airspeed, rtol=1e-12)
     expected = entry.apply(reading, beta, motion)
     np.testing.assert_allclose(entry.apply(reading, beta, windy), expected, rtol=0.0, atol=1e-11)
     still = entry.apply(reading, beta, replace(motion, covariates=known)) - reading
