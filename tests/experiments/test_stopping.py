@@ -237,6 +237,14 @@ def test_an_error_in_a_task_does_not_wait_for_the_others() -> None:
     assert time.monotonic() - begin < 30.0
 
 
+def test_there_is_no_other_pool() -> None:
+    """What the tests above show of one pool, they show of all."""
+    makes = re.compile(r"\bProcessPoolExecutor\b|\bPool\(|\bLocalCluster\b|\.Process\(|\bos\.fork\b")
+    folders = ("sensors", "estimator", "calibration", "experiments")
+    sources = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    assert [path.name for path in sources if makes.search(path.read_text())] == ["processes.py"]
+
+
 def stopped_work() -> None:
     with going_on(lambda: " after all"):
         raise Stopped(signal.SIGINT)
