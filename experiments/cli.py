@@ -8,11 +8,14 @@ import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from experiments.labs import LABS
+
+if TYPE_CHECKING:
+    from sensors.formats.choice import Choice
 
 # The matrices are small: more threads only get in each other's way, and the last bits would depend on their number.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -71,6 +74,22 @@ Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATAS
 Map = Annotated[
     Path | None, typer.Option("--map", help="TOML file that says how to read the log (docs/formats.md)", metavar="FILE")
 ]
+_MOST_OF_A_KIND = 15
+
+
+def _number(sensor: str) -> Any:
+    """An option that says which of several sensors of a log is read."""
+    text = f"which {sensor} of a ULog or an ArduPilot log with several, from 0"
+    return typer.Option(help=text, min=0, max=_MOST_OF_A_KIND, metavar="N", show_default=False)
+
+
+Imu = Annotated[int, _number("IMU")]
+Mag = Annotated[int, _number("magnetometer")]
+Baro = Annotated[int, _number("barometer")]
+Gps = Annotated[int, _number("receiver")]
+Raw = Annotated[
+    bool, typer.Option("--raw", help="take off the autopilot's own offsets, scales and compensation (docs/formats.md)")
+]
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
@@ -117,6 +136,13 @@ def _show(text: str) -> None:
     from sensors.errors import printable
 
     typer.echo(printable(text, keep="\n"))
+
+
+def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
+    """Which of several sensors of a log are read."""
+    from sensors.formats.choice import Choice
+
+    return Choice(imu, mag, baro, gps, raw)
 
 
 def _require_place_for(folder: Path | None) -> None:
@@ -199,7 +225,19 @@ def simulate(
 
 
 @app.command()
-def convert(input: Input, out: Out, map: Map = None, start: From = None, stop: To = None, force: Force = False) -> None:
+def convert(
+    input: Input,
+    out: Out,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    force: Force = False,
+) -> None:
     """Any readable log, or a part of it -> plain recording."""
     from experiments.datasets import convert as convert_log
     from experiments.report.console import working
@@ -207,7 +245,7 @@ def convert(input: Input, out: Out, map: Map = None, start: From = None, stop: T
 
     _require_place_for(out)
     with working("converting"):
-        recording = convert_log(input, out, map, force, (start, stop))
+        recording = convert_log(input, out, map, force, (start, stop), _choice(imu, mag, baro, gps, raw))
     _show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
     if recording.truth is not None:
         _show(f"truth.csv: {', '.join(recording.truth.known)} by {reference_words(recording.truth.kind)}")
@@ -246,6 +284,11 @@ def estimate(
     map: Map = None,
     start: From = None,
     stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
     relinearise: Relinearise = False,
     json: Json = None,
     html: Html = None,
@@ -253,7 +296,8 @@ def estimate(
     """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
     from experiments.estimate_command import run
 
-    _say(lambda: run(input, engine, states, map, json, html, relinearise, (start, stop)), json, html, states=states)
+    span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, engine, states, map, json, html, relinearise, span, choice), json, html, states=states)
 
 
 @app.command()
@@ -267,14 +311,19 @@ def trace(
     map: Map = None,
     start: From = None,
     stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after."""
     from experiments.trace_command import run
 
-    only, span = sensor.value if sensor else None, (start, stop)
-    _say(lambda: run(input, only, alpha, gravity, map, json, html, span), json, html)
+    only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, only, alpha, gravity, map, json, html, span, choice), json, html)
 
 
 @app.command()
@@ -309,13 +358,18 @@ def observability(
     map: Map = None,
     start: From = None,
     stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
     from experiments.bias_observability.command import run
 
-    _say(lambda: run(input, map, json, html, (start, stop)), json, html)
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
 
 
 @app.command()

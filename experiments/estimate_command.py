@@ -30,6 +30,7 @@ from experiments.report.words import (
 )
 from experiments.residual_loop.open_source import require_kind
 from sensors.errors import InputError
+from sensors.formats.choice import FIRST, Choice
 from sensors.window import WHOLE, Span
 
 #: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
@@ -45,9 +46,10 @@ def run(
     html: Path | None,
     relinearise: bool = False,
     span: Span = WHOLE,
+    choice: Choice = FIRST,
 ) -> str:
     """Run the filter, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file, span)
+    recording = resolve(input, map_file, span, choice)
     tell_notes(recording)
     require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
     if engine not in get_args(Engine):
@@ -64,7 +66,7 @@ def run(
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
-    document["warnings"] = warnings_of(document, trace_call(input, map_file, span=span))
+    document["warnings"] = warnings_of(document, trace_call(input, map_file, span=span, choice=choice))
     if json is not None:
         write_json(json, document)
     if html is not None:

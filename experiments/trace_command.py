@@ -14,6 +14,7 @@ from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
 from sensors.errors import InputError
+from sensors.formats.choice import FIRST, Choice
 from sensors.recording import Recording
 from sensors.window import WHOLE, Span
 
@@ -27,15 +28,16 @@ def run(
     json: Path | None,
     html: Path | None,
     span: Span = WHOLE,
+    choice: Choice = FIRST,
 ) -> str:
     """Trace, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file, span)
+    recording = resolve(input, map_file, span, choice)
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
-    document = worded(report(traced), called(input, recording, span), Log(input, map_file))
+    document = worded(report(traced), called(input, recording, span), Log(input, map_file, choice))
     notes = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["window"], document["notes"] = None if span == WHOLE else list(span), notes
     warnings = [warning for part in traced.parts for warning in _not_believed(part.source)]

@@ -11,13 +11,21 @@ from experiments.bias_observability.study import study
 from experiments.report.console import working
 from experiments.report.files import write_json
 from sensors.errors import InputError
+from sensors.formats.choice import FIRST, Choice
 from sensors.window import WHOLE, Span, span_words
 
 
-def run(input: str, map_file: Path | None, json: Path | None, html: Path | None, span: Span = WHOLE) -> str:
+def run(
+    input: str,
+    map_file: Path | None,
+    json: Path | None,
+    html: Path | None,
+    span: Span = WHOLE,
+    choice: Choice = FIRST,
+) -> str:
     """Study a scenario or a recording, write what is asked for, return the summary for the terminal."""
     with working("following what every set of sensors shows", flies=True):
-        result = study(case_of(input, map_file, span))
+        result = study(case_of(input, map_file, span, choice))
     if json is not None:
         write_json(json, document(result))
     if html is not None:
@@ -28,7 +36,7 @@ def run(input: str, map_file: Path | None, json: Path | None, html: Path | None,
     return summary(result)
 
 
-def case_of(text: str, map_file: Path | None = None, span: Span = WHOLE) -> Case:
+def case_of(text: str, map_file: Path | None = None, span: Span = WHOLE, choice: Choice = FIRST) -> Case:
     """A scenario where the text names one (or is a TOML file without a map), else a recording; or a part of it.
 
     Raises
@@ -50,5 +58,5 @@ def case_of(text: str, map_file: Path | None = None, span: Span = WHOLE) -> Case
     if map_file is None and "/" not in text and not Path(text).exists():
         names = ", ".join(scenario_names())
         raise InputError(text, "no such scenario, file or folder", f"a log, DATASET/FILE, or one of {names}")
-    recording = resolve(text, map_file, span)
+    recording = resolve(text, map_file, span, choice)
     return replace(case_of_recording(recording), name=called(text, recording, span))

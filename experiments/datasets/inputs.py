@@ -8,6 +8,7 @@ from pathlib import Path
 
 from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
 from sensors.errors import InputError, printable
+from sensors.formats.choice import FIRST, Choice
 from sensors.recording import Recording
 from sensors.window import WHOLE as WHOLE_LOG
 from sensors.window import Span, span_words, window
@@ -17,7 +18,7 @@ DATA_VARIABLE = "SINAN_DATA"
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
 
-def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG) -> Recording:
+def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG, choice: Choice = FIRST) -> Recording:
     """The recording that a command's INPUT names.
 
     Parameters
@@ -27,6 +28,7 @@ def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG) -> 
         map is applied
     map_file : the map of a log that is named by its path
     span : the part of it that is asked for, in seconds after its first sample
+    choice : which of several sensors of a log that describes itself
 
     Raises
     ------
@@ -35,9 +37,9 @@ def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG) -> 
     from sensors.formats import open_log
 
     if Path(text).exists() or map_file is not None:
-        return window(open_log(Path(text), map_file), span)
+        return window(open_log(Path(text), map_file, choice), span)
     path, kept = locate(text)
-    return window(open_log(path, kept).replace(source=text), span)
+    return window(open_log(path, kept, choice).replace(source=text), span)
 
 
 def called(text: str, recording: Recording, span: Span = WHOLE_LOG) -> str:
@@ -51,13 +53,14 @@ def called(text: str, recording: Recording, span: Span = WHOLE_LOG) -> str:
 
 
 def convert(
-    text: str, folder: Path, map_file: Path | None = None, force: bool = False, span: Span = WHOLE_LOG
-) -> Recording:
+    text: str, folder: Path, map_file: Path | None = None, force: bool = False, span: Span = WHOLE_LOG,
+    choice: Choice = FIRST,
+) -> Recording:  # fmt: skip
     """Write any readable log, or a part of it, as a plain recording, with what it may be scored against.
 
     Parameters
     ----------
-    span : as for `resolve`
+    span, choice : as for `resolve`
     force : replace a recording that was written before
 
     Raises
@@ -70,7 +73,7 @@ def convert(
     if source.exists() and source.resolve() == Path(folder).resolve():
         raise InputError(folder, "the log itself", "another folder")
     require_free(folder, force)
-    recording = resolve(text, map_file, span)
+    recording = resolve(text, map_file, span, choice)
     write_recording(recording, Path(folder))
     return recording
 

@@ -35,6 +35,7 @@ from experiments.report.words import (
     stream_unit,
 )
 from sensors.effects import CATALOGUE
+from sensors.formats.choice import FIRST, Choice
 
 #: The error against a reference that an effect on a sensor spoils first.
 _SPOILED = {
@@ -62,10 +63,11 @@ def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None
 
 @dataclass(frozen=True)
 class Log:
-    """A log as the user names it, and the map that reads it."""
+    """A log as the user names it, the map that reads it, and which of several sensors are read."""
 
     input: str = "INPUT"
     map_file: Path | None = None
+    choice: Choice = FIRST
 
 
 def told(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -177,7 +179,7 @@ def _use(effect: Mapping[str, Any], log: Log) -> str:
     if Path(log.input).is_dir():
         return f"write what was found into `[effects]` of `{Path(log.input) / 'recording.toml'}`: {then}"
     map_file = ["--map", str(log.map_file)] if log.map_file else []
-    convert = shlex.join(["sinan", "convert", log.input, "run", *map_file])
+    convert = shlex.join(["sinan", "convert", log.input, "run", *map_file, *log.choice.words])
     return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"
 
 

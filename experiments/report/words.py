@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sensors.effects import CATALOGUE
+from sensors.formats.choice import FIRST, Choice
 from sensors.window import Span
 
 #: what a stream's sensor is called in a sentence
@@ -65,7 +66,13 @@ def length(metres: float) -> str:
     return f"{number(metres / 1000.0)} km" if metres >= 1000.0 else f"{number(metres)} m"
 
 
-def trace_call(input: str, map_file: Path | None = None, sensor: str | None = None, span: Span = (None, None)) -> str:
+def trace_call(
+    input: str,
+    map_file: Path | None = None,
+    sensor: str | None = None,
+    span: Span = (None, None),
+    choice: Choice = FIRST,
+) -> str:
     """The command that looks for what a model lacks, as it is typed.
 
     Parameters
@@ -73,9 +80,11 @@ def trace_call(input: str, map_file: Path | None = None, sensor: str | None = No
     input : how the user calls the log
     sensor : of several that could be meant
     span : the part of it that is asked for
+    choice : which of several sensors of it
     """
     words = ["sinan", "trace", input]
     words += [] if map_file is None else ["--map", str(map_file)]
+    words += choice.words
     words += [] if sensor is None else ["--sensor", sensor]
     for option, value in zip(("--from", "--to"), span, strict=True):
         words += [] if value is None else [option, f"{value:g}"]

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from sensors.errors import InputError
+from sensors.formats.choice import FIRST, Choice
+from sensors.formats.facts import Facts
 from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
+SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log)"
 
 
-def open_log(path: Path, map_file: Path | None = None) -> Recording:
+def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -> Recording:
     """Read a log, whatever its format.
 
     Parameters
     ----------
-    path : (1) a folder with `recording.toml`, or that file; (2) a log that describes itself (ULog); (3) a MATLAB file
-        with one variable `AccRaw`, `acc`, `MagRaw` or `mag`, 3 x n or n x 3; (4) any other log, with its map
+    path : (1) a folder with `recording.toml`, or that file; (2) a log that describes itself (ULog, dataflash); (3) a
+        MATLAB file with one variable `AccRaw`, `acc`, `MagRaw` or `mag`, 3 x n or n x 3; (4) any other, with its map
     map_file : the map that says how to read it
+    choice : which of several sensors of a log that describes itself, and whether corrections are taken off
 
     Raises
     ------
@@ -29,28 +34,70 @@ def open_log(path: Path, map_file: Path | None = None) -> Recording:
         from sensors.formats.map_file import read_map
         from sensors.formats.mapped import read_mapped
 
+        choice.require_none(path, "which a map reads")
         return read_mapped(path, read_map(Path(map_file)))
     from sensors.formats.plain import HEADER_FILE, read_recording
 
-    if path.is_dir() or path.name == HEADER_FILE:
+    if path.name == HEADER_FILE or (path / HEADER_FILE).is_file():
+        choice.require_none(path, "a plain recording")
         return read_recording(path if path.is_dir() else path.parent)
-    if not path.is_file():
-        raise InputError(path, "no such file or folder", "a log")
-    from sensors.formats.columns import content_of
-
-    content = content_of(path)
-    if content == "ulog":
-        from sensors.formats.ulog import read_ulog
-
-        return read_ulog(path)
+    content = what_is(path)
+    if (reader := _reader_of(content)) is not None:
+        return reader(path, choice)
+    choice.require_none(path, "which has no choice")
+    if content == "folder":
+        return read_recording(path)
     if content == "matlab":
         return _poses_of_matlab(path)
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
-        "ubx": "a u-blox log", "dataflash": "a text dataflash log", "zip": "a zip", "text": "text or unknown data",
+        "ubx": "a u-blox log", "zip": "a zip", "text": "text or unknown data",
     }.get(content, f"compressed data ({content})")  # fmt: skip
-    raise InputError(path, found, "a folder with recording.toml, a ULog, a .mat with one variable "
+    raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
+
+
+def what_is(path: Path) -> str:
+    """What a path holds, as `columns.content_of` says it of a file; of a folder: what log it is, or "folder".
+
+    Raises
+    ------
+    InputError : it is not there
+    """
+    if path.is_dir():
+        return "folder"
+    if not path.is_file():
+        raise InputError(path, "no such file or folder", "a log")
+    from sensors.formats.columns import content_of
+
+    return content_of(path)
+
+
+def facts_of(path: Path) -> Facts | None:
+    """What a log that describes itself says beside its readings; None of any other."""
+    content = what_is(path)
+    if content == "ulog":
+        from sensors.formats.ulog import ulog_facts
+
+        return ulog_facts(path)
+    if content in ("dataflash", "dataflash_binary"):
+        from sensors.formats.ardupilot import ardupilot_facts
+
+        return ardupilot_facts(path)
+    return None
+
+
+def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
+    """What reads a log that describes itself."""
+    if content == "ulog":
+        from sensors.formats.ulog import read_ulog
+
+        return read_ulog
+    if content in ("dataflash", "dataflash_binary"):
+        from sensors.formats.ardupilot import read_ardupilot
+
+        return read_ardupilot
+    return None
 
 
 def _poses_of_matlab(path: Path) -> Recording:

@@ -13,7 +13,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats import dataflash, matlab, mwlog, ubx, ulog_messages
+from sensors.formats import dataflash, dataflash_messages, matlab, mwlog, ubx, ulog_messages
 from sensors.formats.packed import kind_of, read_packed, require_columns
 from sensors.formats.records import RecordLayout, read_records
 from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
@@ -47,7 +47,8 @@ class FileOptions:
 
 
 def content_of(path: Path) -> str:
-    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, empty, text, or how it is packed.
+    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, empty, text, or
+    how it is packed.
 
     Raises
     ------
@@ -62,16 +63,19 @@ def content_of(path: Path) -> str:
         raise InputError(path, error.strerror or type(error).__name__, "a readable file") from None
     if not head:
         return "empty"
-    magics = {mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx"}
+    magics = {
+        mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx",
+        dataflash_messages.MAGIC: "dataflash_binary",
+    }  # fmt: skip
     for magic, content in magics.items():
         if head.startswith(magic):
             return content
-    return kind_of(head) or ("dataflash" if dataflash.MAGIC.encode() in head else "text")
+    return kind_of(head) or ("dataflash" if dataflash_messages.MAGIC_TEXT.search(head) else "text")
 
 
 def notes_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """What a reader of `read_columns` could not read and passed over."""
-    return columns.notes if isinstance(columns, ulog_messages.Topics) else ()
+    return columns.notes if isinstance(columns, ulog_messages.Topics | dataflash_messages.Columns) else ()
 
 
 def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> Mapping[str, FloatArray]:
@@ -103,6 +107,8 @@ def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> M
         return ulog_messages.read_topics(path)
     if content == "ubx":
         return ubx.read_ubx(path)
+    if content == "dataflash_binary":
+        return dataflash_messages.Columns(dataflash_messages.read_messages(path))
     if content == "dataflash":
         return dataflash.read_dataflash(path, wanted)
     return _read_text(path, options, wanted)

@@ -14,8 +14,6 @@ from sensors.errors import InputError
 from sensors.formats.packed import require_columns, require_numbers
 from sensors.formats.text_table import doubled_name, text_lines
 
-MAGIC = "FMT, 128,"
-
 
 def read_dataflash(path: Path, wanted: Collection[str]) -> dict[str, FloatArray]:
     """Columns by `TYPE.Field`, each as long as its kind has lines, and `TYPE.row` that counts them.

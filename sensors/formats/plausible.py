@@ -170,8 +170,8 @@ def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, see
     turn = -cross(w - np.median(w, axis=0), u)
     step = np.diff(t)[:, None]
     angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * step * (turn[1:] + turn[:-1]), axis=0)])
-    rows = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], max(0.3, float(np.median(step))))))
-    rows = rows[rows < len(t)]
+    interval = max(0.3, float(np.median(step)))
+    rows = np.unique(np.floor((t - t[0]) / interval), return_index=True)[1]  # the first of each
     du, expected = np.diff(u[rows], axis=0).ravel(), np.diff(angle[rows], axis=0).ravel()
     power, seen_power = float(expected @ expected), float(du @ du)
     if power <= 0.0 or seen_power <= 0.0:

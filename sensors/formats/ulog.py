@@ -2,145 +2,164 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
+from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats.ulog_messages import read_topics
-from sensors.formats.units import FIELD_UNIT
-from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, Recording, SensorSpec, Stream, Truth
+from sensors.formats.choice import FIRST, Choice, not_there
+from sensors.formats.facts import Facts, Table
+from sensors.formats.logged import averaged, beside, recording_of
+from sensors.formats.ulog_messages import Topics, read_topics
+from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 
 _MICROSECOND = 1e-6
-#: A quaternion whose norm is off one by more is none: PX4 logs zeros or NaN before its estimator has an attitude.
-_UNIT = 0.01
 #: What PX4 calls the columns of `sensors.recording.FIX_QUALITY`.
 _FIX_QUALITY = {
     "eph": "eph", "epv": "epv", "s_variance": "s_variance_m_s", "hdop": "hdop", "vdop": "vdop",
     "satellites": "satellites_used",
 }  # fmt: skip
-#: Samples are averages where they are taken over at least this part of the step to the next.
-_FILLED = 0.5
 #: `distance_sensor.type` and `.orientation` of PX4's message definition: 0 laser, 1 ultrasound; 25 looks down.
 _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
+_HECTOPASCAL = 100.0
+#: Medians of a pressure on the ground or in the air lie below in hPa, above in Pa.
+_PRESSURE_IN_PASCAL = 2000.0
+#: Pulse widths of no and of full throttle [us].
+_PULSES = (1000.0, 2000.0)
+_MOST_MOTORS = 16
+#: Further sensors of one kind are numbered, `topic#1` to `topic#15`.
+_MOST_INSTANCES = 16
 
 
-def read_ulog(path: Path) -> Recording:
-    """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motor speeds and air.
+def _vector(names: Sequence[str], field: str, ends: Sequence[str] = ("[0]", "[1]", "[2]")) -> dict[str, str]:
+    """The fields of three columns."""
+    return {name: f"{field}{end}" for name, end in zip(names, ends, strict=True)}
+
+
+#: What every firmware calls the columns of a stream: topic, and field by column; the first that is there is read. PX4
+#: 1.4 to 1.7 had the magnetometer and the barometer in `sensor_combined`, 1.8 to 1.11 one of each, later ones more.
+NAMES: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
+    "imu": (
+        ("sensor_combined", _vector(ACCEL, "accelerometer_m_s2") | _vector(GYRO, "gyro_rad")),
+        ("vehicle_imu", _vector(ACCEL, "delta_velocity") | _vector(GYRO, "delta_angle")
+         | {"over_v": "delta_velocity_dt", "over_a": "delta_angle_dt"}),
+        ("sensor_gyro", _vector(GYRO, "", "xyz")),
+    ),
+    "mag": (
+        ("vehicle_magnetometer", _vector(MAG, "magnetometer_ga")),
+        ("sensor_combined", _vector(MAG, "magnetometer_ga")),
+        ("sensor_mag", _vector(MAG, "", "xyz")),
+    ),
+    "baro": (
+        ("vehicle_air_data", {"height": "baro_alt_meter", "pressure": "baro_pressure_pa",
+                              "temperature": "baro_temp_celcius"}),
+        ("vehicle_air_data", {"height": "baro_alt_meter", "pressure": "baro_pressure_pa"}),
+        ("sensor_combined", {"height": "baro_alt_meter"}),
+        ("sensor_baro", {"pressure": "pressure", "temperature": "temperature"}),
+    ),
+    "gps": tuple(
+        (topic, dict(zip(GEODETIC, fields, strict=True)) | _vector(VELOCITY, "vel_", ("n_m_s", "e_m_s", "d_m_s"))
+         | {"fix": "fix_type"})
+        for topic in ("vehicle_gps_position", "sensor_gps")
+        for fields in (("lat", "lon", "alt_ellipsoid"), ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m"))
+    ),
+    "air": (
+        ("airspeed", {"airspeed": "true_airspeed_m_s"}),
+        ("airspeed_validated", {"airspeed": "true_airspeed_m_s"}),
+    ),
+}  # fmt: skip
+#: Of the readings before the autopilot's own correction.
+_RAW = {"imu": "sensor_gyro", "mag": "sensor_mag"}
+
+
+def read_ulog(path: Path, choice: Choice = FIRST) -> Recording:
+    """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motors and air.
 
     Positions are in NED at the first fix with three dimensions; times begin with the log's first sample, and are those
     at which samples were taken, where the log says it. Of what the
     vehicle's own estimator says the attitude is kept, as a reference. Of a damaged log `notes` say what could not be
     read, and how many rows were left out because their time goes back or they hold what is no number.
 
+    Parameters
+    ----------
+    choice : which of several sensors; the first IMU is the one that PX4 has selected (`sensor_combined`); `raw` reads
+        `sensor_mag`, `sensor_accel` and `sensor_gyro`, before PX4's correction
+
     Raises
     ------
-    InputError : no accelerometer and gyroscope; what `read_topics` and `Recording` find wrong
+    InputError : a sensor that is not there; no accelerometer and gyroscope; what `read_topics`, `Recording` find wrong
     """
-    from sensors.formats.geodetic import to_ned
-    from sensors.formats.plausible import check_units
-
     topics = read_topics(path)
-    streams, notes = _streams(topics)
-    if "imu" not in streams:
-        names = ", ".join(sorted({name.split(".")[0] for name in topics}))
-        raise InputError(path, f"no sensor_combined among the topics ({names})", "a log of accelerometer and gyroscope")
-    start = _start(streams)
-    streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
-    streams, origin, chosen = to_ned(path, streams, None)
-    recording = Recording(
-        path.stem, "flight", streams, sensors=_declared(topics), environment=Environment(field_unit=FIELD_UNIT),
-        origin=origin, source=str(path), notes=(*topics.notes, *notes, *chosen), truth=_own_attitude(topics, start),
-    )  # fmt: skip
-    check_units(recording)
-    return recording
-
-
-def _declared(topics: Mapping[str, FloatArray]) -> dict[str, SensorSpec]:
-    """What the log says of its IMU: samples that fill their steps are averages over them."""
-    taken, over = (topics.get(f"sensor_combined.{field}") for field in ("timestamp", "accelerometer_integral_dt"))
-    if taken is None or over is None or len(taken) < 2:
-        return {}
-    filled = np.median(over) > _FILLED * np.median(np.diff(taken))
-    return {"accel": SensorSpec(imu_samples="average")} if filled else {}
-
-
-def _streams(topics: Mapping[str, FloatArray]) -> tuple[dict[str, Stream], list[str]]:
-    """The streams of the topics that are there, on the log's clock, and what was left out of them."""
-    found = {
-        "imu": _imu(topics), "mag": _mag(topics), "baro": _baro(topics), "laser": _range(topics, _LASER),
-        "sonar": _range(topics, _ULTRASOUND), "gps": _gps(topics), "power": _power(topics), "motors": _motors(topics),
-        "air": _columns(topics, "airspeed", {"airspeed": "true_airspeed_m_s"}),
-    }  # fmt: skip
-    sound = {name: _sound(name, stream) for name, stream in found.items() if stream is not None}
-    notes = [note for _, said in sound.values() for note in said]
-    return {name: stream for name, (stream, _) in sound.items() if len(stream) > 0}, notes
-
-
-def _start(streams: Mapping[str, Stream]) -> float:
-    """When the recording begins, on the log's clock [s]."""
-    return min(float(stream.t[0]) for stream in streams.values())
-
-
-def _sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
-    """A stream without what damage, or a driver that knows no value, has put into it; and sentences that say so.
-
-    Left out are columns that may be missing and hold no number at all, rows that hold a gap, and the fewest rows
-    without which the time rises.
-    """
     notes: list[str] = []
-    required = {column for columns in REQUIRED_COLUMNS.get(name, ()) for column in columns}
-    finite = {column: np.isfinite(values) for column, values in stream.columns.items()}
-    empty = [column for column, good in finite.items() if not np.any(good) and column not in required]
-    if empty and len(stream):
-        notes.append(f"{name}: no number in it, left out: {', '.join(empty)}")
-    columns = {column: values for column, values in stream.columns.items() if column not in empty}
-    keep = np.all([finite[column] for column in columns], axis=0) if columns else np.zeros(len(stream), dtype=bool)
-    stream, lost = Stream(stream.t, columns).rows(keep), int(np.sum(~keep))
-    if lost:
-        notes.append(f"{name}: {lost} rows left out: not a number")
-    rising = _rising(stream.t)
-    if lost := int(np.sum(~rising)):
-        notes.append(f"{name}: {lost} rows left out: the time goes back")
-    return stream.rows(rising), notes
+    imu, sensors = _imu(path, topics, choice, notes)
+    streams = {"imu": imu, **_streams(path, topics, choice, notes)}
+    there = sorted({name.split("#")[0] for name in topics.topics})
+    return recording_of(path, streams, _own_attitude(topics), sensors, (*topics.notes, *notes), there)
 
 
-def _rising(t: FloatArray) -> BoolArray:
-    """(n,) the longest choice of rows whose time rises, by patience sorting: one wrong stamp costs one row."""
-    if np.all(np.diff(t) > 0.0):
-        return np.ones(len(t), dtype=bool)
-    tops: list[float] = []
-    rows: list[int] = []
-    before = np.full(len(t), -1, dtype=np.int64)
-    for k, value in enumerate(t.tolist()):
-        pile = bisect_left(tops, value)
-        before[k] = rows[pile - 1] if pile else -1
-        tops[pile : pile + 1], rows[pile : pile + 1] = [value], [k]
-    keep = np.zeros(len(t), dtype=bool)
-    k = rows[-1] if rows else -1
-    while k >= 0:
-        keep[k] = True
-        k = int(before[k])
-    return keep
+def ulog_facts(path: Path) -> Facts:
+    """What a log says of itself."""
+    topics = read_topics(path)
+    tables = []
+    for name in topics.topics:
+        t = topics.get(f"{name}.timestamp", np.empty(0)) * _MICROSECOND
+        span = (float(np.min(t)), float(np.max(t))) if len(t) else None
+        fields = tuple(column.split(".", 1)[1] for column in topics if column.startswith(f"{name}."))
+        tables.append(Table(name, topics.rows(name), span, fields))
+    known = topics.said.information
+    firmware = " ".join(known[key] for key in ("sys_name", "ver_sw_release", "ver_sw", "ver_hw") if key in known)
+    several = {sensor: len(_instances(topics, sensor)) for sensor in ("imu", "mag", "baro", "gps")}
+    return Facts("PX4 ULog", firmware, topics.said.parameters, tuple(tables), several, tuple(topics.said.texts))
 
 
-def _own_attitude(topics: Mapping[str, FloatArray], start: float) -> Truth | None:
-    """The attitude of the vehicle's own estimator, where it had one; `start` is t = 0 of the recording [s]."""
-    names = {column: f"q[{k}]" for k, column in enumerate(QUATERNION)}
-    stream = _columns(topics, "vehicle_attitude", names)
-    if stream is None:
-        return None
-    stream, _ = _sound("reference", stream)
-    if not stream.has(QUATERNION):
-        return None
-    stream = stream.rows(np.abs(np.linalg.norm(stream.array(QUATERNION), axis=1) - 1.0) < _UNIT)
-    return Truth(Stream(stream.t - start, stream.columns), "autopilot", aligned=True) if len(stream) else None
+def _streams(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> dict[str, Stream | None]:
+    """The streams of the topics that are there but the IMU, on the log's clock."""
+    return {
+        "mag": _mag(path, topics, choice, notes), "baro": _baro(path, topics, choice.baro),
+        "gps": _gps(path, topics, choice.gps),
+        "laser": _range(topics, _LASER), "sonar": _range(topics, _ULTRASOUND), "power": _power(topics),
+        "motors": _motors(topics), "air": _named(topics, "air", 0)[1],
+    }  # fmt: skip
 
 
-def _columns(topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, str]) -> Stream | None:
+def _called(topic: str, number: int) -> str:
+    return f"{topic}#{number}" if number else topic
+
+
+def _named(topics: Topics, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
+    """The topic of one of several sensors, and its columns; empty and None: it is not there."""
+    for topic, names in NAMES[sensor]:
+        if raw and topic != _RAW.get(sensor, topic):
+            continue
+        stream = _columns(topics, _called(topic, number), names)
+        if stream is not None and len(stream):
+            return _called(topic, number), stream
+    return "", None
+
+
+def _instances(topics: Topics, sensor: str) -> list[int]:
+    """Which of several sensors there are."""
+    return [k for k in range(_MOST_INSTANCES) if _named(topics, sensor, k)[1] is not None]
+
+
+def _asked(path: Path, topics: Topics, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
+    """The same; an error where another than the first is asked for and is not there, or none without a correction."""
+    topic, stream = _named(topics, sensor, number, raw)
+    if stream is None and number:
+        not_there(path, sensor, number, _instances(topics, sensor))
+    if stream is None and raw and _named(topics, sensor, number)[1] is not None:
+        raise InputError(path, f"no {_called(_RAW[sensor], number)}", "a log with readings before correction", "--raw")
+    return topic, stream
+
+
+def _own_attitude(topics: Topics) -> Stream | None:
+    """The attitude of the vehicle's own estimator, where it had one."""
+    return _columns(topics, "vehicle_attitude", {column: f"q[{k}]" for k, column in enumerate(QUATERNION)})
+
+
+def _columns(topics: Topics, topic: str, names: Mapping[str, str]) -> Stream | None:
     """Some fields of a topic as a stream; None where one is missing. A repeated time stamp counts once."""
     wanted = [f"{topic}.{field}" for field in ("timestamp", *names.values())]
     if any(name not in topics for name in wanted):
@@ -150,33 +169,61 @@ def _columns(topics: Mapping[str, FloatArray], topic: str, names: Mapping[str, s
     return Stream(t[first], {name: topics[f"{topic}.{field}"][first] for name, field in names.items()})
 
 
-def _taken(topics: Mapping[str, FloatArray], topic: str) -> FloatArray:
+def _taken(topics: Topics, topic: str) -> FloatArray:
     """(n,) when the samples of a topic were taken [us]; when they were published, where the log does not say that."""
     published = topics[f"{topic}.timestamp"]
     taken = topics.get(f"{topic}.timestamp_sample", published)
     return taken if np.all(taken > 0.0) else published
 
 
-def _imu(topics: Mapping[str, FloatArray]) -> Stream | None:
-    names = {f"accel_{axis}": f"accelerometer_m_s2[{k}]" for k, axis in enumerate("xyz")}
-    names |= {f"gyro_{axis}": f"gyro_rad[{k}]" for k, axis in enumerate("xyz")}
-    return _columns(topics, "sensor_combined", names)
+def _imu(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> tuple[Stream | None, dict[str, SensorSpec]]:
+    """The fused samples; of a further IMU the means over its integrals; the chips' own samples where nothing else is,
+    or on request. And what the log says of them: samples that fill their steps are averages over them.
+    """
+    topic, stream = _asked(path, topics, "imu", choice.imu)
+    if choice.raw and (own := _named(topics, "imu", choice.imu, raw=True)[1]) is not None and stream is not None:
+        if 2 * len(own) > len(stream):
+            topic, stream = _called("sensor_gyro", choice.imu), own
+        else:
+            notes.append(f"imu: --raw has no effect, {len(own)} samples of sensor_gyro beside {len(stream)} of {topic}")
+    if topic and not topic.startswith("sensor_combined"):
+        notes.append(f"imu: read from {topic}")
+    if stream is None or topic.startswith("sensor_combined"):
+        over = topics.get("sensor_combined.accelerometer_integral_dt")
+        return stream, averaged(topics["sensor_combined.timestamp"], over) if stream and over is not None else {}
+    if topic.startswith("vehicle_imu"):
+        over = stream["over_v"] * _MICROSECOND
+        with np.errstate(divide="ignore", invalid="ignore"):
+            columns = {name: stream[name] / over for name in ACCEL}
+            columns |= {name: stream[name] / (stream["over_a"] * _MICROSECOND) for name in GYRO}
+        return Stream(stream.t, columns), averaged(stream.t, over)
+    accel = _columns(topics, _called("sensor_accel", choice.imu), _vector(ACCEL, "", "xyz"))
+    if accel is None or len(accel) == 0:
+        return None, {}
+    brought = {name: np.interp(stream.t, accel.t, accel[name], left=np.nan, right=np.nan) for name in ACCEL}
+    return Stream(stream.t, {**brought, **stream.columns}), {}
 
 
-def _mag(topics: Mapping[str, FloatArray]) -> Stream | None:
-    names = {f"mag_{axis}": f"magnetometer_ga[{k}]" for k, axis in enumerate("xyz")}
-    return _columns(topics, "vehicle_magnetometer", names)
+def _mag(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> Stream | None:
+    topic, stream = _asked(path, topics, "mag", choice.mag, choice.raw)
+    if topic.startswith("sensor_mag"):
+        notes.append(f"mag: read from {topic}, without the autopilot's correction and rotation")
+    return stream
 
 
-def _baro(topics: Mapping[str, FloatArray]) -> Stream | None:
-    names = {"height": "baro_alt_meter", "pressure": "baro_pressure_pa"}
-    if "vehicle_air_data.baro_temp_celcius" in topics:  # newer logs have the air's in its place
-        names["temperature"] = "baro_temp_celcius"
-    return _columns(topics, "vehicle_air_data", names)
+def _baro(path: Path, topics: Topics, number: int) -> Stream | None:
+    _, stream = _asked(path, topics, "baro", number)
+    if stream is None or "height" in stream:
+        return stream
+    in_pascal = np.nanmedian(stream["pressure"]) > _PRESSURE_IN_PASCAL
+    pressure = stream["pressure"] * (1.0 if in_pascal else _HECTOPASCAL)  # up to PX4 1.13
+    return Stream(stream.t, {**stream.columns, "pressure": pressure})
 
 
-def _range(topics: Mapping[str, FloatArray], kind: int) -> Stream | None:
-    """Downward ranges of one kind of sensor within its own limits: beyond them there was no echo."""
+def _range(topics: Topics, kind: int) -> Stream | None:
+    """Downward ranges of one kind of sensor within its own limits: beyond them there was no echo. The first that has
+    any.
+    """
     names = {
         "range": "current_distance",
         "low": "min_distance",
@@ -184,44 +231,48 @@ def _range(topics: Mapping[str, FloatArray], kind: int) -> Stream | None:
         "kind": "type",
         "facing": "orientation",
     }
-    stream = _columns(topics, "distance_sensor", names)
-    if stream is None:
-        return None
-    inside = (stream["range"] > stream["low"]) & (stream["range"] < stream["high"])
-    keep = (stream["kind"] == kind) & (stream["facing"] == _DOWNWARD) & inside
-    return Stream(stream.t[keep], {"range": stream["range"][keep]})
+    for k in range(_MOST_INSTANCES):
+        stream = _columns(topics, _called("distance_sensor", k), names)
+        if stream is None:
+            continue
+        inside = (stream["range"] > stream["low"]) & (stream["range"] < stream["high"])
+        keep = (stream["kind"] == kind) & (stream["facing"] == _DOWNWARD) & inside
+        if np.any(keep):
+            return Stream(stream.t[keep], {"range": stream["range"][keep]})
+    return None
 
 
-def _gps(topics: Mapping[str, FloatArray]) -> Stream | None:
+def _gps(path: Path, topics: Topics, number: int) -> Stream | None:
     """Fixes in three dimensions: geodetic, with velocity. Older logs have integers of 1e-7 deg and mm, newer floats."""
-    topic = next((name for name in ("vehicle_gps_position", "sensor_gps") if f"{name}.timestamp" in topics), "")
-    old = f"{topic}.lat" in topics
-    fields = ("lat", "lon", "alt_ellipsoid") if old else ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m")
-    names = dict(zip(("latitude", "longitude", "height"), fields, strict=True))
-    names |= {f"vel_{axis}": f"vel_{axis[0]}_m_s" for axis in ("north", "east", "down")} | {"fix": "fix_type"}
-    names |= {
-        name: field for name, field in _FIX_QUALITY.items()
-        if f"{topic}.{field}" in topics and np.all(np.isfinite(topics[f"{topic}.{field}"]))
-    }  # fmt: skip
-    stream = _columns(topics, topic, names)
+    topic, stream = _asked(path, topics, "gps", number)
     if stream is None:
         return None
+    said = {name: f"{topic}.{field}" for name, field in _FIX_QUALITY.items()}
+    there = {name: field for name, field in said.items() if field in topics and np.all(np.isfinite(topics[field]))}
+    quality = _columns(topics, topic, {name: field.split(".")[1] for name, field in there.items()})
+    assert quality is not None
     good = stream["fix"] >= 3
-    units = (1e-7, 1e-7, 1e-3) if old else (1.0, 1.0, 1.0)
-    columns = {name: values[good] for name, values in stream.columns.items() if name != "fix"}
-    for name, unit in zip(("latitude", "longitude", "height"), units, strict=True):
-        columns[name] = columns[name] * unit
-    return Stream(stream.t[good], columns)
+    units = (1e-7, 1e-7, 1e-3) if f"{topic}.lat" in topics else (1.0, 1.0, 1.0)
+    scale = dict(zip(GEODETIC, units, strict=True))
+    columns = {name: stream[name] * scale.get(name, 1.0) for name in (*GEODETIC, *VELOCITY)}
+    return Stream(stream.t, {**columns, **quality.columns}).rows(good)
 
 
-def _power(topics: Mapping[str, FloatArray]) -> Stream | None:
-    return _columns(topics, "battery_status", {"current": "current_a", "voltage": "voltage_v"})
+def _power(topics: Topics) -> Stream | None:
+    """Current and voltage of the first battery, and those of further ones beside them."""
+    names = {"current": "current_a", "voltage": "voltage_v"}
+    found = [_columns(topics, _called("battery_status", k), names) for k in range(_MOST_INSTANCES)]
+    return beside([battery for battery in found if battery is not None])
 
 
-def _motors(topics: Mapping[str, FloatArray]) -> Stream | None:
-    """Motor speeds over the largest of the log: 0 to 1, proportional to the speed."""
+def _motors(topics: Topics) -> Stream | None:
+    """Speeds over the largest of the log, 0 to 1; where no controller tells them, commands."""
+    return _speeds(topics) or _commands(topics)
+
+
+def _speeds(topics: Topics) -> Stream | None:
     count = topics.get("esc_status.esc_count")
-    if count is None or len(count) == 0 or not 1 <= count[0] <= 16:
+    if count is None or len(count) == 0 or not 1 <= count[0] <= _MOST_MOTORS:
         return None
     names = {f"motor_{k + 1}": f"esc[{k}].esc_rpm" for k in range(int(count[0]))}
     stream = _columns(topics, "esc_status", names)
@@ -229,3 +280,22 @@ def _motors(topics: Mapping[str, FloatArray]) -> Stream | None:
         return None
     top = max(1.0, *(float(np.nanmax(np.abs(values), initial=0.0)) for values in stream.columns.values()))
     return Stream(stream.t, {name: np.abs(values) / top for name, values in stream.columns.items()})
+
+
+def _commands(topics: Topics) -> Stream | None:
+    """`actuator_motors` 0 to 1, NaN where there is no motor; before PX4 1.13 `actuator_outputs`, pulse widths in us."""
+    for topic, field, (least, most) in (
+        ("actuator_motors", "control", (0.0, 1.0)),
+        ("actuator_outputs", "output", _PULSES),
+    ):
+        names = {f"motor_{k + 1}": f"{field}[{k}]" for k in range(_MOST_MOTORS) if f"{topic}.{field}[{k}]" in topics}
+        stream = _columns(topics, topic, names) if names else None
+        if stream is None or len(stream) == 0:
+            continue
+        driven = {
+            name: np.clip((values - least) / (most - least), 0.0, 1.0) for name, values in stream.columns.items()
+            if np.all(np.isfinite(values)) and np.all(values <= 1.2 * most) and np.ptp(values) > 0.0
+        }  # fmt: skip
+        if driven:
+            return Stream(stream.t, {f"motor_{k}": values for k, values in enumerate(driven.values(), 1)})
+    return None

@@ -48,6 +48,8 @@ _BASE = {
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,5})\])? (\w+)", re.ASCII)
 #: The largest message, and so the most fields of a reading; how deep formats lie in one another.
 _LARGEST, _DEEPEST = 2**16, 8
+#: Texts that are kept of those that a log told its user.
+_MOST_TEXTS = 1000
 
 
 @dataclass
@@ -96,6 +98,28 @@ class _Loss:
         return f"{what}{names}: not read, {some}, {self.size} bytes, the first at byte {self.first}"
 
 
+@dataclass
+class Said:
+    """What a log says of itself: parameters as they were last, information (`sys_name`, `ver_sw`), texts."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    information: dict[str, str] = field(default_factory=dict)
+    texts: list[str] = field(default_factory=list)
+
+    def take(self, kind: bytes, body: bytes) -> None:
+        """Take in a message of a parameter, of information or of a text."""
+        if kind == b"L":
+            if len(self.texts) < _MOST_TEXTS:
+                self.texts.append(body[9:].decode("utf-8", "replace"))
+            return
+        key, value = body[1 : 1 + body[0]].decode("ascii", "replace"), body[1 + body[0] :]
+        base, _, name = key.partition(" ")
+        if kind == b"P" and base in ("int32_t", "float") and len(value) == 4:
+            self.parameters[name] = float(struct.unpack("<i" if base == "int32_t" else "<f", value)[0])
+        elif kind == b"I" and base.startswith("char["):
+            self.information[name] = value.decode("utf-8", "replace").rstrip("\0")
+
+
 class Topics(Mapping[str, FloatArray]):
     """All fields of a log by `topic.field`, each (n,); a further instance k of a topic is `topic#k.field`.
 
@@ -105,12 +129,13 @@ class Topics(Mapping[str, FloatArray]):
     ----------
     data : of the file
     topics : by name
+    said : what the log says of itself
     notes : what could not be read
     """
 
-    def __init__(self, data: bytes, topics: Mapping[str, _Topic], notes: tuple[str, ...]) -> None:
+    def __init__(self, data: bytes, topics: Mapping[str, _Topic], said: Said, notes: tuple[str, ...]) -> None:
         self._raw = np.frombuffer(data, np.uint8)
-        self._topics, self.notes = topics, notes
+        self._topics, self.said, self.notes = topics, said, notes
         self._names = {
             f"{name}.{column}": (name, column) for name, topic in topics.items() for column in topic.dtype.names or ()
         }
@@ -119,6 +144,15 @@ class Topics(Mapping[str, FloatArray]):
         topic, column = self._names[name]
         found = self._topics[topic]
         return fields_at(self._raw, np.array(found.at, dtype=np.int64), found.dtype, (column,))[column]
+
+    def rows(self, topic: str) -> int:
+        """How many readings of a topic there are."""
+        return len(self._topics[topic].at)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that have a reading."""
+        return tuple(sorted(self._topics))
 
     def __contains__(self, name: object) -> bool:
         return name in self._names
@@ -146,7 +180,7 @@ def read_topics(path: Path) -> Topics:
     notes = log.notes()
     if not topics:
         raise InputError(path, "no reading of any topic" + (f" ({notes[0]})" if notes else ""), "a log with data")
-    return Topics(data, topics, notes)
+    return Topics(data, topics, log.said, notes)
 
 
 def _members(inside: str, kind: str, count: str | None, name: str) -> list[tuple[str, str]]:
@@ -169,6 +203,7 @@ class _Messages:
         self.topics: dict[str, _Topic] = {}
         self.announced: dict[int, tuple[str, _Topic]] = {}
         self.losses: dict[str, _Loss] = {}
+        self.said = Said()
         self._landmarks: re.Pattern[bytes] | None = None
 
     def read(self) -> None:
@@ -256,6 +291,8 @@ class _Messages:
             self._announce(position, self.data[body:following])
         elif kind == b"R":
             self.announced.pop(int.from_bytes(self.data[body:following], "little"), None)
+        elif kind in (b"P", b"I", b"L"):
+            self.said.take(kind, self.data[body:following])
 
     def _announce(self, position: int, body: bytes) -> None:
         """Take in a topic; what has its number from then on is its."""

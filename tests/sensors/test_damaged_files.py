@@ -28,10 +28,12 @@ from experiments.gnss_reference import read_reference
 from experiments.scenarios import load_scenario
 from sensors.errors import InputError
 from sensors.formats import open_log
+from sensors.formats.choice import Choice
 from sensors.formats.plain import read_recording, write_recording
 from sensors.formats.rinex import read_navigation, read_observations
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from tests.estimator import gnss_simulation as simulation
+from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_ulog as ulog
 
 CASES = int(os.environ.get("SINAN_CASES", "150"))  # of each format
@@ -242,6 +244,12 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     ),
     "UBX": (ubx, read_mapped(MAP_OF_UBX)),
     "dataflash": (DATAFLASH.encode, read_mapped(MAP_OF_DATAFLASH)),
+    "dataflash, by its own names": (lambda: ardupilot.text(ardupilot.flight()), open_log),
+    "dataflash, binary": (lambda: ardupilot.binary(ardupilot.flight()), open_log),
+    "dataflash, binary, raw": (
+        lambda: ardupilot.binary(ardupilot.compensated(ardupilot.COMPASS | ardupilot.INERTIAL)[0]),
+        lambda path: open_log(path, choice=Choice(raw=True)),
+    ),
     "map": (MAP_OF_TEXT.encode, read_map),
     "map of records": (MAP_OF_RECORDS.encode, read_map),
     "scenario": (SCENARIO.encode, read_scenario),

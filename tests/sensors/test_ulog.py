@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 
 from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.ulog import _rising
+from sensors.formats import facts_of, open_log
+from sensors.formats.choice import Choice
+from sensors.formats.logged import rising
 from sensors.formats.ulog_messages import read_topics
 
 WHOLE = "px4_esc_lidar_flight/esc_status_log.ulg"
@@ -238,12 +240,12 @@ def test_rows_that_hold_no_number_or_go_back_are_left_out_and_counted(tmp_path: 
 
 
 def test_the_longest_choice_of_rows_whose_time_rises() -> None:
-    assert np.flatnonzero(_rising(np.array([1.0, 9.0, 2.0, 3.0, 3.0, 0.0, 4.0]))).tolist() in (
+    assert np.flatnonzero(rising(np.array([1.0, 9.0, 2.0, 3.0, 3.0, 0.0, 4.0]))).tolist() in (
         [0, 2, 3, 6],
         [0, 2, 4, 6],
     )
-    assert np.all(_rising(np.array([1.0, 2.0, 3.0])))
-    assert len(_rising(np.empty(0))) == 0
+    assert np.all(rising(np.array([1.0, 2.0, 3.0])))
+    assert len(rising(np.empty(0))) == 0
 
 
 @pytest.mark.parametrize(
@@ -312,3 +314,127 @@ def test_samples_that_fill_their_step_are_averages(measured_data: Path) -> None:
     """One log integrates 4.95 of 4.96 ms, the other 4 to 5 of 100 ms."""
     assert open_log(measured_data / DAMAGED).spec("accel").imu_samples == "average"
     assert open_log(measured_data / WHOLE).spec("accel").imu_samples == "instant"
+
+
+# --- several sensors, and every firmware's names -----------------------------------------------------------
+
+
+def topics_of(path: Path, *topics: tuple[str, int, str, list[tuple[object, ...]]]) -> Path:
+    """A log of some topics: name, instance, fields, readings; formats of arrays are as `struct` writes them."""
+    letters = {"uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i"}
+    parts = [HEAD]
+    for number, (name, instance, fields, readings) in enumerate(topics, 20):
+        form = "<"
+        for kind, count in re.findall(r"(\w+)(?:\[(\d+)\])? \w+;", fields):
+            form += f"{count or ''}{letters[kind]}"
+        parts.append(message("F", f"{name}:{fields}".encode()))
+        parts.append(message("A", bytes([instance]) + struct.pack("<H", number) + name.encode()))
+        parts += [message("D", struct.pack("<H", number) + struct.pack(form, *one)) for one in readings]
+    path.write_bytes(b"".join([*parts, *map(reading, range(30))]))
+    return path
+
+
+TIMES = range(1_000_000, 1_030_000, 2000)
+MAGNETOMETER = "uint64_t timestamp;float[3] magnetometer_ga;"
+SENSOR = "uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;"
+IMU_INTEGRALS = (
+    "uint64_t timestamp;float[3] delta_angle;float[3] delta_velocity;uint8_t[2] _padding0;float delta_angle_dt;"
+    "float delta_velocity_dt;"
+)
+
+
+def two_of_each(path: Path) -> Path:
+    return topics_of(
+        path,
+        ("vehicle_magnetometer", 0, MAGNETOMETER, [(t, 0.2, 0.0, 0.4) for t in TIMES]),
+        ("sensor_mag", 0, SENSOR, [(t, t, 0.25, 0.0, 0.4) for t in TIMES]),
+        ("sensor_mag", 1, SENSOR, [(t, t, 0.3, 0.0, 0.4) for t in TIMES]),
+        ("battery_status", 0, "uint64_t timestamp;float current_a;float voltage_v;", [(t, 5.0, 16.0) for t in TIMES]),
+        ("battery_status", 1, "uint64_t timestamp;float current_a;float voltage_v;", [(t, 7.0, 15.0) for t in TIMES]),
+        ("actuator_motors", 0, "uint64_t timestamp;float[3] control;",
+         [(t, 0.5 + 1e-6 * (t - 1_000_000), 0.25 + 1e-6 * (t - 1_000_000), np.nan) for t in TIMES]),
+        ("vehicle_imu", 1, IMU_INTEGRALS,
+         [(t, 0.001, 0.0, 0.0, 0.0, 0.0, -0.0196, 0, 0, 2000.0, 2000.0) for t in TIMES]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("choice", "expected"), [(Choice(), 0.2), (Choice(mag=1), 0.3), (Choice(raw=True), 0.25)], ids=["0", "1", "raw"]
+)
+def test_the_magnetometer_that_is_asked_for(tmp_path: Path, choice: Choice, expected: float) -> None:
+    recording = open_log(two_of_each(tmp_path / "a"), choice=choice)
+    assert recording.streams["mag"]["mag_x"][0] == pytest.approx(expected)
+
+
+def test_a_further_imu_is_means_over_its_integrals(tmp_path: Path) -> None:
+    recording = open_log(two_of_each(tmp_path / "a"), choice=Choice(imu=1))
+    assert recording.streams["imu"]["gyro_x"][0] == pytest.approx(0.5)  # 1 mrad in 2 ms
+    assert recording.streams["imu"]["accel_z"][0] == pytest.approx(-9.8, rel=1e-5)
+    assert recording.spec("accel").imu_samples == "average"
+
+
+def test_batteries_and_motors_beside_one_another(tmp_path: Path) -> None:
+    streams = open_log(two_of_each(tmp_path / "a")).streams
+    power = {name: values[0] for name, values in streams["power"].columns.items()}
+    assert power == pytest.approx({"current": 5.0, "voltage": 16.0, "current_2": 7.0, "voltage_2": 15.0})
+    assert {name: values[0] for name, values in streams["motors"].columns.items()} == pytest.approx(
+        {"motor_1": 0.5, "motor_2": 0.25}
+    )
+
+
+@pytest.mark.parametrize("sensor", ["imu", "mag", "baro", "gps"])
+def test_a_sensor_that_is_not_there(tmp_path: Path, sensor: str) -> None:
+    with pytest.raises(InputError, match=f"--{sensor}: no {sensor} number 5"):
+        open_log(two_of_each(tmp_path / "a"), choice=Choice(**{sensor: 5}))
+
+
+@pytest.mark.parametrize(
+    ("topic", "fields", "values", "stream", "column", "expected"),
+    [
+        ("sensor_baro", "uint64_t timestamp;float pressure;float temperature;", (950.0, 20.0), "baro", "pressure", 95e3),
+        ("sensor_baro", "uint64_t timestamp;float pressure;float temperature;", (95e3, 20.0), "baro", "pressure", 95e3),
+        ("airspeed_validated", "uint64_t timestamp;float true_airspeed_m_s;", (12.0,), "air", "airspeed", 12.0),
+        ("sensor_mag", "uint64_t timestamp;float x;float y;float z;", (0.1, 0.2, 0.3), "mag", "mag_z", 0.3),
+    ],
+)  # fmt: skip
+def test_names_of_other_firmware(
+    tmp_path: Path, topic: str, fields: str, values: tuple[float, ...], stream: str, column: str, expected: float
+) -> None:
+    path = topics_of(tmp_path / "a", (topic, 0, fields, [(t, *values) for t in TIMES]))
+    assert open_log(path).streams[stream][column][0] == pytest.approx(expected)
+
+
+def test_outputs_of_a_board_without_speed_controllers_that_talk(tmp_path: Path) -> None:
+    rows = [(t, 4, 1500.0 + k, 1250.0 + k, 0.0, 0.0) for k, t in enumerate(TIMES)]
+    path = topics_of(tmp_path / "a", ("actuator_outputs", 0, "uint64_t timestamp;uint8_t n;float[4] output;", rows))
+    motors = open_log(path).streams["motors"]
+    assert list(motors.columns) == ["motor_1", "motor_2"]
+    np.testing.assert_allclose(motors.array(("motor_1", "motor_2"))[0], [0.5, 0.25])
+
+
+def test_what_a_log_says_of_itself(tmp_path: Path) -> None:
+    path = log(
+        tmp_path / "log",
+        message("I", b"\x10char[3] sys_namePX4".replace(b"\x10", bytes([16]))),
+        message("P", bytes([16]) + b"float CAL_MAG_SC" + struct.pack("<f", 1.5)),
+        message("P", bytes([16]) + b"int32_t SYS_AUTO" + struct.pack("<i", 4001)),
+        message("L", b"\x06" + bytes(8) + b"takeoff"),
+        *map(reading, range(11)),
+    )
+    facts = facts_of(path)
+    assert facts is not None
+    assert (facts.firmware, facts.messages) == ("PX4", ("takeoff",))
+    assert facts.parameters == {"CAL_MAG_SC": 1.5, "SYS_AUTO": 4001.0}
+    assert facts.tables[0].rate == pytest.approx(1000.0)
+
+
+@pytest.mark.measured
+def test_parameters_are_as_pyulog_reads_them(measured_data: Path) -> None:
+    pyulog = pytest.importorskip("pyulog")
+    with contextlib.redirect_stdout(io.StringIO()):
+        theirs = pyulog.ULog(str(measured_data / WHOLE))
+    last = dict(theirs.initial_parameters) | {name: value for _, name, value in theirs.changed_parameters}
+    facts = facts_of(measured_data / WHOLE)
+    assert facts is not None
+    assert facts.parameters == pytest.approx(last)
+    assert facts.firmware.startswith(f"{theirs.msg_info_dict['sys_name']} {theirs.msg_info_dict['ver_sw']}")

@@ -1,0 +1,139 @@
+"""From what a log that describes itself holds to a checked recording: what is damaged left out and told."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sensors.arrays import BoolArray, FloatArray
+from sensors.errors import InputError
+from sensors.formats.geodetic import to_ned
+from sensors.formats.plausible import check_units
+from sensors.formats.units import FIELD_UNIT
+from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, Recording, SensorSpec, Stream, Truth
+
+#: A quaternion whose norm is off one by more is none: autopilots log zeros or NaN before they have an attitude.
+_UNIT = 0.01
+#: Samples are averages where they are taken over at least this part of the step to the next.
+_FILLED = 0.5
+
+
+def recording_of(
+    path: Path,
+    found: Mapping[str, Stream | None],
+    attitude: Stream | None = None,
+    sensors: Mapping[str, SensorSpec] | None = None,
+    notes: Sequence[str] = (),
+    there: Sequence[str] = (),
+    reference: str = "autopilot",
+) -> Recording:
+    """A flight of the streams that are there; times begin with the first sample.
+
+    Parameters
+    ----------
+    found : by name, on the log's clock [s]; positions may be geodetic, a magnetometer is in gauss
+    attitude : of the reference, quaternions body to NED, and what else it knows
+    sensors : what the log declares
+    notes : what could not be read, or was chosen
+    there : names of what the log holds, for the message of one that cannot be used
+    reference : kind of the reference
+
+    Raises
+    ------
+    InputError : no accelerometer and gyroscope; what `Recording` and `check_units` find wrong
+    """
+    mended = {name: sound(name, stream) for name, stream in found.items() if stream is not None}
+    said = [*notes, *(note for _, told in mended.values() for note in told)]
+    streams = {name: stream for name, (stream, _) in mended.items() if len(stream) > 0}
+    if "imu" not in streams:
+        names = ", ".join(there)
+        raise InputError(path, f"no accelerometer with a gyroscope (there are {names})", "a log with both")
+    start = min(float(stream.t[0]) for stream in streams.values())
+    streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
+    streams, origin, chosen = to_ned(path, streams, None)
+    recording = Recording(
+        path.stem, "flight", streams, sensors=sensors or {}, environment=Environment(field_unit=FIELD_UNIT),
+        origin=origin, source=str(path), notes=(*said, *chosen), truth=_reference(attitude, start, reference),
+    )  # fmt: skip
+    check_units(recording)
+    return recording
+
+
+def beside(streams: Sequence[Stream]) -> Stream | None:
+    """The first of several streams, and the columns of the others beside its own: `current`, `current_2`."""
+    streams = [stream for stream in streams if len(stream)]
+    if not streams:
+        return None
+    first = streams[0]
+    columns = dict(first.columns)
+    for k, other in enumerate(streams[1:], 2):
+        columns |= {f"{name}_{k}": np.interp(first.t, other.t, values) for name, values in other.columns.items()}
+    return Stream(first.t, columns)
+
+
+def averaged(t: FloatArray, over: FloatArray) -> dict[str, SensorSpec]:
+    """What is declared of an IMU whose samples are taken over some times: those that fill their steps are averages.
+
+    Parameters
+    ----------
+    t, over : (n,) stamps, and the time over which each sample was taken, in one unit
+    """
+    if len(t) < 2 or not np.median(over) > _FILLED * np.median(np.diff(t)):
+        return {}
+    return {"accel": SensorSpec(imu_samples="average")}
+
+
+def _reference(stream: Stream | None, start: float, kind: str) -> Truth | None:
+    """The rows of a reference that have an attitude; `start` is t = 0 of the recording [s]."""
+    if stream is None:
+        return None
+    stream, _ = sound("reference", stream)
+    if not stream.has(QUATERNION):
+        return None
+    stream = stream.rows(np.abs(np.linalg.norm(stream.array(QUATERNION), axis=1) - 1.0) < _UNIT)
+    return Truth(Stream(stream.t - start, stream.columns), kind, aligned=True) if len(stream) else None
+
+
+def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
+    """A stream without what damage, or a driver that knows no value, has put into it; and sentences that say so.
+
+    Left out are columns that may be missing and hold no number at all, rows that hold a gap, and the fewest rows
+    without which the time rises.
+    """
+    notes: list[str] = []
+    required = {column for columns in REQUIRED_COLUMNS.get(name, ()) for column in columns}
+    finite = {column: np.isfinite(values) for column, values in stream.columns.items()}
+    empty = [column for column, good in finite.items() if not np.any(good) and column not in required]
+    if empty and len(stream):
+        notes.append(f"{name}: no number in it, left out: {', '.join(empty)}")
+    columns = {column: values for column, values in stream.columns.items() if column not in empty}
+    keep = np.all([finite[column] for column in columns], axis=0) if columns else np.zeros(len(stream), dtype=bool)
+    stream, lost = Stream(stream.t, columns).rows(keep), int(np.sum(~keep))
+    if lost:
+        notes.append(f"{name}: {lost} rows left out: not a number")
+    forward = rising(stream.t)
+    if lost := int(np.sum(~forward)):
+        notes.append(f"{name}: {lost} rows left out: the time goes back")
+    return stream.rows(forward), notes
+
+
+def rising(t: FloatArray) -> BoolArray:
+    """(n,) the longest choice of rows whose time rises, by patience sorting: one wrong stamp costs one row."""
+    if np.all(np.diff(t) > 0.0):
+        return np.ones(len(t), dtype=bool)
+    tops: list[float] = []
+    rows: list[int] = []
+    before = np.full(len(t), -1, dtype=np.int64)
+    for k, value in enumerate(t.tolist()):
+        pile = bisect_left(tops, value)
+        before[k] = rows[pile - 1] if pile else -1
+        tops[pile : pile + 1], rows[pile : pile + 1] = [value], [k]
+    keep = np.zeros(len(t), dtype=bool)
+    k = rows[-1] if rows else -1
+    while k >= 0:
+        keep[k] = True
+        k = int(before[k])
+    return keep
