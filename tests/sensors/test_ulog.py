@@ -391,7 +391,7 @@ def test_a_sensor_that_is_not_there(tmp_path: Path, sensor: str) -> None:
 @pytest.mark.parametrize(
     ("topic", "fields", "values", "stream", "column", "expected"),
     [
-        ("sensor_baro", "uint64_t timestamp;float pressure;float temperature;", (950.0, 20.0), "baro", "pressure", 95e3),
+        ("sensor_baro", "uint64_t timestamp;float pressure;float temperature;", (950.0, 20), "baro", "pressure", 95e3),
         ("sensor_baro", "uint64_t timestamp;float pressure;float temperature;", (95e3, 20.0), "baro", "pressure", 95e3),
         ("airspeed_validated", "uint64_t timestamp;float true_airspeed_m_s;", (12.0,), "air", "airspeed", 12.0),
         ("sensor_mag", "uint64_t timestamp;float x;float y;float z;", (0.1, 0.2, 0.3), "mag", "mag_z", 0.3),
