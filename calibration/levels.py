@@ -19,9 +19,9 @@ from estimator.events import height_of
 from estimator.filter import RunInputs, prepare, run
 from estimator.flight_model import FlightModel, InStep, flight_model
 from estimator.imu import in_step_accel, in_step_gyro
-from estimator.journal import Journal
 from estimator.level_scores import LevelScores, level_scores
-from sensors.arrays import FloatArray, IntArray
+from estimator.tails import log_density
+from sensors.arrays import FloatArray
 from sensors.bounds import Bounds
 from sensors.errors import InputError
 from sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
@@ -236,7 +236,7 @@ class Problem:
         """Log-posterior by a forward pass alone."""
         self.runs += 1
         journal = run(self.inputs(self.levels(theta)), "numba", 0)
-        return log_likelihood(journal) - 0.5 * float(theta @ theta)
+        return journal.log_likelihood - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
         """Log-posterior and its gradient."""
@@ -250,7 +250,7 @@ class Problem:
             if size.key == "colour_time" or size.linear:
                 shifted = theta.copy()
                 shifted[i] += STEP
-                other = log_likelihood(run(self.inputs(self.levels(shifted)), "numba", 0))
+                other = run(self.inputs(self.levels(shifted)), "numba", 0).log_likelihood
                 gradient[i] = (other - value) / STEP
             else:
                 gradient[i] = size.spread * slope(inputs, scores, levels, size)
@@ -276,32 +276,14 @@ class Problem:
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
 
-def log_likelihood(journal: Journal) -> float:
-    """Of the innovations, by the law that the model gives them."""
-    used = journal.accepted
-    return _student(
-        journal.model, journal.sensors, journal.sensor[used], journal.dof[used], journal.loglik[used], journal.nis[used]
-    )
-
-
 def student(inputs: RunInputs, scores: LevelScores) -> float:
-    """The same of a run with scores."""
+    """Log-likelihood of a run with scores, by the law that the model gives its innovations."""
     events = inputs.events
     used = scores.loglik != 0.0
     m = np.diff(events.row)[used]
-    return _student(inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used])
-
-
-def _student(model: FlightModel, names: Sequence[str], sensor: IntArray, m: IntArray, normal: FloatArray,
-             nis: FloatArray) -> float:  # fmt: skip
-    """Normal up to NIS = m, and beyond it with the tail of Student: rho' is the weight that the filter gives.
-
-    rho(NIS) = m + (nu + m) log((nu + NIS) / (nu + m));  what does not depend on the sizes is left out
-    """
-    tails = np.array([model.tail_of(name) or np.inf for name in names])[sensor]
-    heavy = np.isfinite(tails) & (nis > m)
-    v, m, nis = tails[heavy], m[heavy], nis[heavy]
-    return float(np.sum(normal) + 0.5 * np.sum(nis - m - (v + m) * np.log((v + nis) / (v + m))))
+    return float(
+        np.sum(log_density(inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]))
+    )
 
 
 _ROWS = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}
@@ -381,7 +363,7 @@ def widest_bounds_needed(recording: Recording, levels: Levels) -> Levels:
         for speed in WIDER[:3]:
             bounds = Bounds(HAND.place * place, HAND.speed * speed)
             one = replace(levels, bounds=bounds)
-            tried.append((log_likelihood(run(prepare(recording, one.model(recording)), "numba", 0)), one))
+            tried.append((run(prepare(recording, one.model(recording)), "numba", 0).log_likelihood, one))
     return max(tried, key=lambda pair: pair[0])[1]
 
 

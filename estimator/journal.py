@@ -10,6 +10,7 @@ import numpy as np
 from estimator.events import ACCEPTED, GATED, STATUS
 from estimator.faults import Note
 from estimator.flight_model import FlightModel
+from estimator.tails import log_density
 from sensors.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -118,9 +119,14 @@ class Journal:
         return np.sqrt(self.var)
 
     @property
+    def log_density(self) -> FloatArray:
+        """(K,) logarithm of the density of each innovation by the law that the model gives it; `loglik` is normal."""
+        return log_density(self.model, self.sensors, self.sensor, self.dof, self.loglik, self.nis)
+
+    @property
     def log_likelihood(self) -> float:
         """Sum over the readings that were used."""
-        return float(np.sum(self.loglik[self.accepted]))
+        return float(np.sum(self.log_density[self.accepted]))
 
     def stream(self, sensor: str) -> StreamJournal:
         """The readings of one sensor.

@@ -25,7 +25,7 @@ from experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
 from experiments.benchmarks.replication import lasting
 from experiments.blind.measured.benchmark import FAILURES, words
 from experiments.measured.flights import FIRST
-from experiments.measured.preparation import Prepared, prepared
+from experiments.measured.preparation import Prepared, settled
 from experiments.measured.withheld import Predicted, Window, predicted
 from experiments.report.words import number
 from sensors.arrays import FloatArray, IntArray
@@ -188,7 +188,7 @@ def of_log(halves: Halves, rng: np.random.Generator) -> list[Comparison]:
     betas = betas_of(halves.report(0))
     if not betas:
         return []
-    ready = prepared(halves.parts[1])
+    ready = settled(halves.parts[1])
     asked = product(asked_streams(ready), LENGTHS)
     found = [compare(halves.log, ready, stream, length, betas, rng) for stream, length in asked]
     return [one for one in found if one is not None]

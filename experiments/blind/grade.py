@@ -16,7 +16,6 @@ from experiments.datasets import resolve
 from experiments.residual_loop.manoeuvre import CLASS_BOUND
 from experiments.residual_loop.open_flight import flight_source
 from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.prove import held_out
 from experiments.residual_loop.source import LEAST_SPARE, Fit, Source
 from experiments.residual_loop.term import Term
 from sensors.arrays import FloatArray
@@ -296,7 +295,7 @@ class _Truth:
         knew = self.source.fit(tuple(self.in_mean), self.in_mean, "fitting")
         if self.source.set_aside(knew):
             knew = self.source.fit(knew.terms, knew.beta, "fitting")
-        rows = [r for r in held_out(self.source.residuals(knew)) if r.stream == error["stream"]]
+        rows = [r for r in self.source.held_out(knew) if r.stream == error["stream"]]
         return float(error["after"]["rms"] / rows[0].rms) if rows and rows[0].rms > 0.0 else float("nan")
 
 

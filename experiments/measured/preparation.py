@@ -117,6 +117,11 @@ def settled(recording: Recording) -> Prepared:
     return Prepared(as_declared, noise, model, tuple(notes))
 
 
+def is_settled(recording: Recording) -> bool:
+    """Whether a recording declares the noise of all its instruments: nothing but bounds of the motion is open."""
+    return all(size.sensor == "bounds" for size in sizes_of(recording))
+
+
 #: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
 #: steel in a room makes a tenth.
 FIELD_STD = 0.1

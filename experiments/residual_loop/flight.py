@@ -12,15 +12,18 @@ from functools import partial
 
 import numpy as np
 
+from estimator.events import WITHHELD
 from estimator.faults import Note
 from estimator.filter import run_filter
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
+from estimator.tails import deviance_of
 from estimator.whiteness import whiteness
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from experiments.residual_loop.foretelling import WINDOW, gain_of, withheld_in
 from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from experiments.residual_loop.known_columns import KnownColumns
 from experiments.residual_loop.known_fits import KnownFits, Question
@@ -48,10 +51,12 @@ from experiments.residual_loop.source import (
     Signature,
     StreamResidual,
     field_unit,
+    held_out,
 )
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
 from experiments.residual_loop.wrong_readings import (
+    OUTLIER,
     SHORTEST,
     without_rows,
     without_wrong_readings,
@@ -83,15 +88,20 @@ class FlightSource:
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
     slow_error : whether a slow error of the GPS is part of the noise, where the log has one
+    foretells : whether an effect is proved by what it foretells of withheld readings, and not by one-step residuals
     """
 
-    def __init__(self, recording: Recording, model: FlightModel, slow_error: bool = True) -> None:
+    def __init__(
+        self, recording: Recording, model: FlightModel, slow_error: bool = True, foretells: bool = False
+    ) -> None:
+        self._foretells = foretells
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
         self._passes = FlightPasses(kept, ungated)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
+        self._known_foretold: dict[int, tuple[Fitted, Sequence[StreamResidual]]] = {}
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
         self._notes, self._asks_for_slow_error = kept.notes, slow_error
@@ -452,7 +462,9 @@ class FlightSource:
         for stream, (before, count) in self.wrong.items():
             wrong = min(before, len(wrong_rows(journal, stream)))
             if wrong >= _LEAST_OUTLIERS:
-                log_p = float(stats.binom.logsf(wrong - 1, count, 2.0 * stats.norm.sf(6.0)))
+                tail = self.model.tail_of(stream)
+                chance = 2.0 * (stats.norm.sf(OUTLIER) if tail is None else stats.t.sf(OUTLIER, tail))
+                log_p = float(stats.binom.logsf(wrong - 1, count, chance))
                 share = np.array([wrong / count])
                 found.append(LocalFinding(Term(f"{stream}.outliers"), float(wrong), 1, log_p, share))
         return found
@@ -515,12 +527,62 @@ class FlightSource:
             keep = one.accepted
             if np.any(keep):
                 held = one.t[keep] > self._passes.split
-                known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)
-                unit = {"mag": known, "level": "m/s^2"}.get(name, "m")
+                unit, white = self._unit_of(name), one.white * np.sqrt(one.weight)[:, None]
                 rows.append(
-                    StreamResidual(name, one.t[keep], one.nu[keep], one.white[keep], held, unit, {}, one.index[keep])
+                    StreamResidual(name, one.t[keep], one.nu[keep], white[keep], held, unit, {}, one.index[keep])
                 )
         return rows
+
+    def foretells(self, fit: Fit, without: Fit) -> bool | None:
+        """Whether the withheld readings of all streams are foretold better; None where the noise is declared, or the
+        log has no two windows.
+        """
+        if not self._foretells or self._passes.end - self._passes.start < 3.0 * WINDOW:
+            return None
+        before, after = (self._foretold(one) for one in (without, fit))
+        return gain_of(before, after, self._passes.start).is_sure
+
+    def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
+        """Of what the fit foretells of withheld readings, where an effect is proved by that."""
+        told = self._foretells and self._passes.end - self._passes.start >= 3.0 * WINDOW
+        found = held_out(self._foretold(fit)) if told else []
+        return found or held_out(self.residuals(fit))
+
+    def _foretold(self, fit: Fit) -> Sequence[StreamResidual]:
+        """Readings of each instrument less what the fit foretells of them from at most `WINDOW` seconds before."""
+        state = _state(fit)
+        known = self._known_foretold.get(id(state))
+        if known is not None and known[0] is state:
+            return known[1]
+        found = []
+        for name in self._local_streams:
+            if name in self.model.sensors:
+                parts = [
+                    self._passes.run_withheld(name, held, state.along).stream(name)
+                    for held in withheld_in(self._passes.start, self._passes.end)
+                ]
+                seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
+                t, index, nu, white = (
+                    np.concatenate([getattr(one, key)[keep] for one, keep in seen])
+                    for key in ("t", "index", "nu", "white")
+                )
+                nis = np.sum(white**2, axis=1)
+                own = deviance_of(nis, white.shape[1], self.model.tail_of(name))
+                white = white * np.sqrt(own / np.maximum(nis, 1e-300))[:, None]
+                order = np.argsort(t, kind="stable")
+                if len(order):
+                    held = t[order] > self._passes.split
+                    found.append(
+                        StreamResidual(
+                            name, t[order], nu[order], white[order], held, self._unit_of(name), {}, index[order]
+                        )
+                    )
+        self._known_foretold[id(state)] = state, found
+        return found
+
+    def _unit_of(self, name: str) -> str:
+        known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)
+        return {"mag": known, "level": "m/s^2"}.get(name, "m")
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the whitened innovations of its stream, and those innovations; an effect on the

@@ -151,6 +151,12 @@ class FlightPasses:
         """The same where the noise of the GPS is white; `stride` IMU samples between logged states, 0: none."""
         return pass_along(along, wanted, blocks=0, keep_rows=1, stride=stride)
 
+    @staticmethod
+    def run_withheld(stream: str, held: Sequence[tuple[float, float]], along: Along) -> Journal:
+        """A pass that is not given a stream's readings of some windows, but says what it foretells of them."""
+        model = along.model.replace(withheld={stream: held})
+        return pass_along(replace(along, model=model), [], blocks=0, keep_rows=1, stride=0)[0]
+
     def _drift(self, law: Law, recording: Recording) -> GpsDrift:
         """The slow error of the GPS in the passes over the readings of a recording, about the plain model."""
         for known, drift in self._drifts:
@@ -301,7 +307,7 @@ class FlightPasses:
     def deviance(self, journal: Journal, part: Part) -> float:
         """-2 log likelihood of a part."""
         used = (journal.status == ACCEPTED) & self.in_part(journal.t, part)
-        return float(-2.0 * np.sum(journal.loglik[used]))
+        return float(-2.0 * np.sum(journal.log_density[used]))
 
     def _settled(self, motion: Motion) -> Motion:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""

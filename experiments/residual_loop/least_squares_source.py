@@ -19,7 +19,16 @@ from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.linear_problem import LinearProblem, Rows
 from experiments.residual_loop.localise import OffsetScan, find_interval, refine
 from experiments.residual_loop.onsets import Step, declared_step, refined
-from experiments.residual_loop.source import LEAST_SPARE, FieldUnit, Fit, LocalFinding, Part, Signature, StreamResidual
+from experiments.residual_loop.source import (
+    LEAST_SPARE,
+    FieldUnit,
+    Fit,
+    LocalFinding,
+    Part,
+    Signature,
+    StreamResidual,
+    held_out,
+)
 from experiments.residual_loop.term import Term, declaration
 from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
@@ -412,6 +421,14 @@ class LeastSquaresSource:
                 np.flatnonzero(keep),
             )
         ]
+
+    def foretells(self, fit: Fit, without: Fit) -> bool | None:
+        """None: nothing errs longer in a set of poses."""
+        return None
+
+    def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
+        """The rows that no fitting part has."""
+        return held_out(self.residuals(fit))
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the residuals of a model without it, as far as the fit does not take it up."""

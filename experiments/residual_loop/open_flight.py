@@ -19,8 +19,15 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
     slow_error : see `FlightSource`
     """
     from estimator.relinearise import is_coarse
-    from experiments.measured.preparation import prepared
+    from experiments.measured.preparation import is_settled, prepared, settled
 
-    ready = prepared(recording, keep_shifted=True)
-    coarse = is_coarse(ready.recording, ready.model)
-    return FlightSource(ready.recording, ready.model.replace(relinearise=coarse), slow_error)
+    declared = is_settled(recording)
+    if declared:
+        ready = prepared(recording, keep_shifted=True)
+        model = ready.model
+    else:
+        ready = settled(recording)
+        model = ready.model.replace(latency={})
+        slow_error = False
+    coarse = is_coarse(ready.recording, model)
+    return FlightSource(ready.recording, model.replace(relinearise=coarse), slow_error, foretells=not declared)

@@ -12,7 +12,7 @@ from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
 from experiments.residual_loop.source import Fit, Source, StreamResidual
 from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding
+from experiments.residual_loop.trials import Finding, fit_without
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 
@@ -184,11 +184,6 @@ def rms_interval(squares: FloatArray, rng: np.random.Generator) -> tuple[float, 
     return float(low), float(high)
 
 
-def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
-    """The held-out rows of each stream that has any."""
-    return [r.rows(r.held_out) for r in residuals if np.any(r.held_out)]
-
-
 def known_from_fitting(source: Source, selection: Selection) -> frozenset[Term]:
     """The terms whose size the fitting part of the data can tell: one in an interval may lie outside it."""
     terms = selection.final.terms
@@ -247,7 +242,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     plain = source.fit((), part="fitting")
     noise = _noise(source, selection.final)
     unknown = _unknown(selection, known)
-    before, after = (_told(source, unknown, held_out(source.residuals(fit))) for fit in (plain, fitting))
+    before, after = (_told(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
     of_all = before, after, all_before, all_after
     stream = stream_in_question(source, selection, set.intersection(*({r.stream for r in part} for part in of_all)))
@@ -265,7 +260,7 @@ def _contribution(
 ) -> Contribution:
     """Of one effect: the model of the fitting part with and without it."""
     without, unknown = _fitted_on_the_rest(source, selection, known - {finding.term}), _unknown(selection, known)
-    before, after = (_told(source, unknown, held_out(source.residuals(fit))) for fit in (without, fitted))
+    before, after = (_told(source, unknown, source.held_out(fit)) for fit in (without, fitted))
     names = {r.stream for r in before} & {r.stream for r in after}
     stream = stream_in_question(source, replace(selection, findings=(finding,)), names)
     first, second = (next(r for r in part if r.stream == stream) for part in (before, after))
@@ -275,7 +270,7 @@ def _contribution(
 
 def changes(source: Source, plain: Fit, fitted: Fit, streams: Sequence[str]) -> tuple[Change, ...]:
     """Held-out RMS of streams by two models of the fitting part, where both foretell them."""
-    before, after = ({r.stream: r for r in held_out(source.residuals(fit))} for fit in (plain, fitted))
+    before, after = ({r.stream: r for r in source.held_out(fit)} for fit in (plain, fitted))
     both = [(before[name], after[name]) for name in streams if name in before and name in after]
     return tuple(Change(first.stream, first.unit, first.rms, second.rms) for first, second in both)
 
@@ -305,6 +300,8 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
     """
+    if source.foretells(selection.final, selection.final) is not None:
+        return _not_foretold(source, selection)
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     fitted = _fitted_on_the_rest(source, selection, known)
@@ -315,6 +312,18 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
         if not _is_borne_out(source, fitted, without, term, unknown):
             dropped.append(term)
             fitted = without
+    return tuple(reversed(dropped))
+
+
+def _not_foretold(source: Source, selection: Selection) -> tuple[Term, ...]:
+    """Effects without which withheld readings are foretold as well, the last found asked first."""
+    fit, dropped = selection.final, list[Term]()
+    for finding in reversed(selection.findings):
+        if finding.term.in_mean:
+            without = fit_without(source, fit, finding.term)
+            if not source.foretells(fit, without):
+                dropped.append(finding.term)
+                fit = without
     return tuple(reversed(dropped))
 
 
@@ -373,15 +382,15 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     of the change of their residuals; intervals that are not known are left out.
     """
     gain, change = 0.0, 0.0
-    residuals = source.residuals(fitted)
+    residuals = source.held_out(fitted)
     concerned = {term: _concerned(source, term, residuals) for term in unknown}
     both = {r.stream: r for r in residuals}  # a model may foretell no reading of a stream
-    for one in source.residuals(without):
+    for one in source.held_out(without):
         other = both.get(one.stream)
         if other is None:
             continue
         _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
-        held = one.held_out[mine] & other.held_out[same]
+        held = np.ones(len(mine), dtype=bool)
         for term in unknown:
             if one.stream in concerned[term]:
                 held &= ~term.covers(one.t[mine])

@@ -281,8 +281,23 @@ class Source(Protocol):
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""
 
+    def foretells(self, fit: Fit, without: Fit) -> bool | None:
+        """Whether a fit foretells withheld readings better than another, by which an effect is then proved; None where
+        the one-step residual is the proof: the noise is declared, or there is no time in which a model could err.
+        """
+
+    def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
+        """The held-out rows of each stream that has any: of what the fit foretells of withheld readings, where that is
+        the proof, else of its residuals.
+        """
+
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""
+
+
+def held_out(residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
+    """The held-out rows of each stream that has any."""
+    return [r.rows(r.held_out) for r in residuals if np.any(r.held_out)]
 
 
 def field_unit(norm: float, known: str = "") -> str:

@@ -31,7 +31,7 @@ from experiments.blind.maker.scene import POWER_EXPONENT
 from experiments.blind.measured.surroundings import Along, along
 from experiments.blind.measured.wander import errors, imu_wander, scatter, wander
 from experiments.measured.minutes import lively_starts
-from experiments.measured.preparation import Prepared, prepared
+from experiments.measured.preparation import Prepared, settled
 from sensors.arrays import FloatArray
 from sensors.constants import STANDARD_GRAVITY
 from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
@@ -95,7 +95,7 @@ def minute_of(recording: Recording, rng: np.random.Generator) -> Minute:
     whole = recording.replace(truth=None)  # nothing is scored, and nothing beside the answer is given away
     part = as_predicted(between(whole, begin - MARGIN, begin + LENGTH + MARGIN))
     part, drawn = with_covariates(part, rng)
-    ready = prepared(part)
+    ready = settled(part)
     end = min(begin + LENGTH, float(part.streams["imu"].t[-1]) + 1e-9)
     return Minute(part, begin, end, drawn, along(part, ready), ready)
 
