@@ -9,9 +9,10 @@ repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
-from estimator.smoother import estimated_motion, smooth
+from estimator.smoother import estimated_motion, smooth, with_imu
 from estimator.wiener import signal_part, without_vibration
 from sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sensors.covariates import covariates_for
@@ -38,8 +39,11 @@ STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
 INVERSION_ROUNDS = 5
 #: A round that changes nothing by more than this was the last [m/s^2, rad/s].
 INVERTED = 1e-9
-#: Rows on which it is found out by which states an effect changes.
-PROBES = 32
+#: Rows on which it is found out by which states an effect changes, and those that are evaluated at once: few cost as
+#: much as the calls, and many more leave the processor's cache.
+PROBES, AT_ONCE = 32, 4000
+#: What of the motion goes with position, velocity or attitude: an effect that needs none of it does not.
+OF_STATE = frozenset({"p_n", "v_n", "q_nb", "m_b", "airspeed"})
 
 
 def is_lateness(entry: Effect) -> bool:
@@ -153,20 +157,18 @@ def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightMo
 
 def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
     """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
-    states = smooth(journal)
     assert isinstance(journal.run, RunInputs)
-    plain = replace(journal, run=replace(journal.run, imu=table))
-    motion = estimated_motion(plain, smoothed=states)
+    motion = estimated_motion(replace(journal, run=replace(journal.run, imu=table)), smoothed=smooth(journal))
     if not (terms.of_stream("accel") or terms.of_stream("gyro")):
         return motion
-    corrections = np.zeros_like(table.u)
+    as_read, corrections = np.hstack([motion.f_b, motion.w_ib_b]), np.zeros_like(table.u)
     for _ in range(INVERSION_ROUNDS - 1):
         better = imu_corrections(recording, terms, motion)
         settled = np.max(np.abs(better - corrections), initial=0.0) < INVERTED
         corrections = better
         if settled:
             break
-        motion = estimated_motion(plain, smoothed=states, corrections=corrections)
+        motion = with_imu(motion, as_read - corrections)
     return motion
 
 
@@ -211,8 +213,12 @@ class Along:
     def at(self, name: str) -> Motion:
         """The motion, with covariates, at the instants at which a sensor's readings were valid."""
         if name not in self._at:
-            t = stamps(self.recording, self.model, name) - self.terms.lateness(name)
-            self._at[name] = with_covariates(self.recording, name, self.motion.at(t))
+            names = tuple(self.model.sensors) if self.model.relinearise else (name,)  # where all will be asked for
+            t = [stamps(self.recording, self.model, n) - self.terms.lateness(n) for n in names]
+            ends = np.cumsum([0, *map(len, t)])
+            together = self.motion.at(np.concatenate(t))
+            for n, (first, last) in zip(names, pairwise(ends), strict=True):
+                self._at[n] = with_covariates(self.recording, n, together.rows(slice(first, last)))
         return self._at[name]
 
     def finer(self, name: str) -> tuple[Motion, FloatArray, IntArray]:
@@ -302,28 +308,34 @@ def stream_form(along: Along, name: str) -> StreamForm:
         else:
             pairs.append((entry, beta))
 
-    def added(m: Motion) -> FloatArray:
+    def added(m: Motion, pairs: Sequence[tuple[Effect, FloatArray]]) -> FloatArray:
         plain = sensor.predict(m)
         return sum((entry.change(plain, beta, m, sensor) for entry, beta in pairs), np.zeros_like(plain))
 
-    if pairs:
-        with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
-            offset += added(at)
-            for k in _states_that_matter(at, added):
-                D[:, :, k] = (added(moved(at, k, STEPS[k])) - added(moved(at, k, -STEPS[k]))) / (2.0 * STEPS[k])
+    offset += added(at, pairs)
+    moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
+    if moving:
+        of_moving = partial(added, pairs=moving)
+        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+        slopes = _slopes(of_moving, probe, range(9))
+        states = [k for k in range(9) if np.any(np.abs(slopes[k]) > 1e-12)]
+        if states:
+            D[:, :, states] = np.moveaxis(_slopes(of_moving, at, states), 0, -1)
     return StreamForm(
         zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
     )
 
 
-def _states_that_matter(at: Motion, added: Callable[[Motion], FloatArray]) -> list[int]:
-    """The components of position, velocity and attitude that change what effects add, at some of the instants."""
-    probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
-    n, d = len(probe), np.zeros((2, 9, len(probe), 9))
-    for k, step in enumerate(STEPS):
-        d[0, k, :, k], d[1, k, :, k] = step, -step
-    ahead, behind = added(displaced(probe.rows(np.tile(np.arange(n), 18)), d.reshape(-1, 9))).reshape(2, 9, -1)
-    return [int(k) for k in np.flatnonzero(np.any(np.abs(ahead - behind) > 1e-12 * STEPS[:, None], axis=1))]
+def _slopes(function: Callable[[Motion], FloatArray], motion: Motion, states: Sequence[int]) -> FloatArray:
+    """(states, n, m) derivative of a function of the motion, (n, m), by components of position, velocity and attitude:
+    differences over `STEPS`, so many from one call as make no more rows than `AT_ONCE`.
+    """
+    each = np.eye(9)[list(states)] * STEPS
+    ends, together = np.concatenate([each, -each]), max(1, AT_ONCE // len(motion))
+    parts = [function(displaced(motion, ends[k : k + together])) for k in range(0, len(ends), together)]
+    ahead, behind = np.concatenate(parts).reshape(2, len(each), len(motion), -1)
+    with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
+        return np.asarray((ahead - behind) / (2.0 * STEPS[list(states), None, None]))
 
 
 def linear_form(along: Along, name: str) -> StreamForm:
@@ -350,23 +362,11 @@ def over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> Float
     return entry.change(plain, beta, fine, along.model.sensors[name])[own]
 
 
-def moved(motion: Motion, k: int, step: float) -> Motion:
-    """The motion with one component of position (0 to 2), velocity (3 to 5) or attitude (6 to 8) changed."""
-    d = np.zeros(3)
-    d[k % 3] = step
-    if k < 3:
-        return replace(motion, p_n=motion.p_n + d)
-    if k < 6:
-        return replace(motion, v_n=motion.v_n + d)
-    return _turned(motion, quaternion_exp(d))
-
-
-def displaced(motion: Motion, d: FloatArray) -> Motion:
-    """The motion with the error `d` (n, 9) of position, velocity and attitude at each instant."""
-    there = replace(motion, p_n=motion.p_n + d[:, 0:3], v_n=motion.v_n + d[:, 3:6])
-    return _turned(there, quaternion_exp(d[:, 6:9]))
-
-
-def _turned(motion: Motion, turn: FloatArray) -> Motion:
+def displaced(motion: Motion, errors: FloatArray) -> Motion:
+    """The motion (n) with each of the errors (k, 9) of position, velocity and attitude, one after the other: (k n)."""
+    n = len(motion)
+    if len(errors) > 1:
+        motion = motion.rows(np.tile(np.arange(n), len(errors)))
+    d, turn = np.repeat(errors[:, :6], n, axis=0), np.repeat(quaternion_exp(errors[:, 6:]), n, axis=0)
     q = quaternion_multiply(motion.q_nb, turn)
-    return replace(motion, q_nb=q, m_b=rotate_back(q, motion.m_n))
+    return replace(motion, p_n=motion.p_n + d[:, :3], v_n=motion.v_n + d[:, 3:], q_nb=q, m_b=rotate_back(q, motion.m_n))

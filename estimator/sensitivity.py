@@ -33,7 +33,6 @@ from estimator.effect_forms import (
     Terms,
     declared_terms,
     is_lateness,
-    moved,
     over_time,
     reference_motion,
     run_with_effects,
@@ -51,8 +50,6 @@ from sensors.errors import InputError
 from sensors.motion import Motion
 from sensors.recording import Recording
 from sensors.rotation import cross
-
-__all__ = ["Sensitivity", "moved", "sensitivity_pass"]
 
 BLOCKS = 20
 #: Below this determinant of d e(f) / df an instrument counts as showing nothing there; of sound ones it is near one.

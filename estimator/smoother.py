@@ -28,6 +28,7 @@ from estimator.layout import CAPACITY
 from estimator.pieces import stretch_of
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
+from sensors.rotation import rotate_back
 
 #: IMU samples in a stretch: its covariances and gains are in memory at one time; and where sigmas are wanted, which
 #: come one a stretch.
@@ -127,7 +128,6 @@ def estimated_motion(
     journal: Journal,
     t: FloatArray | None = None,
     smoothed: SmoothedStates | bool = True,
-    corrections: FloatArray | None = None,
 ) -> Motion:
     """The motion as the filter, or all readings together, have it: the arrays along which effects are evaluated.
 
@@ -139,7 +139,6 @@ def estimated_motion(
     journal : of `run_filter`, with a state at every IMU sample where it is not smoothed
     t : (m,) s; default: the samples of the IMU table
     smoothed : states to use; True: smooth now; False: the filter's own
-    corrections : (N, 6) what effects put into the IMU's readings, taken off before the biases
     """
     inputs = journal.run
     assert isinstance(inputs, RunInputs)
@@ -147,14 +146,20 @@ def estimated_motion(
     x = (smooth(journal) if smoothed is True else smoothed).x if smoothed else journal.imu_x
     if len(x) != len(table):
         raise ValueError(f"`journal` has {len(x)} states for {len(table)} IMU samples; run the filter with stride=1")
-    u = table.u if corrections is None else table.u - corrections
-    f_b, w_b = u[:, :3] - x[:, 10:13], u[:, 3:] - x[:, 13:16]
+    p_n, v_n, q_nb = (np.ascontiguousarray(x[:, part]) for part in (slice(0, 3), slice(3, 6), slice(6, 10)))
+    m_n = field_along(model, x)
     motion = Motion(
-        t=table.t, p_n=x[:, 0:3], v_n=x[:, 3:6], q_nb=x[:, 6:10], f_b=f_b, w_ib_b=w_b,
-        dw_b=_slope(table.t, w_b), m_n=field_along(model, x), g_n=model.g_n, ground_down=model.ground_down,
+        t=table.t, p_n=p_n, v_n=v_n, q_nb=q_nb, m_b=rotate_back(q_nb, m_n), m_n=m_n, g_n=model.g_n,
+        ground_down=model.ground_down,
     )  # fmt: skip
-    motion = replace(motion, m_b=_field(motion))
+    motion = with_imu(motion, table.u - x[:, 10:16])
     return motion if t is None else motion.at(t)
+
+
+def with_imu(motion: Motion, u: FloatArray) -> Motion:
+    """The motion with a force and a rate u (n, 6), and the slope of that rate."""
+    f_b, w_ib_b = np.ascontiguousarray(u[:, :3]), np.ascontiguousarray(u[:, 3:])
+    return replace(motion, f_b=f_b, w_ib_b=w_ib_b, dw_b=_slope(motion.t, w_ib_b))
 
 
 #: Length of the window over which the rate's slope is taken [s]: five samples at 200 Hz.
@@ -166,19 +171,14 @@ def _slope(t: FloatArray, w: FloatArray) -> FloatArray:
     half = max(1, round(0.5 * RATE_WINDOW / float(np.median(np.diff(t)))))
     index = np.clip(np.arange(len(t))[:, None] + np.arange(-half, half + 1), 0, len(t) - 1)
     s = t[index] - t[index].mean(axis=1, keepdims=True)
-    return np.asarray(np.einsum("ij,ijk->ik", s, w[index]) / np.sum(s * s, axis=1)[:, None])
+    moment = sum(s[:, k, None] * w[rows] for k, rows in enumerate(index.T))
+    return np.asarray(moment / np.sum(s * s, axis=1)[:, None])
 
 
 def field_along(model: FlightModel, x: FloatArray) -> FloatArray:
     """(1, 3) or (n, 3) magnetic field in NED: as declared, or with its error as the states (n, ...) have it."""
     layout = model.layout
     return model.m_n[None, :] + x[:, layout.nominal("field")] if layout.has("field") else model.m_n[None, :]
-
-
-def _field(motion: Motion) -> FloatArray:
-    from sensors.rotation import rotate_back
-
-    return rotate_back(motion.q_nb, np.broadcast_to(motion.m_n, (len(motion), 3)))
 
 
 def imu_at(journal: Journal, t: FloatArray) -> Mapping[str, FloatArray]:

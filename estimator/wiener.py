@@ -17,6 +17,7 @@ Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,11 +53,19 @@ def without_vibration(motion: Motion) -> Motion:
     (Butterworth, fourth order, both ways); force and slope of the rate stay as they are. Even sampling is taken for
     granted.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     rate = 1.0 / float(np.median(np.diff(motion.t)))
     if rate <= 2.0 * VEHICLE_BANDWIDTH or len(motion) <= max(15.0, 4.0 * rate / VEHICLE_BANDWIDTH):
         return motion
-    sections = butter(4, VEHICLE_BANDWIDTH, fs=rate, output="sos")
-    a_n, w_ib_b = np.split(sosfiltfilt(sections, np.hstack([motion.acceleration_n(), motion.w_ib_b]), axis=0), 2, 1)
+    both = np.hstack([motion.acceleration_n(), motion.w_ib_b])
+    a_n, w_ib_b = np.split(sosfiltfilt(_low_pass(rate), both, axis=0), 2, 1)
     return replace(motion, a_n=a_n, w_ib_b=w_ib_b)
+
+
+@lru_cache
+def _low_pass(rate: float) -> FloatArray:
+    """Second-order sections of the filter at a sampling rate [Hz]."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(4, VEHICLE_BANDWIDTH, fs=rate, output="sos"))

@@ -88,23 +88,33 @@ class Motion:
         t : (m,) s
         """
         t = np.asarray(t, dtype=np.float64)
+        if len(self.t) == 1:
+            return replace(self.rows(np.zeros(len(t), dtype=np.int64)), t=t)
         changed: dict[str, object] = {"t": t}
+        before = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        since = np.clip(t, self.t[0], self.t[-1]) - self.t[before]
+
+        def linear(value: FloatArray) -> FloatArray:
+            step = (self.t[before + 1] - self.t[before]).reshape(-1, *(1,) * (value.ndim - 1))
+            slope = (value[before + 1] - value[before]) / step
+            return np.asarray(slope * since.reshape(step.shape) + value[before])
+
         if self.has("q_nb"):
             changed["q_nb"] = quaternion_interpolate(t, self.t, self.q_nb)
-        if self.has("p_n") and self.has("v_n") and len(self.t) > 1:
+        if self.has("p_n") and self.has("v_n"):
             changed["p_n"] = _hermite(t, self.t, self.p_n, self.v_n)
         elif self.has("p_n"):
-            changed["p_n"] = _linear(t, self.t, self.p_n)
+            changed["p_n"] = linear(self.p_n)
         for name in ("v_n", "a_n", "f_b", "w_ib_b", "dw_b"):
             if self.has(name):
-                changed[name] = _linear(t, self.t, getattr(self, name))
+                changed[name] = linear(getattr(self, name))
         if self.has("m_n") and len(self.m_n) > 1:
-            changed["m_n"] = _linear(t, self.t, self.m_n)
+            changed["m_n"] = linear(self.m_n)
         if self.has("q_nb") and self.has("m_n"):
             changed["m_b"] = rotate_back(np.asarray(changed["q_nb"]), np.asarray(changed.get("m_n", self.m_n)))
         elif self.has("m_b"):
-            changed["m_b"] = _linear(t, self.t, self.m_b)
-        changed["covariates"] = {name: _linear(t, self.t, value) for name, value in self.covariates.items()}
+            changed["m_b"] = linear(self.m_b)
+        changed["covariates"] = {name: linear(value) for name, value in self.covariates.items()}
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def rows(self, keep: BoolArray | IntArray | slice) -> Motion:
@@ -127,12 +137,6 @@ class Motion:
         if self.has("a_n"):
             return self.a_n
         return rotate(self.q_nb, self.f_b) + self.g_n
-
-
-def _linear(t: FloatArray, t_known: FloatArray, value: FloatArray) -> FloatArray:
-    if value.ndim == 1:
-        return np.interp(t, t_known, value)
-    return np.stack([np.interp(t, t_known, column) for column in value.T], axis=-1)
 
 
 def _hermite(t: FloatArray, t_known: FloatArray, p: FloatArray, v: FloatArray) -> FloatArray:

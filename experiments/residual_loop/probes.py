@@ -59,7 +59,7 @@ def probes_for(streams: Iterable[str], motion: Motion, covariates: Mapping[str, 
         late = [name for name in (f"{stream}.time_offset", f"{stream}.latency") if name in CATALOGUE]
         found += [_of_clock(stream, CATALOGUE[name], motion.t) for name in late]
         if stream == "baro":
-            found += [_of_speed(stream), _of_play(stream, float(np.ptp(motion.p_n[:, 2])))]
+            found += [_of_speed(stream, along), _of_play(stream, float(np.ptp(motion.p_n[:, 2])))]
         if stream == "mag":
             found.append(_of_field(stream))
     return tuple(found)
@@ -202,15 +202,19 @@ def _of_clock(stream: str, late: Effect, t: FloatArray) -> Effect:
     return probe(stream, "a drifting clock", 2, shape, needs=late.needs, plausible=0.3)
 
 
-def _of_speed(stream: str) -> Effect:
-    """Pressure of the air's flow: u |u| of each component of the velocity in the body."""
+def _of_speed(stream: str, along: Motion) -> Effect:
+    """Pressure of the air's flow: u |u| of each component of the velocity in the body, in shares of the largest."""
 
-    def shape(motion: Motion) -> FloatArray:
+    def flow(motion: Motion) -> FloatArray:
         v = motion.v_n
         if "wind" in motion.covariates:
             v = v - np.pad(motion.covariates["wind"], ((0, 0), (0, 1)))
-        u = rotate_back(motion.q_nb, v)
-        largest = max(float(np.max(np.abs(u))), 1e-12)
+        return rotate_back(motion.q_nb, v)
+
+    largest = max(float(np.max(np.abs(flow(along)))), 1e-12)
+
+    def shape(motion: Motion) -> FloatArray:
+        u = flow(motion)
         return (u * np.abs(u) / largest**2)[:, None, :]
 
     return probe(stream, "the air's flow", 3, shape, needs=("v_n", "q_nb"))

@@ -173,12 +173,14 @@ class Effect:
         self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
     ) -> FloatArray:
         """(n, size) what the effect adds to the plain reading; a beam above the horizon reads nothing and keeps it."""
-        there = np.isfinite(plain)
+        beta = np.asarray(beta, dtype=np.float64)
         if self.exact is None:
-            return np.where(there, self.rows(motion, plain.shape[1]) @ np.asarray(beta, dtype=np.float64), 0.0)
-        with np.errstate(invalid="ignore"):
-            applied = self.apply(plain, beta, motion, model)
-        return np.where(there, applied, 0.0) - np.where(there, plain, 0.0)
+            added = self.rows(motion, plain.shape[1]) @ beta
+        else:
+            with np.errstate(invalid="ignore"):
+                added = self.exact(plain, beta, motion, model) - plain
+        there = np.isfinite(plain)
+        return added if np.all(there) else np.where(there, added, 0.0)
 
 
 def _otherwise_known(name: str, motion: Motion) -> bool:
