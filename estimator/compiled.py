@@ -96,15 +96,23 @@ class CompiledRun:
     clock: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        inputs, n = self.inputs, self.inputs.model.layout.n
+        inputs = self.inputs
         self.columns = self.columns or no_columns(len(inputs.events.sensors), len(inputs.events))
         self.x, self.P = np.zeros(CAPACITY + 1), np.zeros((1, CAPACITY * CAPACITY))
-        self.x[: n + 1] = inputs.x
-        self.P.reshape(CAPACITY, CAPACITY)[:n, :n] = 0.5 * (inputs.P + inputs.P.T)
         self.V = np.zeros((max(self.columns.tiles, 1), CAPACITY * TILE))
-        self.clock = np.array([inputs.imu.t[0]])
-        self.outputs.x_imu[0], self.outputs.var_imu[0] = self.x, self.P[0, :: CAPACITY + 1]
+        self.clock = np.zeros(1)
+        self.start(0, inputs.x, inputs.P)
         self._pack()
+
+    def start(self, i0: int, x: FloatArray, P: FloatArray) -> None:
+        """Begin a stretch at an IMU sample from a state (n + 1,) and a covariance (n, n)."""
+        n, stride = len(P), self.outputs.stride
+        self.x[:], self.P[:], self.V[:], self.clock[0] = 0.0, 0.0, 0.0, self.inputs.imu.t[i0]
+        self.x[: n + 1] = x
+        self.P.reshape(CAPACITY, CAPACITY)[:n, :n] = 0.5 * (P + P.T)
+        if i0 == 0 or (stride and i0 % stride == 0):
+            row = i0 // stride if stride else 0
+            self.outputs.x_imu[row], self.outputs.var_imu[row] = self.x, self.P[0, :: CAPACITY + 1]
 
     def _pack(self) -> None:
         model, names = self.inputs.model, self.inputs.events.sensors
@@ -138,7 +146,7 @@ class CompiledRun:
         inputs, out, c, model = self.inputs, self.outputs, self.columns, self.inputs.model
         assert c is not None
         events, imu = inputs.events, inputs.imu
-        k0, k1 = self.events_of(i0, i1)
+        k0, k1 = inputs.events_of(i0, i1)
         none, none2, index = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
         record = record or {}
         status, event, count = run_chunk(
@@ -161,16 +169,11 @@ class CompiledRun:
         raise_for(int(status), int(event), inputs)
         return int(count)
 
-    def events_of(self, i0: int, i1: int) -> tuple[int, int]:
-        """Readings with t_i0 <= t < t_i1, and those at t_i1 where that is the last sample; outside ones ride along."""
-        t, imu = self.inputs.events.t, self.inputs.imu
-        last = i1 == len(imu) - 1
-        k0 = int(np.searchsorted(t, imu.t[i0], side="left")) if i0 > 0 else 0
-        return k0, len(t) if last else int(np.searchsorted(t, imu.t[i1], side="left"))
-
     def all(self) -> tuple[FloatArray, FloatArray]:
-        """The whole run in one chunk; final state (n + 1,) and covariance (n, n)."""
-        self.chunk(0, len(self.inputs.imu) - 1)
+        """The whole run, a chunk a stretch; final state (n + 1,) and covariance (n, n)."""
+        for i0, i1, x, P in self.inputs.stretches:
+            self.start(i0, x, P)
+            self.chunk(i0, i1)
         return self.result()
 
     def result(self) -> tuple[FloatArray, FloatArray]:

@@ -262,7 +262,9 @@ class Along:
             self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}
         )
         first = first_state(self.without_effects, self.model) if self.first is None else self.first
-        return prepare(self.recording, self.model, imu=self.corrected, events=events, first=first)
+        return prepare(
+            self.recording, self.model, imu=self.corrected, events=events, first=first, aligned=self.without_effects
+        )
 
     @cached_property
     def of_signal(self) -> Motion:

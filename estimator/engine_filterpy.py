@@ -53,11 +53,17 @@ class ReadableFilter:
 
     def steps(self) -> Iterator[Moment]:
         """Run, and stop after every IMU sample and every reading."""
+        for i0, i1, x, P in self.inputs.stretches:
+            self.x, self.t, self.ekf.P = x.copy(), float(self.inputs.imu.t[i0]), 0.5 * (P + P.T)
+            yield from self._stretch(i0, i1)
+
+    def _stretch(self, i: int, last: int) -> Iterator[Moment]:
+        """The same from the first sample of a stretch to the last."""
         imu, events = self.inputs.imu, self.inputs.events
-        i, k, last = 0, 0, len(imu) - 1
-        self._log_sample(0)
-        while k < len(events) or i < last:
-            if k < len(events) and (i >= last or events.t[k] < imu.t[i + 1]):
+        k, end = self.inputs.events_of(i, last)
+        self._log_sample(i)
+        while k < end or i < last:
+            if k < end and (i >= last or events.t[k] < imu.t[i + 1]):
                 if self.outputs.status[k] in (ACCEPTED, WITHHELD):
                     self.advance(i, float(events.t[k]))
                     self.read(k)

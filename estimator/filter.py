@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import ACCEPTED, GATED, Events, collect, with_variances
+from estimator.events import ACCEPTED, GATED, OUTSIDE, Events, collect, with_variances
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
@@ -17,6 +18,7 @@ from estimator.layout import CAPACITY
 from sensors.arrays import FloatArray, IntArray
 from sensors.errors import InputError
 from sensors.recording import Recording
+from sensors.window import between
 
 Engine = Literal["auto", "numba", "filterpy"]
 #: What a sensor is to the kernels: their code of its equations.
@@ -37,6 +39,7 @@ class RunInputs:
     ----------
     recording, model, imu, events : see there
     x, P : (n + 1,), (n, n) the first state
+    later : the same of each stretch after the first
     """
 
     recording: Recording
@@ -45,6 +48,23 @@ class RunInputs:
     events: Events
     x: FloatArray
     P: FloatArray
+    later: tuple[tuple[FloatArray, FloatArray], ...] = ()
+
+    @property
+    def stretches(self) -> list[tuple[int, int, FloatArray, FloatArray]]:
+        """First and last sample of each stretch, and what it starts from."""
+        firsts = ((self.x, self.P), *self.later)
+        return [(i0, i1, x, P) for (i0, i1), (x, P) in zip(self.imu.stretches, firsts, strict=True)]
+
+    def events_of(self, i0: int, i1: int) -> tuple[int, int]:
+        """Readings with t_i0 <= t < t_i1, and where a stretch ends with i1 all before the next; those outside of any
+        ride along.
+        """
+        t, imu = self.events.t, self.imu
+        k0 = int(np.searchsorted(t, imu.t[i0], side="left")) if i0 > 0 else 0
+        if i1 == len(imu) - 1:
+            return k0, len(t)
+        return k0, int(np.searchsorted(t, imu.t[i1 + 1 if imu.last_of(i1) else i1], side="left"))
 
 
 @dataclass
@@ -74,12 +94,26 @@ def prepare(
     imu: ImuTable | None = None,
     events: Events | None = None,
     first: tuple[FloatArray, FloatArray] | None = None,
+    aligned: Recording | None = None,
 ) -> RunInputs:
-    """Everything an engine needs, from a recording and its model."""
+    """Everything an engine needs, from a recording and its model.
+
+    Parameters
+    ----------
+    imu, events, first : where they are known
+    aligned : the recording from whose readings each stretch is aligned; default: itself
+    """
     imu = imu_table(recording, model) if imu is None else imu
     events = collect(recording, model) if events is None else with_variances(events, recording, model)
-    x, P = first_state(recording, model) if first is None else first
-    return RunInputs(recording, model, imu, events, x, P)
+    aligned = recording if aligned is None else aligned
+    x, P = first_state(aligned, model) if first is None else first
+    if len(imu.starts) == 1:
+        return RunInputs(recording, model, imu, events, x, P)
+    status, later = events.status.copy(), []
+    for (_, end), (i0, i1) in pairwise(imu.stretches):
+        status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
+        later.append(first_state(between(aligned, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf))), model))
+    return RunInputs(recording, model, imu, replace(events, status=status), x, P, tuple(later))
 
 
 def outputs_for(inputs: RunInputs, stride: int = 1) -> RunOutputs:

@@ -14,7 +14,9 @@ noise of half a sample at any instant, which does not grow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +29,11 @@ from sensors.recording import ACCEL, GYRO, Recording
 GAP = 2.5
 #: Windows from which the unseen motion inside a gap is estimated, at least this many.
 GAP_WINDOWS = 8
+#: Turn that may have gone unseen, 1-sigma, beyond which nothing that was known is of use: a filter is linear no longer,
+#: and the first readings after the gap tell the attitude better [rad].
+UNBRIDGED = 0.5
+#: Samples between two gaps that nothing bridges are used where they last so long: a first state takes a second [s].
+SHORTEST_STRETCH = 1.0
 #: Length over which roughness is averaged [s]: vibration changes with the throttle, within tenths of a second.
 ROUGH = 0.1
 _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
@@ -48,6 +55,7 @@ class ImuTable:
     q_accel, q_gyro : (n - 1,) variance rate of the integral of the noise over the interval [(m/s^2)^2 s, (rad/s)^2 s]
     row : (n,) row of the recording's stream; -1 for a sample that was put into a gap
     notes : gaps, frozen and saturated stretches
+    starts : first sample of each stretch: a gap that nothing bridges ends one
     """
 
     t: FloatArray
@@ -56,9 +64,19 @@ class ImuTable:
     q_gyro: FloatArray
     row: IntArray
     notes: tuple[Note, ...] = ()
+    starts: tuple[int, ...] = (0,)
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def stretches(self) -> list[tuple[int, int]]:
+        """First and last sample of each stretch."""
+        return [(first, after - 1) for first, after in pairwise((*self.starts, len(self)))]
+
+    def last_of(self, i: int) -> bool:
+        """Whether a sample is the last of a stretch."""
+        return i == len(self) - 1 or i + 1 in self.starts
 
 
 def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
@@ -82,25 +100,42 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     row = np.flatnonzero(keep)
     t, u, excess = t[row], u[row] + excess[row], excess[row]
     nominal = 1.0 / model.rate
-    q_accel, q_gyro = _sample_noise(t, nominal, model)
+    h = np.diff(t)
+    gaps = np.flatnonzero(h > GAP * nominal)
+    unseen = {k: unseen_motion(t, u, float(h[k]), nominal) for k in gaps}
+    ends = [int(k) for k in gaps if t[k + 1] in recording.breaks or unseen[k][1] > UNBRIDGED**2]
+    q_accel, q_gyro = _sample_noise(t, nominal, model, ends)
     if model.in_step != InStep():
         q_accel, q_gyro = q_accel + in_step_accel(t, u, model.in_step), q_gyro + in_step_gyro(t, u, model.in_step)
-    h = np.diff(t)
     if np.any(excess):
         q_accel, q_gyro = (
             q + _unseen(np.max(np.abs(excess[:, part]), axis=1), t) for q, part in ((q_accel, _ACCEL), (q_gyro, _GYRO))
         )
-    gaps = np.flatnonzero(h > GAP * nominal)
     for k in gaps:
-        motion = unseen_motion(t, u, float(h[k]), nominal)
-        q_accel[k] = max(q_accel[k], motion[0] / h[k])
-        q_gyro[k] = max(q_gyro[k], motion[1] / h[k])
-        notes.append(
-            Note("imu", "gap", float(t[k]), float(t[k + 1]), "interpolated, with the noise of the unseen motion")
-        )
-    if len(gaps):
-        t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, gaps, nominal)
-    return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes))
+        action = "nothing bridges it: a new stretch begins"
+        if k not in ends:
+            action = "interpolated, with the noise of the unseen motion"
+            q_accel[k] = max(q_accel[k], unseen[k][0] / h[k])
+            q_gyro[k] = max(q_gyro[k], unseen[k][1] / h[k])
+        notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), action))
+    begin, before = t[np.array(ends, dtype=np.int64) + 1], t[np.setdiff1d(gaps, ends).astype(np.int64)]
+    if ends:
+        last = np.array([*ends, len(t) - 1])
+        first = np.array([0, *(k + 1 for k in ends)])
+        short = t[last] - t[first] < SHORTEST_STRETCH
+        short[np.argmax(t[last] - t[first])] = False
+        notes += [
+            Note("imu", "stretch", float(t[i0]), float(t[i1]), "too short to find a first state in: left out")
+            for i0, i1 in zip(first[short], last[short], strict=True)
+        ]
+        kept = np.repeat(~short, last - first + 1)
+        t, u, row, q_accel, q_gyro = t[kept], u[kept], row[kept], q_accel[kept[:-1]], q_gyro[kept[:-1]]
+        q_accel, q_gyro = q_accel[: len(t) - 1], q_gyro[: len(t) - 1]
+        begin = begin[np.isin(begin, t[1:])]
+    bridged = np.flatnonzero(np.isin(t, before))
+    if len(bridged):
+        t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, bridged, nominal)
+    return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes), (0, *(int(i) for i in np.searchsorted(t, begin))))
 
 
 def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Note]]:
@@ -155,14 +190,23 @@ def _unseen(height: FloatArray, t: FloatArray) -> FloatArray:
     return rate
 
 
-def _sample_noise(t: FloatArray, nominal: float, model: FlightModel) -> tuple[FloatArray, FloatArray]:
-    """(n - 1,) variance rates of accelerometer and gyroscope noise; see the module's derivation."""
+def _sample_noise(
+    t: FloatArray, nominal: float, model: FlightModel, ends: Sequence[int] = ()
+) -> tuple[FloatArray, FloatArray]:
+    """(n - 1,) variance rates of accelerometer and gyroscope noise; see the module's derivation.
+
+    Parameters
+    ----------
+    ends : samples after which nothing is integrated: the last of each stretch but the last
+    """
     h = np.diff(t)
+    last = np.array(ends, dtype=np.int64)
     if model.averaged:
         width = np.maximum(h, nominal)
     else:
         w = 0.5 * (np.concatenate([[0.0], h]) + np.concatenate([h, [0.0]]))
         w[0], w[-1] = h[0], h[-1]  # the first and the last sample: half an interval each, rounded up
+        w[last], w[last + 1] = h[np.maximum(last - 1, 0)], h[np.minimum(last + 1, len(h) - 1)]
         width = 0.5 * (w[:-1] + w[1:])
     return model.accel.sigma**2 * width, model.gyro.sigma**2 * width
 

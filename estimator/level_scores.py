@@ -12,7 +12,7 @@ filter's own estimates. A reading of less weight counts with the covariance that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,10 @@ import numpy as np
 from estimator.events import ACCEPTED
 from estimator.filter import RunInputs, outputs_for
 from estimator.layout import CAPACITY
-from estimator.pieces import stretch_of
+from estimator.pieces import parts_of
 from sensors.arrays import FloatArray
 
-STRETCH = 4000  # IMU samples whose gains are in memory at one time
+PART = 4000  # IMU samples whose gains are in memory at one time
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class LevelScores:
     r : (rows,) by the variance of each component of each reading
     q_accel, q_gyro : (N - 1,) by the variance rates of the IMU's intervals, of the three axes together
     bias : (n,) by the logarithm of walk^2 of each bias or colour, its time constant fixed
-    start : (n, n) by the first covariance
+    start : (n, n) by the first covariance, of all stretches together
     """
 
     loglik: FloatArray
@@ -52,36 +52,27 @@ class LevelScores:
 
 def level_scores(inputs: RunInputs) -> LevelScores:
     """Run forwards and backwards over prepared inputs."""
-    from estimator.compiled import CompiledRun
-
     N, n, K = len(inputs.imu), inputs.model.layout.n, len(inputs.events)
-    starts = list(range(0, max(N - 1, 1), STRETCH))
-    stops = [*starts[1:], N - 1]
-    first: list[tuple[FloatArray, FloatArray]] = []
-    x, P = inputs.x, inputs.P
-    for i0, i1 in zip(starts, stops, strict=True):
-        first.append((x, P))
-        if i0 < starts[-1]:
-            part = stretch_of(inputs, i0, i1, x, P)
-            x, P = CompiledRun(part, outputs_for(part, 0)).all()
     found = LevelScores(
         np.zeros(K), np.zeros(K), np.ones(K), np.zeros(len(inputs.events.z)), np.zeros(N - 1), np.zeros(N - 1),
         np.zeros(n), np.zeros((n, n)),
     )  # fmt: skip
     r, information = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
     k1 = K
-    for place in reversed(range(len(starts))):
-        part = stretch_of(inputs, starts[place], stops[place], *first[place])
-        k0 = k1 - len(part.events)
-        _backward(part, starts[place], k0, int(inputs.events.row[k0]), r, information, found)
+    for part in reversed(parts_of(inputs, PART)):
+        k0 = k1 - len(part.inputs.events)
+        _backward(part.inputs, part.i0, k0, int(inputs.events.row[k0]), r, information, found)
         k1 = k0
-    return replace(found, start=0.5 * (np.outer(r[:n], r[:n]) - information[:n, :n]))
+        if part.begins:  # later readings say nothing of what was before
+            found.start[:] += 0.5 * (np.outer(r[:n], r[:n]) - information[:n, :n])
+            r[:], information[:] = 0.0, 0.0
+    return found
 
 
 def _backward(
     part: RunInputs, i0: int, k0: int, row0: int, r: FloatArray, information: FloatArray, found: LevelScores
 ) -> None:
-    """Carry r and the information to the start of a stretch, in place, and write down what it says."""
+    """Carry r and the information to the start of a part, in place, and write down what it says."""
     from estimator.compiled import CompiledRun
     from estimator.smoother_numba import backward_scores
 

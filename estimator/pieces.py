@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from estimator.events import Events
-from estimator.filter import Engine, RunInputs, prepare, run
+from estimator.filter import Engine, RunInputs, outputs_for, prepare, run
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable
 from estimator.journal import Journal
@@ -29,23 +30,56 @@ def journal_pieces(
     seconds : length of a piece
     """
     inputs = prepare(recording, model)
-    t, last = inputs.imu.t, len(inputs.imu) - 1
-    x, P, i0 = inputs.x, inputs.P, 0
-    while i0 < last:
-        i1 = max(i0 + 1, min(last, int(np.searchsorted(t, t[i0] + seconds))))
-        journal = run(stretch_of(inputs, i0, i1, x, P), engine, stride)
-        yield journal
-        x, P, i0 = journal.x_end, journal.P_end, i1
+    t = inputs.imu.t
+    for i0, last, x, P in inputs.stretches:
+        while i0 < last:
+            i1 = max(i0 + 1, min(last, int(np.searchsorted(t, t[i0] + seconds))))
+            journal = run(part_of(inputs, i0, i1, x, P), engine, stride)
+            yield journal
+            x, P, i0 = journal.x_end, journal.P_end, i1
 
 
-def stretch_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
-    """The part of a run between two IMU samples; readings at the last belong to the next part, unless it is the end."""
+@dataclass(frozen=True)
+class Part:
+    """Some IMU samples of a run, and the state and covariance at the first of them.
+
+    Attributes
+    ----------
+    i0, i1 : first and last sample
+    inputs : of a run over them
+    begins : whether a stretch begins with it
+    """
+
+    i0: int
+    i1: int
+    inputs: RunInputs
+    begins: bool
+
+
+def parts_of(inputs: RunInputs, length: int) -> list[Part]:
+    """A run in parts of at most so many samples, from one forward pass: what is to be gone through backwards."""
+    from estimator.compiled import CompiledRun
+
+    found = []
+    for first, last, x, P in inputs.stretches:
+        edges = [*range(first, max(last, first + 1), length), last]
+        for i0, i1 in pairwise(edges):
+            part = part_of(inputs, i0, i1, x, P)
+            found.append(Part(i0, i1, part, i0 == first))
+            if i1 < last:
+                x, P = CompiledRun(part, outputs_for(part, 0)).all()
+    return found
+
+
+def part_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -> RunInputs:
+    """The part of a run between two IMU samples of a stretch; readings at the last belong to the next part, unless the
+    stretch ends.
+    """
     imu, events = inputs.imu, inputs.events
-    k0 = int(np.searchsorted(events.t, imu.t[i0], side="left")) if i0 > 0 else 0
-    k1 = len(events) if i1 == len(imu) - 1 else int(np.searchsorted(events.t, imu.t[i1], side="left"))
+    k0, k1 = inputs.events_of(i0, i1)
     rows = slice(i0, i1 + 1)
     table = ImuTable(imu.t[rows], imu.u[rows], imu.q_accel[i0:i1], imu.q_gyro[i0:i1], imu.row[rows])
-    return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P)
+    return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P, later=())
 
 
 def _events_between(events: Events, k0: int, k1: int) -> Events:

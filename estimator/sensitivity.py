@@ -149,19 +149,24 @@ def accumulate(
     outputs = outputs_for(inputs, stride)
     engine = CompiledRun(inputs, outputs, columns)
     t, last = inputs.imu.t, len(inputs.imu) - 1
-    inner = np.linspace(t[0], t[-1], max(blocks, 1) + 1)[1:-1]
-    edges = np.unique(np.concatenate([[0], np.searchsorted(t, inner), [last]]))
+    inner = np.searchsorted(t, np.linspace(t[0], t[-1], max(blocks, 1) + 1)[1:-1])
+    firsts, chunks = {}, list[tuple[int, int]]()
+    for first, end, x, P in inputs.stretches:
+        firsts[first] = x, P
+        chunks += pairwise(np.unique([first, *inner[(inner > first) & (inner < end)], end]).tolist())
     p = len(order)
-    summed = len(edges) - 1 if blocks else 0
+    summed = len(chunks) if blocks else 0
     information, score, kept = np.zeros((summed, p, p)), np.zeros((summed, p)), []
     row = inputs.events.row
-    spans = [engine.events_of(int(i0), int(i1)) for i0, i1 in pairwise(edges)]
+    spans = [inputs.events_of(i0, i1) for i0, i1 in chunks]
     longest = max((int(row[k1] - row[k0]) for k0, k1 in spans), default=0)
     W, white = np.zeros((longest + 1, columns.tiles * TILE)), np.zeros(longest + 1)
     packed = int(order.max(initial=-1)) + 1
     event = np.zeros(longest + 1, dtype=np.int64)
-    for block, (i0, i1) in enumerate(pairwise(edges)):
-        count = engine.chunk(int(i0), int(i1), rows=W, white=white, rows_event=event)
+    for block, (i0, i1) in enumerate(chunks):
+        if i0 in firsts:
+            engine.start(i0, *firsts[i0])
+        count = engine.chunk(i0, i1, rows=W, white=white, rows_event=event)
         part = W[:count, :packed]
         if blocks:
             information[block] = (part.T @ part).take(order, axis=0).take(order, axis=1)
@@ -177,7 +182,8 @@ def accumulate(
         if kept
         else [np.empty((0, p)), np.empty(0), np.empty(0, int)]
     )
-    found = Sensitivity(effects, slices, t[edges], information, score, V, rows[0], rows[1], rows[2])
+    edges = t[[*(i0 for i0, _ in chunks), last]]
+    found = Sensitivity(effects, slices, edges, information, score, V, rows[0], rows[1], rows[2])
     return journal_of(inputs, outputs, x, P), found
 
 

@@ -1,11 +1,11 @@
 """Fixed-interval smoother: the state at every IMU sample, given all readings.
 
 Two passes without an inverse (Bryson and Frazier; de Jong 1989): backwards r collects what later readings say about the
-error dx of the filter's state, and the smoothed correction is dx = P r. Within a stretch the correction is then carried
-forwards, dx <- Phi dx + Q r and dx <- dx - K nu, so that no covariance is kept but at the starts of stretches.
+error dx of the filter's state, and the smoothed correction is dx = P r. Within a part the correction is then carried
+forwards, dx <- Phi dx + Q r and dx <- dx - K nu, so that no covariance is kept but at the starts of parts.
 
-Memory is bounded: the filter runs once and leaves its state at the start of every stretch; each stretch is run again,
-last first, while it is smoothed.
+Memory is bounded: the filter runs once and leaves its state at the start of every part; each part is run again, last
+first, while it is smoothed.
 
 Source: G. J. Bierman, "Fixed interval smoothing with discrete measurements", Int. J. Control 18(1), 1973;
 J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed., sections 4.4 to 4.6.
@@ -25,14 +25,14 @@ from estimator.flight_model import FlightModel
 from estimator.imu import at_instants
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
-from estimator.pieces import stretch_of
+from estimator.pieces import parts_of
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.rotation import rotate_back
 
-#: IMU samples in a stretch: its covariances and gains are in memory at one time; and where sigmas are wanted, which
-#: come one a stretch.
-STRETCH, STRETCH_OF_SIGMAS = 4000, 400
+#: IMU samples in a part: its covariances and gains are in memory at one time; and where sigmas are wanted, which
+#: come one a part.
+PART, PART_OF_SIGMAS = 4000, 400
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class SmoothedStates:
     Attributes
     ----------
     t, x : (N,), (N, n + 1) nominal state at the samples of the IMU table
-    t_sigma, sigma : (M,), (M, n) 1-sigma at the starts of the stretches; empty unless asked for
+    t_sigma, sigma : (M,), (M, n) 1-sigma at the starts of the parts; empty unless asked for
     """
 
     t: FloatArray
@@ -51,47 +51,38 @@ class SmoothedStates:
     sigma: FloatArray
 
 
-def smooth(journal: Journal, sigmas: bool = False, stretch: int | None = None) -> SmoothedStates:
+def smooth(journal: Journal, sigmas: bool = False, part: int | None = None) -> SmoothedStates:
     """Smooth a run of the filter.
 
     Parameters
     ----------
     journal : of `run_filter`
-    sigmas : also the 1-sigma at the start of every stretch
-    stretch : IMU samples in a stretch; default: `STRETCH_OF_SIGMAS` where those are wanted, else `STRETCH`
+    sigmas : also the 1-sigma at the start of every part
+    part : IMU samples in a part; default: `PART_OF_SIGMAS` where those are wanted, else `PART`
     """
-    from estimator.compiled import CompiledRun
-
-    if stretch is None:
-        stretch = STRETCH_OF_SIGMAS if sigmas else STRETCH
+    if part is None:
+        part = PART_OF_SIGMAS if sigmas else PART
     inputs = journal.run
     assert isinstance(inputs, RunInputs)
     N, n = len(inputs.imu), inputs.model.layout.n
-    starts = list(range(0, max(N - 1, 1), stretch))
-    stops = [*starts[1:], N - 1]
-    first: list[tuple[FloatArray, FloatArray]] = []
-    x, P = inputs.x, inputs.P
-    for i0, i1 in zip(starts, stops, strict=True):
-        first.append((x, P))
-        if i0 < starts[-1]:
-            part = stretch_of(inputs, i0, i1, x, P)
-            x, P = CompiledRun(part, outputs_for(part, 0)).all()
+    parts = parts_of(inputs, part)
     r, information = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
-    x_smooth, sigma = np.zeros((N, n + 1)), np.zeros((len(starts), n) if sigmas else (0, n))
-    for place in reversed(range(len(starts))):
-        part = stretch_of(inputs, starts[place], stops[place], *first[place])
-        states = _smooth_stretch(part, r, information, sigmas)
-        x_smooth[starts[place] : stops[place] + 1] = states[:, : n + 1]
+    x_smooth, sigma = np.zeros((N, n + 1)), np.zeros((len(parts), n) if sigmas else (0, n))
+    for place, one in reversed(list(enumerate(parts))):
+        states = _smooth_part(one.inputs, r, information, sigmas)
+        x_smooth[one.i0 : one.i1 + 1] = states[:, : n + 1]
         if sigmas:
-            P = first[place][1]
+            P = one.inputs.P
             smoothed = P - P @ information[:n, :n] @ P
             sigma[place] = np.sqrt(np.maximum(np.diag(smoothed), 0.0))
-    t_sigma = inputs.imu.t[np.array(starts)] if sigmas else np.empty(0)
+        if one.begins:  # later readings say nothing of what was before
+            r[:], information[:] = 0.0, 0.0
+    t_sigma = inputs.imu.t[[one.i0 for one in parts]] if sigmas else np.empty(0)
     return SmoothedStates(inputs.imu.t, x_smooth, t_sigma, sigma)
 
 
-def _smooth_stretch(part: RunInputs, r: FloatArray, information: FloatArray, sigmas: bool) -> FloatArray:
-    """(samples, 25) smoothed states of one stretch; r and information are carried to its start, in place."""
+def _smooth_part(part: RunInputs, r: FloatArray, information: FloatArray, sigmas: bool) -> FloatArray:
+    """(samples, CAPACITY + 1) smoothed states of one part; r and information are carried to its start, in place."""
     from estimator.compiled import CompiledRun
     from estimator.smoother_numba import backward, forward
 

@@ -224,6 +224,7 @@ class Recording:
     source : where it was read from, for messages
     notes : what its reader chose or left out, for reports
     truth : what it may be scored against, or None; nothing that estimates may read it
+    breaks : stamps of the IMU at which something else begins, whatever was before: another log of one vehicle [s]
     """
 
     name: str
@@ -237,6 +238,7 @@ class Recording:
     source: str = ""
     notes: tuple[str, ...] = ()
     truth: Truth | None = None
+    breaks: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.streams:

@@ -115,7 +115,7 @@ def test_scores_do_not_depend_on_the_stretches(
     scored: tuple[RunInputs, LevelScores], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inputs, whole = scored
-    monkeypatch.setattr("estimator.level_scores.STRETCH", 700)
+    monkeypatch.setattr("estimator.level_scores.PART", 700)
     parts = level_scores(inputs)
     assert np.allclose(parts.r, whole.r, rtol=1e-6, atol=1e-6 * np.max(np.abs(whole.r)))
     assert np.allclose(parts.bias, whole.bias, rtol=1e-6, atol=1e-9)

@@ -1,0 +1,133 @@
+"""A gap that nothing bridges: each side of it is a run of its own, of one model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.filter import prepare, run, run_filter
+from estimator.flight_model import FlightModel, flight_model
+from estimator.journal import Journal
+from estimator.level_scores import level_scores
+from estimator.pieces import journal_pieces
+from estimator.sensitivity import sensitivity_pass
+from estimator.smoother import smooth
+from sensors.recording import Initial, Recording
+from sensors.window import between
+from tests.estimator.analytic_flight import fly
+
+#: The IMU is silent between the two, which is long enough for every turn [s].
+FIRST, SECOND = (0.0, 12.0), (40.0, 55.0)
+
+
+def a_log() -> tuple[Recording, FlightModel]:
+    """A flight whose IMU is silent for half of it; the other sensors are not."""
+    whole, _ = fly(7, duration=55.0)
+    imu = whole.streams["imu"]
+    kept = (imu.t < FIRST[1]) | (imu.t >= SECOND[0])
+    recording = whole.replace(streams={**whole.streams, "imu": imu.rows(kept)}, initial=Initial())
+    return recording, flight_model(recording, gate_level=None)
+
+
+@pytest.fixture(scope="module")
+def log() -> tuple[Recording, FlightModel]:
+    """The log and its model."""
+    return a_log()
+
+
+def alone(recording: Recording, model: FlightModel, part: tuple[float, float], stride: int = 1) -> Journal:
+    return run(prepare(between(recording, *part), model), "numba", stride)
+
+
+def test_each_stretch_is_a_run_of_its_own(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    both = run(prepare(recording, model), "numba")
+    for part in (FIRST, SECOND):
+        own = alone(recording, model, part)
+        mine = (both.t >= part[0]) & (both.t <= own.t_end)
+        theirs = own.status == 0
+        assert np.array_equal(both.t[mine & (both.status == 0)], own.t[theirs])
+        assert np.array_equal(both.nis[mine & (both.status == 0)], own.nis[theirs])
+        at = np.isin(both.imu_t, own.imu_t)
+        assert np.array_equal(both.imu_x[at], own.imu_x)
+        assert np.allclose(both.imu_var[at], own.imu_var, rtol=1e-12)
+    silent = (both.t > FIRST[1]) & (both.t < SECOND[0])
+    assert np.sum(silent) > 100
+    assert np.all(both.status[silent] == 2)
+    assert [note.start for note in both.notes if "new stretch" in str(note)] == [pytest.approx(FIRST[1], abs=0.01)]
+
+
+def test_the_readable_engine_does_the_same(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    short = between(recording, 9.0, 43.0)
+    fast, slow = (run(prepare(short, model), engine) for engine in ("numba", "filterpy"))
+    assert np.array_equal(fast.status, slow.status)
+    assert np.nanmax(np.abs(fast.nis - slow.nis)) < 1e-6
+    assert np.max(np.abs(fast.imu_x - slow.imu_x)) < 1e-6
+
+
+def test_nothing_later_is_smoothed_into_what_was_before(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    both = smooth(run(prepare(recording, model), "numba"), sigmas=True)
+    for part in (FIRST, SECOND):
+        own = smooth(alone(recording, model, part), sigmas=True)
+        assert np.array_equal(both.x[np.isin(both.t, own.t)], own.x)
+        at = np.isin(both.t_sigma, own.t_sigma)
+        assert np.array_equal(both.sigma[at], own.sigma[np.isin(own.t_sigma, both.t_sigma)])
+
+
+def test_levels_are_of_both(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    both = level_scores(prepare(recording, model))
+    first, second = (level_scores(prepare(between(recording, *part), model)) for part in (FIRST, SECOND))
+    assert np.allclose(both.start, first.start + second.start, rtol=1e-9)
+    assert np.allclose(both.bias, first.bias + second.bias, rtol=1e-9)
+    assert float(np.sum(both.q_gyro)) == pytest.approx(float(np.sum(first.q_gyro) + np.sum(second.q_gyro)))
+    assert float(np.sum(both.loglik)) == pytest.approx(float(np.sum(first.loglik) + np.sum(second.loglik)))
+
+
+def test_information_of_an_effect_adds(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    effects = ("accel.scale", "gps.latency", "mag.scale")
+    _, both = sensitivity_pass(recording, model, effects)
+    parts = [sensitivity_pass(between(recording, *part), model, effects)[1] for part in (FIRST, SECOND)]
+    together = sum(one.information.sum(axis=0) for one in parts)
+    assert np.allclose(both.information.sum(axis=0), together, rtol=1e-3, atol=1e-3 * np.max(np.abs(together)))
+
+
+def test_pieces_begin_anew_too(log: tuple[Recording, FlightModel]) -> None:
+    recording, model = log
+    whole = run(prepare(recording, model), "numba")
+    x_end = [piece.x_end for piece in journal_pieces(recording, model, "numba", seconds=5.0)][-1]
+    assert np.array_equal(x_end, whole.x_end)
+
+
+def test_a_gap_in_which_hardly_anything_turns_is_bridged() -> None:
+    """A tenth of a second is, and no stretch ends there."""
+    whole, _ = fly(7, duration=20.0)
+    imu = whole.streams["imu"]
+    recording = whole.replace(streams={**whole.streams, "imu": imu.rows((imu.t < 10.0) | (imu.t > 10.1))})
+    inputs = prepare(recording, flight_model(recording))
+    assert inputs.imu.starts == (0,)
+    assert np.sum(inputs.imu.row < 0) > 0
+
+
+def test_a_break_is_none_that_anything_bridges() -> None:
+    whole, _ = fly(7, duration=20.0)
+    imu = whole.streams["imu"]
+    kept = imu.rows((imu.t < 10.0) | (imu.t > 10.1))
+    second = float(kept.t[kept.t > 10.05][0])
+    recording = whole.replace(streams={**whole.streams, "imu": kept}, breaks=(second,))
+    inputs = prepare(recording, flight_model(recording))
+    assert [float(inputs.imu.t[i]) for i in inputs.imu.starts] == [float(imu.t[0]), second]
+
+
+def test_a_stretch_that_no_first_state_can_be_found_in_is_left_out() -> None:
+    """Half a second between two long gaps."""
+    recording, model = a_log()
+    imu = fly(7, duration=55.0)[0].streams["imu"]
+    kept = (imu.t < 12.0) | ((imu.t > 25.0) & (imu.t < 25.5)) | (imu.t >= 40.0)
+    with_crumb = recording.replace(streams={**recording.streams, "imu": imu.rows(kept)})
+    plain, crumb = (run_filter(one, model, engine="numba") for one in (recording, with_crumb))
+    assert np.array_equal(plain.imu_x, crumb.imu_x)
+    assert any("too short" in str(note) for note in crumb.notes)
