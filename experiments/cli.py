@@ -71,6 +71,12 @@ class World(StrEnum):
 
 
 Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
+Inputs = Annotated[
+    list[str],
+    typer.Argument(
+        help="recording folder, log file, or DATASET/FILE; several flights of one vehicle", metavar="INPUT..."
+    ),
+]
 Map = Annotated[
     Path | None, typer.Option("--map", help="TOML file that says how to read the log (docs/formats.md)", metavar="FILE")
 ]
@@ -302,7 +308,7 @@ def estimate(
 
 @app.command()
 def trace(
-    input: Input,
+    inputs: Inputs,
     sensor: Annotated[Sensor | None, typer.Option(help="only this one, of a poses recording with several")] = None,
     alpha: Annotated[
         float, typer.Option(help="risk of any false alarm, over all candidates together", min=1e-6, max=0.5)
@@ -323,7 +329,7 @@ def trace(
     from experiments.trace_command import run
 
     only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
-    _say(lambda: run(input, only, alpha, gravity, map, json, html, span, choice), json, html)
+    _say(lambda: run(inputs, only, alpha, gravity, map, json, html, span, choice), json, html)
 
 
 @app.command()

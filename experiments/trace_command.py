@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.datasets import called, resolve
@@ -15,12 +16,13 @@ from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
+from sensors.joining import joined
 from sensors.recording import Recording
 from sensors.window import WHOLE, Span
 
 
 def run(
-    input: str,
+    inputs: Sequence[str],
     sensor: str | None,
     alpha: float,
     gravity: float | None,
@@ -30,14 +32,26 @@ def run(
     span: Span = WHOLE,
     choice: Choice = FIRST,
 ) -> str:
-    """Trace, write what is asked for, return the summary for the terminal."""
-    recording = resolve(input, map_file, span, choice)
+    """Trace one log, or several of one vehicle together; write what is asked for, return the summary for the terminal.
+
+    Raises
+    ------
+    InputError : logs that cannot be of one vehicle (`sensors.joining.joined`)
+    """
+    if len(inputs) > 1 and span != WHOLE:
+        raise InputError("--from and --to", f"{len(inputs)} logs", "one log; `sinan convert` makes a log of a part")
+    recording = joined([resolve(one, map_file, span, choice) for one in inputs])
+    input = " ".join(inputs)
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
-    document = worded(report(traced), called(input, recording, span), Log(input, map_file, choice))
+    document = worded(
+        report(traced),
+        called(input, recording, span) if len(inputs) == 1 else recording.name,
+        Log(input, map_file, choice),
+    )
     notes = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["window"], document["notes"] = None if span == WHOLE else list(span), notes
     warnings = [warning for part in traced.parts for warning in _not_believed(part.source)]

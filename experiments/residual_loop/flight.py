@@ -12,18 +12,16 @@ from functools import partial
 
 import numpy as np
 
-from estimator.events import WITHHELD
 from estimator.faults import Note
 from estimator.filter import run_filter
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
-from estimator.tails import deviance_of
 from estimator.whiteness import whiteness
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from experiments.residual_loop.foretelling import WINDOW, gain_of, withheld_in
+from experiments.residual_loop.foretelling import Foretelling
 from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from experiments.residual_loop.known_columns import KnownColumns
 from experiments.residual_loop.known_fits import KnownFits, Question
@@ -101,7 +99,8 @@ class FlightSource:
         self._passes = FlightPasses(kept, ungated)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
-        self._known_foretold: dict[int, tuple[Fitted, Sequence[StreamResidual]]] = {}
+        streams = [(name, self._unit_of(name)) for name in self._local_streams if name in model.sensors]
+        self._foretelling = Foretelling(self._passes, streams)
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
         self._notes, self._asks_for_slow_error = kept.notes, slow_error
@@ -535,50 +534,17 @@ class FlightSource:
 
     def foretells(self, fit: Fit, without: Fit) -> bool | None:
         """Whether the withheld readings of all streams are foretold better; None where the noise is declared, or the
-        log has no two windows.
+        log is too short.
         """
-        if not self._foretells or self._passes.end - self._passes.start < 3.0 * WINDOW:
+        if not (self._foretells and self._foretelling.is_possible):
             return None
-        before, after = (self._foretold(one) for one in (without, fit))
-        return gain_of(before, after, self._passes.start).is_sure
+        return fit is without or self._foretelling.share(fit, without).is_there
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """Of what the fit foretells of withheld readings, where an effect is proved by that."""
-        told = self._foretells and self._passes.end - self._passes.start >= 3.0 * WINDOW
-        found = held_out(self._foretold(fit)) if told else []
-        return found or held_out(self.residuals(fit))
-
-    def _foretold(self, fit: Fit) -> Sequence[StreamResidual]:
-        """Readings of each instrument less what the fit foretells of them from at most `WINDOW` seconds before."""
-        state = _state(fit)
-        known = self._known_foretold.get(id(state))
-        if known is not None and known[0] is state:
-            return known[1]
-        found = []
-        for name in self._local_streams:
-            if name in self.model.sensors:
-                parts = [
-                    self._passes.run_withheld(name, held, state.along).stream(name)
-                    for held in withheld_in(self._passes.start, self._passes.end)
-                ]
-                seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
-                t, index, nu, white = (
-                    np.concatenate([getattr(one, key)[keep] for one, keep in seen])
-                    for key in ("t", "index", "nu", "white")
-                )
-                nis = np.sum(white**2, axis=1)
-                own = deviance_of(nis, white.shape[1], self.model.tail_of(name))
-                white = white * np.sqrt(own / np.maximum(nis, 1e-300))[:, None]
-                order = np.argsort(t, kind="stable")
-                if len(order):
-                    held = t[order] > self._passes.split
-                    found.append(
-                        StreamResidual(
-                            name, t[order], nu[order], white[order], held, self._unit_of(name), {}, index[order]
-                        )
-                    )
-        self._known_foretold[id(state)] = state, found
-        return found
+        if self._foretells and self._foretelling.is_possible:
+            return held_out(self._foretelling.of(fit)) or held_out(self.residuals(fit))
+        return held_out(self.residuals(fit))
 
     def _unit_of(self, name: str) -> str:
         known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)

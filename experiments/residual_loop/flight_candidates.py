@@ -36,6 +36,8 @@ def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) 
             continue
         if entry.stream == "level" and "gps" not in model.sensors:  # nothing sees the velocity it goes with
             continue
+        if entry.name == "accel.lever_arm" and not {"gps", "base"} & set(model.sensors):  # no point has a position
+            continue
         if entry.stream in model.sensors:
             along = plain.at(entry.stream)
         else:

@@ -27,7 +27,7 @@ from sensors.motion import Motion
 from sensors.recording import Recording, Stream
 from sensors.rotation import quaternion_conjugate, quaternion_multiply
 
-#: The last third of the time is held out.
+#: The last third of the samples is held out.
 _FITTING_SHARE = 2.0 / 3.0
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
@@ -104,7 +104,7 @@ class FlightPasses:
         self.table = imu_table(recording, model)
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
-        self.split = self.start + _FITTING_SHARE * (self.end - self.start)
+        self.split = float(t[round(_FITTING_SHARE * (len(t) - 1))])
         journal = run_filter(recording, model, {}, engine="numba", stride=0)
         self.notes = journal.notes
         plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)

@@ -54,7 +54,7 @@ def test_smoothed_errors_are_as_large_as_their_sigma(flights) -> None:
 def test_smoother_does_not_depend_on_its_stretches() -> None:
     recording, _ = fly(1, duration=6.0)
     journal = run_filter(recording, flight_model(recording), engine="numba")
-    assert np.max(np.abs(smooth(journal, stretch=100).x - smooth(journal, stretch=1200).x)) < 1e-9
+    assert np.max(np.abs(smooth(journal, part=100).x - smooth(journal, part=1200).x)) < 1e-9
 
 
 def test_smoothed_end_is_the_filtered_end() -> None:

@@ -240,5 +240,5 @@ def test_a_sensor_named_for_a_flight_is_remarked_upon(
     simulate_to_folder("hover", tmp_path / "flight", seed=3)
     monkeypatch.setattr(trace_command, "trace_recording", stop)
     with pytest.raises(InputError, match="enough"):
-        trace_command.run(str(tmp_path / "flight"), "mag", 0.01, None, None, None, None)
+        trace_command.run([str(tmp_path / "flight")], "mag", 0.01, None, None, None, None)
     assert "--sensor mag is for poses" in capsys.readouterr().err

@@ -37,7 +37,7 @@ def poses() -> tuple[np.ndarray, np.ndarray]:
 
 def traced(log: Path, tmp_path: Path, map_file: Path | None = None) -> tuple[dict[str, Any], str]:
     """JSON and text of `sinan trace`."""
-    text = trace_command.run(str(log), None, 0.01, None, map_file, tmp_path / "t.json", tmp_path / "t.html")
+    text = trace_command.run([str(log)], None, 0.01, None, map_file, tmp_path / "t.json", tmp_path / "t.html")
     return json.loads((tmp_path / "t.json").read_text()), text
 
 

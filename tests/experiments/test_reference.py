@@ -161,7 +161,7 @@ def test_errors_are_those_at_the_stamps_of_the_reference(tmp_path: Path, stamps:
 def test_a_trace_is_scored_at_the_stamps_of_the_reference_too(tmp_path: Path) -> None:
     write_recording(swinging(np.arange(0.5, 29.0, 1.0)), tmp_path / "swinging")
     out = tmp_path / "trace.json"
-    trace_command.run(str(tmp_path / "swinging"), None, 0.01, None, None, out, None)
+    trace_command.run([str(tmp_path / "swinging")], None, 0.01, None, None, out, None)
     errors = json.loads(out.read_text())["error"]
     assert errors["truth"]["kind"] == "simulation"
     assert errors["truth"]["known"] == ["attitude"]

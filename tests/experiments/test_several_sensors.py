@@ -66,7 +66,7 @@ def together(folder: Path) -> Traced:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trace_command, "trace_recording", remember)
         files = folder.parent / "trace.json", folder.parent / "trace.html"
-        trace_command.run(str(folder), None, 0.01, None, None, *files)
+        trace_command.run([str(folder)], None, 0.01, None, None, *files)
     return found[0]
 
 
@@ -108,7 +108,7 @@ def test_candidates_of_all_sensors_are_one_family(
 
 def test_the_sensor_named_is_traced_alone(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "mag.json"
-    text = trace_command.run(str(folder), "mag", 0.01, None, None, out, None)
+    text = trace_command.run([str(folder)], "mag", 0.01, None, None, out, None)
     one = json.loads(out.read_text())
     assert [effect["name"] for effect in one["effects"]] == ["mag.cross_axis"]
     assert {c["name"].split(".")[0] for c in one["candidates"]} == {"mag"}
@@ -121,7 +121,7 @@ def test_a_sensor_that_cannot_be_traced_is_left_out_and_said_to_be(board: Record
     imu = board.streams["imu"]
     short = imu.rows(np.asarray(imu.t < imu.t[0] + 10.0))
     write_recording(board.replace(streams={**board.streams, "imu": short}), tmp_path / "run")
-    text = trace_command.run(str(tmp_path / "run"), None, 0.01, None, None, tmp_path / "t.json", tmp_path / "t.html")
+    text = trace_command.run([str(tmp_path / "run")], None, 0.01, None, None, tmp_path / "t.json", tmp_path / "t.html")
     found = json.loads((tmp_path / "t.json").read_text())
     assert [effect["name"] for effect in found["effects"]] == ["mag.cross_axis"]
     assert [one["sensor"] for one in found["left_out"]] == ["accel", "gyro"]
@@ -165,7 +165,7 @@ def test_calibrate_takes_all_for_a_sensor(folder: Path) -> None:
 @pytest.mark.usefixtures("measured_data")
 def test_a_measured_board_needs_no_sensor_named(tmp_path: Path) -> None:
     """Its accelerometer and gyroscope, whose axes its makers' calibration found crooked too."""
-    trace_command.run("mpu9150_imu_calib/imu0.log", None, 0.01, None, None, tmp_path / "t.json", None)
+    trace_command.run(["mpu9150_imu_calib/imu0.log"], None, 0.01, None, None, tmp_path / "t.json", None)
     document = json.loads((tmp_path / "t.json").read_text())
     assert {e["name"] for e in document["effects"]} == {"accel.cross_axis", "gyro.cross_axis", "gyro.scale"}
     for one in document["sensors"]:

@@ -69,8 +69,8 @@ def test_poses_are_calibrated_and_traced_in_part(poses: Path, tmp_path: Path) ->
     files = [tmp_path / f"{k}.json" for k in range(4)]
     calibrate_command.run("mag", str(poses), None, None, None, files[0], None, span)
     calibrate_command.run("mag", str(tmp_path / "part"), None, None, None, files[1], None)
-    trace_command.run(str(poses), None, 0.01, None, None, files[2], tmp_path / "page.html", span)
-    trace_command.run(str(tmp_path / "part"), None, 0.01, None, None, files[3], None)
+    trace_command.run([str(poses)], None, 0.01, None, None, files[2], tmp_path / "page.html", span)
+    trace_command.run([str(tmp_path / "part")], None, 0.01, None, None, files[3], None)
     found = [json.loads(file.read_text()) for file in files]
     assert found[0]["n"] == np.sum((t >= t[0] + 5.0) & (t < t[0] + span[1]))
     assert found[0]["window"] == list(span)
