@@ -45,7 +45,7 @@ def test_the_test_of_the_lowest_versions_takes_every_floor() -> None:
         [str(ROOT / ".ci" / "lowest"), "--list"], capture_output=True, text=True, check=True,
         env={"PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
     ).stdout.split()  # fmt: skip
-    floors = named([entry for extra in ("dask", "gnss", "test") for entry in EXTRAS[extra]] + PROJECT["dependencies"])
+    floors = named([entry for extra in ("dask", "gnss", "ros", "test") for entry in EXTRAS[extra]] + PROJECT["dependencies"])
     tools = {"ruff", "mypy", "import-linter"}
     assert sorted(printed) == sorted(f"{name}=={floor}" for name, floor in floors.items() if name not in tools)
 

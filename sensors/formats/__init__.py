@@ -12,7 +12,8 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
-SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log)"
+SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log), a ROS bag"
+ROS_BAGS = ("rosbag", "rosbag2", "sqlite", "mcap")
 
 
 def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -> Recording:
@@ -65,7 +66,7 @@ def what_is(path: Path) -> str:
     InputError : it is not there
     """
     if path.is_dir():
-        return "folder"
+        return "rosbag2" if (path / "metadata.yaml").is_file() else "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
     from sensors.formats.columns import content_of
@@ -84,6 +85,10 @@ def facts_of(path: Path) -> Facts | None:
         from sensors.formats.ardupilot import ardupilot_facts
 
         return ardupilot_facts(path)
+    if content in ROS_BAGS:
+        from sensors.formats.rosbag import rosbag_facts
+
+        return rosbag_facts(path)
     return None
 
 
@@ -97,6 +102,10 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
         from sensors.formats.ardupilot import read_ardupilot
 
         return read_ardupilot
+    if content in ROS_BAGS:
+        from sensors.formats.rosbag import read_rosbag
+
+        return read_rosbag
     return None
 
 

@@ -47,8 +47,8 @@ class FileOptions:
 
 
 def content_of(path: Path) -> str:
-    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, empty, text, or
-    how it is packed.
+    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, rosbag, sqlite,
+    mcap, empty, text, or how it is packed.
 
     Raises
     ------
@@ -65,7 +65,8 @@ def content_of(path: Path) -> str:
         return "empty"
     magics = {
         mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx",
-        dataflash_messages.MAGIC: "dataflash_binary",
+        dataflash_messages.MAGIC: "dataflash_binary", b"#ROSBAG V2.0": "rosbag", b"SQLite format 3\0": "sqlite",
+        b"\x89MCAP0\r\n": "mcap",
     }  # fmt: skip
     for magic, content in magics.items():
         if head.startswith(magic):
