@@ -17,6 +17,8 @@ from sensors.arrays import FloatArray
 _ROUNDS = 30
 #: What a round may still change when the place counts as found [1]: a millionth of a pixel of any camera that is sold.
 _SETTLED = 1e-10
+#: What no round mends [1].
+_ROUNDING = 1e-15
 #: Square of the ratio below which arctan(q) / q is its series: the next term, q^6 / 7, is below rounding.
 _SMALL_SQUARE = 1e-5
 
@@ -103,6 +105,8 @@ def straighten(xy_d: FloatArray, k: FloatArray) -> FloatArray:
             by_xy, _ = bend_slopes(xy, k)
             off = bend(xy, k) - xy_d
             one_to_one = np.linalg.det(by_xy) > 0.0
+            if np.max(np.abs(off[one_to_one]), initial=0.0) < _ROUNDING:
+                break
             xy = xy - np.linalg.solve(np.where(one_to_one[..., None, None], by_xy, np.nan), off[..., None])[..., 0]
     with np.errstate(invalid="ignore"):
         found = np.all(np.abs(bend(xy, k) - xy_d) < _SETTLED, axis=-1)

@@ -112,7 +112,7 @@ def test_a_place_that_no_direction_reaches_is_not_a_number() -> None:
     np.testing.assert_allclose(
         straighten(np.array([[0.5, 0.0]]), k)[0], [np.roots([-1.0 / 3.0, 0.0, 1.0, -0.5])[2], 0.0]
     )
-    assert np.all(np.isnan(straighten(np.array([[0.7, 0.0]]), k)))
+    assert np.all(np.isnan(straighten(np.array([[r, 0.0] for r in np.linspace(0.67, 2.0, 40)]), k)))
     assert np.all(
         np.isnan(Intrinsics(np.ones(2), np.zeros(2), "fisheye", np.array([-0.2])).rays(np.array([[2.0, 0.0]])))
     )
@@ -154,6 +154,8 @@ def test_undistorted_pixels_lie_on_straight_lines() -> None:
     bent = [np.linalg.svd(uv - uv.mean(axis=0))[1][1] for uv in (seen, straight)]
     assert bent[0] > 1.0
     assert bent[1] < 1e-7
+    pinhole = Intrinsics(camera.f, camera.centre).pixels(line)
+    np.testing.assert_allclose(straight, pinhole, atol=1e-7)
 
 
 def test_the_course_in_one_product() -> None:
