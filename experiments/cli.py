@@ -225,6 +225,25 @@ def simulate(
 
 
 @app.command()
+def info(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+) -> None:
+    """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
+    from experiments.info_command import run
+
+    _say(lambda: run(input, map, json, (start, stop), _choice(imu, mag, baro, gps, raw)), json, None)
+
+
+@app.command()
 def convert(
     input: Input,
     out: Out,
