@@ -12,7 +12,7 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
-SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log), a ROS bag"
+SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag"
 ROS_BAGS = ("rosbag", "rosbag2", "sqlite", "mcap")
 
 
@@ -89,6 +89,10 @@ def facts_of(path: Path) -> Facts | None:
         from sensors.formats.rosbag import rosbag_facts
 
         return rosbag_facts(path)
+    if content == "tlog":
+        from sensors.formats.tlog import tlog_facts
+
+        return tlog_facts(path)
     return None
 
 
@@ -106,6 +110,10 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
         from sensors.formats.rosbag import read_rosbag
 
         return read_rosbag
+    if content == "tlog":
+        from sensors.formats.tlog import read_tlog
+
+        return read_tlog
     return None
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats import dataflash, dataflash_messages, matlab, mwlog, ubx, ulog_messages
+from sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
 from sensors.formats.packed import kind_of, read_packed, require_columns
 from sensors.formats.records import RecordLayout, read_records
 from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
@@ -48,7 +48,7 @@ class FileOptions:
 
 def content_of(path: Path) -> str:
     """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, rosbag, sqlite,
-    mcap, empty, text, or how it is packed.
+    mcap, tlog, empty, text, or how it is packed.
 
     Raises
     ------
@@ -71,6 +71,8 @@ def content_of(path: Path) -> str:
     for magic, content in magics.items():
         if head.startswith(magic):
             return content
+    if mavlink_frames.is_telemetry(head):
+        return "tlog"
     return kind_of(head) or ("dataflash" if dataflash_messages.MAGIC_TEXT.search(head) else "text")
 
 

@@ -34,6 +34,7 @@ from sensors.formats.rinex import read_navigation, read_observations
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from tests.estimator import gnss_simulation as simulation
 from tests.sensors import test_ardupilot as ardupilot
+from tests.sensors import test_tlog as tlog
 from tests.sensors import test_ulog as ulog
 
 CASES = int(os.environ.get("SINAN_CASES", "150"))  # of each format
@@ -250,6 +251,7 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         lambda: ardupilot.binary(ardupilot.compensated(ardupilot.COMPASS | ardupilot.INERTIAL)[0]),
         lambda path: open_log(path, choice=Choice(raw=True)),
     ),
+    "telemetry": (lambda: tlog.written(tlog.flight()), open_log),
     "map": (MAP_OF_TEXT.encode, read_map),
     "map of records": (MAP_OF_RECORDS.encode, read_map),
     "scenario": (SCENARIO.encode, read_scenario),
