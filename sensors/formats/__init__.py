@@ -12,7 +12,10 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
-SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag"
+SELF_DESCRIBING = (
+    "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag, a table whose header says what it holds "
+    "(ax, gyro_x [deg/s])"
+)
 ROS_BAGS = ("rosbag", "rosbag2", "sqlite", "mcap")
 
 
@@ -50,9 +53,16 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return read_recording(path)
     if content == "matlab":
         return _poses_of_matlab(path)
+    from sensors.formats.columns import read_named
+
+    if content in ("text", "parquet") and (columns := read_named(path)) is not None:
+        from sensors.formats.named_columns import recording_of_names
+
+        return recording_of_names(path, columns)
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
         "ubx": "a u-blox log", "zip": "a zip", "text": "text or unknown data",
+        "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip

@@ -219,6 +219,14 @@ def compress() -> bytes:
     return bytes(pytest.importorskip("ncompress").compress(OBSERVATION_3))
 
 
+def parquet() -> bytes:
+    pa, written = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    file = io.BytesIO()
+    columns = {"t": 0.01 * np.arange(40), "ax": np.zeros(40), "ay": np.zeros(40), "az": np.full(40, -9.8)}
+    written.write_table(pa.table(columns), file)
+    return file.getvalue()
+
+
 FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "recording.toml": (lambda: written("recording.toml"), within("recording.toml")),
     "imu.csv": (lambda: written("imu.csv"), within("imu.csv")),
@@ -251,6 +259,9 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         lambda: ardupilot.binary(ardupilot.compensated(ardupilot.COMPASS | ardupilot.INERTIAL)[0]),
         lambda path: open_log(path, choice=Choice(raw=True)),
     ),
+    "named columns": (lambda: b"t_ms,ax,ay,az,gx,gy,gz,mag x [uT],my [uT],mz [uT]\n" + b"".join(
+        b"%d,0.1,0.2,-9.8,0,0,0.1,20,%d,40\n" % (10 * k, k) for k in range(40)), open_log),
+    "Parquet": (parquet, open_log),
     "telemetry": (lambda: tlog.written(tlog.flight()), open_log),
     "map": (MAP_OF_TEXT.encode, read_map),
     "map of records": (MAP_OF_RECORDS.encode, read_map),
