@@ -26,7 +26,7 @@ from sensors.rotation import right_jacobian, rotation_exp, skew
 #: Levenberg-Marquardt: from a homography's start five to fifteen rounds do; a fit that takes so many never settles.
 _ROUNDS = 100
 #: Relative gain of a round at which the sum of squares is at its minimum to rounding.
-_SETTLED = 1e-11
+_SETTLED = 1e-9
 #: Plausible sizes of the parameters, by which the data's null directions are judged [pixels, 1]: lenses that are sold.
 _PLAUSIBLE = {"f": 100.0, "centre": 30.0, "k": 0.1}
 #: Angles seen by a lens that starts are made with [rad]: the diagonal's half, from a long lens to a fisheye.
@@ -191,7 +191,7 @@ def homography(flat: FloatArray, seen: FloatArray) -> FloatArray:
     b = seen @ M[:2, :2].T + M[:2, 2]
     one, zero = np.column_stack([a, np.ones(len(a))]), np.zeros((len(a), 3))
     rows = np.vstack([np.hstack([one, zero, -b[:, :1] * one]), np.hstack([zero, one, -b[:, 1:] * one])])
-    h = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    h = np.linalg.svd(rows, full_matrices=len(rows) < 9)[2][-1].reshape(3, 3)
     return np.asarray(np.linalg.inv(M) @ h @ N)
 
 
@@ -305,7 +305,7 @@ def fit(
     raise InputError("camera", f"no start from which {entry.name} settles", "more views, turned more differently")
 
 
-def _blocks(
+def blocks_of(
     views: Sequence[View], camera: Intrinsics, poses: Sequence[Pose], spread: FloatArray
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Of each view: residual (2 n,), its Jacobians by the intrinsics (2 n, parameters) and by the pose (2 n, 6)."""
@@ -344,7 +344,7 @@ def _minimise(
     if not np.isfinite(cost):
         raise np.linalg.LinAlgError("a corner that the start does not see")
     for _ in range(_ROUNDS):
-        blocks = _blocks(views, camera, poses, spread)
+        blocks = blocks_of(views, camera, poses, spread)
         while True:
             da, dp = _step(blocks, damping)
             values = camera.values + spread @ da
@@ -392,7 +392,7 @@ def _result(views: tuple[View, ...], entry: Form, camera: Intrinsics, poses: Seq
     """The covariance from the Jacobian with the poses projected out: A - B B^+ A of each view."""
     spread = entry.spread
     projected = []
-    for _, A, B in _blocks(views, camera, poses, spread):
+    for _, A, B in blocks_of(views, camera, poses, spread):
         Q = np.linalg.qr(B)[0]
         projected.append(A - Q @ (Q.T @ A))
     residual = tuple(_residuals(views, camera, poses))

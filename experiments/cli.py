@@ -411,6 +411,30 @@ def montecarlo(
 
 
 @app.command()
+def camera(
+    place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
+    board: Annotated[
+        str | None, typer.Option(help="inner corners of the chessboard, or squares of the ChArUco board", metavar="9x6")
+    ] = None,
+    square: Annotated[float, typer.Option(help="side of a square, m; without it, places are in squares")] = 1.0,
+    marker: Annotated[float | None, typer.Option(help="ChArUco: side of a marker, in the unit of --square")] = None,
+    dictionary: Annotated[str, typer.Option(help="ChArUco: OpenCV's name of the markers' dictionary")] = "DICT_5X5_100",
+    legacy: Annotated[bool, typer.Option("--legacy", help="ChArUco: a board printed by OpenCV before 4.6")] = False,
+    lens: Annotated[
+        str, typer.Option(help="auto (held-out pictures decide), pinhole, k1, ..., fisheye, unified, omnidirectional")
+    ] = "auto",
+    corners: Annotated[Path | None, typer.Option(help="file for the corners that were found, as CSV")] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Calibrate a camera from pictures of a board: intrinsics, their error, and the lens that the pictures call for."""
+    from experiments.camera.command import board_of, run
+
+    target = board_of(board, square, marker, dictionary, legacy)
+    _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
+
+
+@app.command()
 def lab(
     name: Annotated[str | None, typer.Argument(help=f"{', '.join(LABS)}; none: the list")] = None,
     out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
