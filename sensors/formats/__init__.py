@@ -76,7 +76,11 @@ def what_is(path: Path) -> str:
     InputError : it is not there
     """
     if path.is_dir():
-        return "rosbag2" if (path / "metadata.yaml").is_file() else "folder"
+        if (path / "metadata.yaml").is_file():
+            return "rosbag2"
+        from sensors.formats.dataset_folders import kind_of_folder
+
+        return kind_of_folder(path) or "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
     from sensors.formats.columns import content_of
@@ -103,6 +107,10 @@ def facts_of(path: Path) -> Facts | None:
         from sensors.formats.tlog import tlog_facts
 
         return tlog_facts(path)
+    if content in ("euroc", "kitti"):
+        from sensors.formats.dataset_folders import folder_facts
+
+        return folder_facts(path)
     return None
 
 
@@ -124,6 +132,14 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
         from sensors.formats.tlog import read_tlog
 
         return read_tlog
+    if content == "euroc":
+        from sensors.formats.dataset_folders import read_euroc
+
+        return read_euroc
+    if content == "kitti":
+        from sensors.formats.dataset_folders import read_kitti
+
+        return read_kitti
     return None
 
 

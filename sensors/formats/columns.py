@@ -133,7 +133,7 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
         return columns if describes_itself(list(columns)) else None
     options = FileOptions(header=True)
     try:
-        names, _ = _layout(str(path), _text(path, options), options)
+        names = names_of(path)
     except InputError:
         return None
     if not describes_itself(names):
@@ -143,6 +143,17 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     return {name: table[name] for name in names if name in wanted} | {
         name: np.empty(0) for name in names if name not in wanted
     }
+
+
+def names_of(path: Path) -> list[str]:
+    """The names in the first line of a text.
+
+    Raises
+    ------
+    InputError : no text, a name twice
+    """
+    options = FileOptions(header=True)
+    return _layout(str(path), _text(path, options), options)[0]
 
 
 def read_parquet(path: Path) -> dict[str, FloatArray]:

@@ -74,6 +74,12 @@ def beside(streams: Sequence[Stream]) -> Stream | None:
     return Stream(first.t, columns)
 
 
+def turned(C: FloatArray, values: FloatArray) -> FloatArray:
+    """(n, 3) vectors by a rotation, C @ v; what is no number becomes none, and `sound` leaves it out."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(values @ C.T)
+
+
 def averaged(t: FloatArray, over: FloatArray) -> dict[str, SensorSpec]:
     """What is declared of an IMU whose samples are taken over some times: those that fill their steps are averages.
 

@@ -21,7 +21,7 @@ from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice, not_there
 from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import beside, recording_of
+from sensors.formats.logged import beside, recording_of, turned
 from sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
 from sensors.formats.plausible import check_field
 from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
@@ -321,7 +321,7 @@ def _asked(bag: _Bag, kind: str, sensor: str, number: int, notes: list[str]) -> 
 
 
 def _vectors(bag: _Bag, name: str, table: FloatArray) -> FloatArray:
-    return table @ bag.turned(name).T
+    return turned(bag.turned(name), table)
 
 
 def _imu_of(bag: _Bag, number: int, notes: list[str]) -> Stream | None:
@@ -331,7 +331,9 @@ def _imu_of(bag: _Bag, number: int, notes: list[str]) -> Stream | None:
     table = bag.topics[name].table()
     force = _vectors(bag, name, table[:, 0:3])
     rate = _vectors(bag, name, table[:, 3:6])
-    if -np.median(force[:, 2]) < 0.5 * np.median(np.linalg.norm(force, axis=1)):
+    with np.errstate(over="ignore", invalid="ignore"):
+        upward = -np.median(force[:, 2]) >= 0.5 * np.median(np.linalg.norm(force, axis=1))
+    if not upward:
         notes.append(f"imu: {name} does not read its weight upward: its frame `{bag.topics[name].frame}` is not "
                      "forward-left-up; convert, and turn it with a map")  # fmt: skip
     columns = dict(zip((*ACCEL, *GYRO), np.hstack([force, rate]).T, strict=True))
@@ -367,7 +369,7 @@ def _gps(bag: _Bag, number: int, notes: list[str]) -> Stream | None:
         if topic.frame in _BODIES or len(topic) < 2:
             notes.append(f"gps: {other} is not read, a velocity about the body")
             continue
-        when, velocity = topic.t(bag.start), topic.table() @ _NED.T
+        when, velocity = topic.t(bag.start), turned(_NED, topic.table())
         if np.mean((t >= when[0]) & (t <= when[-1])) < _COVERED or np.any(np.diff(when) < 0.0):
             continue
         columns |= {axis: np.interp(t, when, velocity[:, k]) for k, axis in enumerate(VELOCITY)}
@@ -431,7 +433,7 @@ def _reference(bag: _Bag, with_gps: bool, number: int) -> tuple[Stream | None, s
         table = bag.topics[name].table()
         own = any(word in name.lower() for word in _OWN)
         kind = "cameras" if max(rank) else "autopilot" if own else "other"
-        columns = {} if with_gps else dict(zip(POSITION, (table[:, :3] @ _NED.T).T, strict=True))
+        columns = {} if with_gps else dict(zip(POSITION, turned(_NED, table[:, :3]).T, strict=True))
         q = table[:, 3:7]
     else:
         imus = bag.of("Imu")
@@ -440,7 +442,8 @@ def _reference(bag: _Bag, with_gps: bool, number: int) -> tuple[Stream | None, s
         name, kind, columns = imus[number], "autopilot", {}
         table = bag.topics[name].table()
         q = np.where(table[:, 10:11] < 0.0, np.nan, table[:, 6:10])  # -1: no estimate
-    turned = quaternion_multiply(np.broadcast_to(quaternion_from_matrix(_NED), q.shape), q)
-    turned = quaternion_multiply(turned, np.broadcast_to(quaternion_from_matrix(_FRD), q.shape))
-    columns |= dict(zip(QUATERNION, turned.T, strict=True))
+    with np.errstate(invalid="ignore", over="ignore"):
+        q_nb = quaternion_multiply(np.broadcast_to(quaternion_from_matrix(_NED), q.shape), q)
+        q_nb = quaternion_multiply(q_nb, np.broadcast_to(quaternion_from_matrix(_FRD), q.shape))
+    columns |= dict(zip(QUATERNION, q_nb.T, strict=True))
     return Stream(bag.topics[name].t(bag.start), columns), kind
