@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.datasets import called, resolve
+from experiments.report.words import reference_words, trace_call
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
@@ -63,7 +63,13 @@ def run(input: str, map_file: Path | None, json: Path | None, span: Span = WHOLE
         from experiments.report.files import write_json
 
         write_json(json, document)
-    return summary(document, input)
+    next_call = trace_call(input, map_file, None, span, choice)
+    return summary(document, next_call if document.get("kind") == "flight" else _calibration(input, map_file, span))
+
+
+def _calibration(input: str, map_file: Path | None, span: Span) -> str:
+    """The command that calibrates all that there is, as it is typed."""
+    return trace_call(input, map_file, None, span).replace("sinan trace", "sinan calibrate all", 1)
 
 
 def _said(facts: Facts | None) -> dict[str, Any]:
@@ -176,8 +182,8 @@ def _told(covariates: Mapping[str, FloatArray]) -> set[str]:
     return {name for name, values in covariates.items() if np.any(np.ptp(values, axis=0) > 0.0)}
 
 
-def summary(document: Mapping[str, Any], input: str) -> str:
-    """The document as text."""
+def summary(document: Mapping[str, Any], next_call: str) -> str:
+    """The document as text; `next_call`: the command to go on with."""
     lines = [f"{document['log']}: " + ", ".join(_head(document))]
     if document.get("recording") is None:
         lines.append(f"  no recording: {document['why_not']}")
@@ -185,8 +191,6 @@ def summary(document: Mapping[str, Any], input: str) -> str:
         lines += _streams_told(document["streams"])
         reference = document["reference"]
         if reference:
-            from experiments.report.words import reference_words
-
             lines.append(f"  reference: {', '.join(reference['known'])} by {reference_words(reference['kind'])}, "
                          f"{reference['rows']} rows")  # fmt: skip
     several = {name: count for name, count in document.get("instances", {}).items() if count > 1}
@@ -200,8 +204,7 @@ def summary(document: Mapping[str, Any], input: str) -> str:
         lines.append(_filled("a trace could see", effects["could_see"]))
         lines += [_filled(f"and with {what}", names) for what, names in effects["missing"].items()]
         lines += [f"  note: {note}" for note in document["notes"]]
-        command = "trace" if document["kind"] == "flight" else "calibrate all"
-        lines.append(f"  next: `{shlex.join(['sinan', *command.split(), input])}`")
+        lines.append(f"  next: `{next_call}`")
     return "\n".join(lines)
 
 

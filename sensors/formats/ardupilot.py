@@ -78,7 +78,8 @@ def ardupilot_facts(path: Path) -> Facts:
     log = read_messages(path)
     texts = log.texts("MSG", "Message") if log.has("MSG", "Message") else []
     names = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
-    firmware = next((text for text in texts if text.startswith(names)), "")
+    told = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
+    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(names)), "")
     tables = tuple(
         Table(name, count, _table_rate(log, name), kind.fields, tuple(kind.units))
         for name, (count, kind) in ((name, (log.counts[name], log.kinds[name])) for name in sorted(log.kinds))

@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 
 from experiments.cli import app
 from experiments.info_command import gaps, run
+from sensors.errors import InputError
 from sensors.formats.choice import Choice
-from sensors.formats.plain import write_recording
+from sensors.formats.plain import read_recording, write_recording
 from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
 from tests.sensors import test_ardupilot as ardupilot
 
@@ -51,7 +52,7 @@ def test_the_text_names_streams_sensors_and_what_to_do_next(log: Path) -> None:
     assert result.exit_code == 0
     assert "imu     50 rows  50 Hz  accel [m/s^2], gyro [rad/s], temperature [degC]" in result.output
     assert "several of a kind: --imu 0 to 1, --mag 0 to 1" in result.output
-    assert f"next: `sinan trace {log}`" in result.output
+    assert f"next: `sinan trace {log} --mag 1`" in result.output
 
 
 def test_a_gap_is_where_three_readings_are_missing() -> None:
@@ -111,3 +112,20 @@ def test_a_measured_log(measured_data: Path) -> None:
     assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
     assert "3 gaps to 6 s at 60.27 s" in text
     assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
+
+
+def test_the_sensor_that_is_asked_for_is_converted(log: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["convert", str(log), str(tmp_path / "out"), "--mag", "1", "--imu", "1"])
+    assert result.exit_code == 0, result.output
+    streams = read_recording(tmp_path / "out").streams
+    assert streams["mag"]["mag_x"][0] == pytest.approx(0.3)
+    assert streams["imu"]["accel_z"][0] == pytest.approx(-9.7)
+
+
+@pytest.mark.parametrize("command", ["info", "convert", "estimate", "trace", "observability"])
+def test_a_map_says_itself_what_is_read(log: Path, tmp_path: Path, command: str) -> None:
+    (tmp_path / "map.toml").write_text('kind = "flight"\n')
+    more = [str(tmp_path / "out")] if command == "convert" else []
+    result = CliRunner().invoke(app, [command, str(log), *more, "--map", str(tmp_path / "map.toml"), "--mag", "1"])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith("--mag 1: of ")
