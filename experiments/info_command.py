@@ -155,6 +155,8 @@ def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
             sensors.add(sensor)
     if recording.kind == "flight" and "gps" in streams:
         sensors.add("level")
+    if recording.kind == "flight" and "imu" not in streams:
+        return [], {"an accelerometer with a gyroscope": [entry.name for entry in effects_for("flight", sensors)]}
     found: list[str] = []
     missing: dict[str, list[str]] = {}
     known = {sensor: _told(covariates_for(recording, sensor, _clock(recording, sensor))) for sensor in sensors}
@@ -204,7 +206,8 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
         lines.append(_filled("a trace could see", effects["could_see"]))
         lines += [_filled(f"and with {what}", names) for what, names in effects["missing"].items()]
         lines += [f"  note: {note}" for note in document["notes"]]
-        lines.append(f"  next: `{next_call}`")
+        if effects["could_see"]:
+            lines.append(f"  next: `{next_call}`")
     return "\n".join(lines)
 
 

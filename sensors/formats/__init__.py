@@ -61,7 +61,7 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return recording_of_names(path, columns)
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
-        "ubx": "a u-blox log", "zip": "a zip", "text": "text or unknown data",
+        "zip": "a zip", "text": "text or unknown data",
         "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
@@ -107,6 +107,10 @@ def facts_of(path: Path) -> Facts | None:
         from sensors.formats.tlog import tlog_facts
 
         return tlog_facts(path)
+    if content == "ubx":
+        from sensors.formats.ubx import receiver_facts
+
+        return receiver_facts(path)
     if content in ("euroc", "kitti"):
         from sensors.formats.dataset_folders import folder_facts
 
@@ -132,6 +136,10 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
         from sensors.formats.tlog import read_tlog
 
         return read_tlog
+    if content == "ubx":
+        from sensors.formats.ubx import read_receiver
+
+        return read_receiver
     if content == "euroc":
         from sensors.formats.dataset_folders import read_euroc
 

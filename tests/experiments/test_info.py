@@ -17,6 +17,7 @@ from sensors.formats.choice import Choice
 from sensors.formats.plain import read_recording, write_recording
 from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
 from tests.sensors import test_ardupilot as ardupilot
+from tests.sensors import test_formats_logs as logs
 
 
 @pytest.fixture
@@ -94,6 +95,15 @@ def test_a_log_that_is_no_recording_is_told_as_far_as_it_goes(tmp_path: Path) ->
     assert "no recording: " in text
     assert "no accelerometer with a gyroscope" in text
     assert "BAT 1" in text
+
+
+def test_a_receiver_alone_is_nothing_to_trace(tmp_path: Path) -> None:
+    path = tmp_path / "a.ubx"
+    path.write_bytes(b"".join(logs.solution(1000 * k) for k in range(9)))
+    text = run(str(path), None, None)
+    assert "a trace could see: nothing" in text
+    assert "and with an accelerometer with a gyroscope: gps.lever_arm" in text
+    assert "next:" not in text
 
 
 def test_it_takes_a_second(tmp_path: Path) -> None:

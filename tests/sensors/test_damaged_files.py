@@ -34,6 +34,7 @@ from sensors.formats.rinex import read_navigation, read_observations
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from tests.estimator import gnss_simulation as simulation
 from tests.sensors import test_ardupilot as ardupilot
+from tests.sensors import test_formats_logs as logs
 from tests.sensors import test_tlog as tlog
 from tests.sensors import test_ulog as ulog
 
@@ -252,6 +253,7 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         read_mapped(MAP_OF_RECORDS),
     ),
     "UBX": (ubx, read_mapped(MAP_OF_UBX)),
+    "UBX, by its own names": (lambda: b"".join(map(logs.solution, range(0, 9000, 1000))), open_log),
     "dataflash": (DATAFLASH.encode, read_mapped(MAP_OF_DATAFLASH)),
     "dataflash, by its own names": (lambda: ardupilot.text(ardupilot.flight()), open_log),
     "dataflash, binary": (lambda: ardupilot.binary(ardupilot.flight()), open_log),
