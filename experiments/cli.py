@@ -231,6 +231,25 @@ def simulate(
 
 
 @app.command()
+def info(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+) -> None:
+    """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
+    from experiments.info_command import run
+
+    _say(lambda: run(input, map, json, (start, stop), _choice(imu, mag, baro, gps, raw)), json, None)
+
+
+@app.command()
 def convert(
     input: Input,
     out: Out,
@@ -395,6 +414,30 @@ def montecarlo(
 
     _require_place_for(resume)
     _say_as_kept(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
+
+
+@app.command()
+def camera(
+    place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
+    board: Annotated[
+        str | None, typer.Option(help="inner corners of the chessboard, or squares of the ChArUco board", metavar="9x6")
+    ] = None,
+    square: Annotated[float, typer.Option(help="side of a square, m; without it, places are in squares")] = 1.0,
+    marker: Annotated[float | None, typer.Option(help="ChArUco: side of a marker, in the unit of --square")] = None,
+    dictionary: Annotated[str, typer.Option(help="ChArUco: OpenCV's name of the markers' dictionary")] = "DICT_5X5_100",
+    legacy: Annotated[bool, typer.Option("--legacy", help="ChArUco: a board printed by OpenCV before 4.6")] = False,
+    lens: Annotated[
+        str, typer.Option(help="auto (held-out pictures decide), pinhole, k1, ..., fisheye, unified, omnidirectional")
+    ] = "auto",
+    corners: Annotated[Path | None, typer.Option(help="file for the corners that were found, as CSV")] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Calibrate a camera from pictures of a board: intrinsics, their error, and the lens that the pictures call for."""
+    from experiments.camera.command import board_of, run
+
+    target = board_of(board, square, marker, dictionary, legacy)
+    _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
 
 
 @app.command()

@@ -49,6 +49,8 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "ranging": ("tests/sensors/test_laser.py", "tests/sensors/test_sonar.py", *_CONTRACTS),
     "gps": _CONTRACTS,
     "level": _CONTRACTS,
+    "lenses": ("tests/sensors/test_camera.py",),
+    "camera": ("tests/sensors/test_camera.py", *_CONTRACTS),
     "bounds": ("tests/sensors/test_bounds.py",),
     "noise": ("tests/sensors/test_noise.py", *_CONTRACTS),
     "atmosphere": ("tests/sensors/test_atmosphere.py", "tests/sensors/test_sonar.py"),

@@ -45,14 +45,15 @@ def test_the_test_of_the_lowest_versions_takes_every_floor() -> None:
         [str(ROOT / ".ci" / "lowest"), "--list"], capture_output=True, text=True, check=True,
         env={"PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
     ).stdout.split()  # fmt: skip
-    floors = named([entry for extra in ("dask", "gnss", "test") for entry in EXTRAS[extra]] + PROJECT["dependencies"])
+    names = "camera", "dask", "gnss", "mavlink", "parquet", "ros", "test"
+    floors = named([*PROJECT["dependencies"], *(entry for name in names for entry in EXTRAS[name])])
     tools = {"ruff", "mypy", "import-linter"}
     assert sorted(printed) == sorted(f"{name}=={floor}" for name, floor in floors.items() if name not in tools)
 
 
 def test_every_library_that_is_imported_is_named() -> None:
     """Of whatever is imported at any depth, outside Python itself and these packages."""
-    distributions = packages_distributions()
+    distributions = {"cv2": ["opencv-python-headless"], **packages_distributions()}
     known = set(named(ALL))
     for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

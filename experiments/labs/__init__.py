@@ -15,6 +15,7 @@ LABS = {
     "magnetometer": "240 readings of a magnetometer, and the sign of an offset decided by the data (design experiment)",
     "heading": "heading from a magnetometer: without tilt, with that of the specific force, with the true one",
     "sonar_height": "height from a sonar: time of flight, temperature, tilt, and how soft a ground may be",
+    "camera": "a camera calibrated as a pinhole, what its residual field shows, and what held-out pictures gain",
     "scan_height": "height from a laser scan: the course's mean against the exact formula",
 }
 

@@ -12,7 +12,11 @@ from sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
-SELF_DESCRIBING = "a ULog, an ArduPilot log (.bin, .log)"
+SELF_DESCRIBING = (
+    "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag, a table whose header says what it holds "
+    "(ax, gyro_x [deg/s])"
+)
+ROS_BAGS = ("rosbag", "rosbag2", "sqlite", "mcap")
 
 
 def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -> Recording:
@@ -49,9 +53,16 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return read_recording(path)
     if content == "matlab":
         return _poses_of_matlab(path)
+    from sensors.formats.columns import read_named
+
+    if content in ("text", "parquet") and (columns := read_named(path)) is not None:
+        from sensors.formats.named_columns import recording_of_names
+
+        return recording_of_names(path, columns)
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
-        "ubx": "a u-blox log", "zip": "a zip", "text": "text or unknown data",
+        "zip": "a zip", "text": "text or unknown data",
+        "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
@@ -65,7 +76,11 @@ def what_is(path: Path) -> str:
     InputError : it is not there
     """
     if path.is_dir():
-        return "folder"
+        if (path / "metadata.yaml").is_file():
+            return "rosbag2"
+        from sensors.formats.dataset_folders import kind_of_folder
+
+        return kind_of_folder(path) or "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
     from sensors.formats.columns import content_of
@@ -84,6 +99,22 @@ def facts_of(path: Path) -> Facts | None:
         from sensors.formats.ardupilot import ardupilot_facts
 
         return ardupilot_facts(path)
+    if content in ROS_BAGS:
+        from sensors.formats.rosbag import rosbag_facts
+
+        return rosbag_facts(path)
+    if content == "tlog":
+        from sensors.formats.tlog import tlog_facts
+
+        return tlog_facts(path)
+    if content == "ubx":
+        from sensors.formats.ubx import receiver_facts
+
+        return receiver_facts(path)
+    if content in ("euroc", "kitti"):
+        from sensors.formats.dataset_folders import folder_facts
+
+        return folder_facts(path)
     return None
 
 
@@ -97,6 +128,26 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
         from sensors.formats.ardupilot import read_ardupilot
 
         return read_ardupilot
+    if content in ROS_BAGS:
+        from sensors.formats.rosbag import read_rosbag
+
+        return read_rosbag
+    if content == "tlog":
+        from sensors.formats.tlog import read_tlog
+
+        return read_tlog
+    if content == "ubx":
+        from sensors.formats.ubx import read_receiver
+
+        return read_receiver
+    if content == "euroc":
+        from sensors.formats.dataset_folders import read_euroc
+
+        return read_euroc
+    if content == "kitti":
+        from sensors.formats.dataset_folders import read_kitti
+
+        return read_kitti
     return None
 
 

@@ -78,7 +78,8 @@ def ardupilot_facts(path: Path) -> Facts:
     log = read_messages(path)
     texts = log.texts("MSG", "Message") if log.has("MSG", "Message") else []
     names = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
-    firmware = next((text for text in texts if text.startswith(names)), "")
+    told = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
+    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(names)), "")
     tables = tuple(
         Table(name, count, _table_rate(log, name), kind.fields, tuple(kind.units))
         for name, (count, kind) in ((name, (log.counts[name], log.kinds[name])) for name in sorted(log.kinds))
@@ -261,25 +262,35 @@ def _power(log: Dataflash) -> Stream | None:
     return beside([battery for battery in batteries if battery is not None])
 
 
+def motor_outputs(parameters: Mapping[str, float], most: int) -> list[int]:
+    """The outputs that drive a motor, counted from 1."""
+    return [k for k in range(1, most + 1) if parameters.get(f"SERVO{k}_FUNCTION") in _MOTORS]
+
+
+def motor_stream(t: FloatArray, pulses: Sequence[FloatArray], parameters: Mapping[str, float]) -> Stream:
+    """Commands from no throttle 0 to full throttle 1, of pulse widths [us]."""
+    least, most = (
+        parameters.get(name, 0.0) or pulse for name, pulse in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), _PULSES, strict=True)
+    )
+    if not least < most:
+        least, most = _PULSES
+    columns = {f"motor_{m}": np.clip((one - least) / (most - least), 0.0, 1.0) for m, one in enumerate(pulses, 1)}
+    return Stream(t, columns)
+
+
 def _motors(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -> Stream | None:
-    """Commands of the outputs that drive a motor, from no throttle 0 to full throttle 1."""
+    """Commands of the outputs that drive a motor."""
     if "RCOU" not in log.kinds:
         return None
-    outputs = [k for k in range(1, 15) if parameters.get(f"SERVO{k}_FUNCTION") in _MOTORS]
+    outputs = motor_outputs(parameters, 14)
     if not outputs:
         notes.append("motors: no parameter SERVOn_FUNCTION says which output drives one, left out")
         return None
-    names = {k: next((name for name in (f"C{k}", f"Ch{k}", f"Chan{k}") if log.has("RCOU", name)), "") for k in outputs}
-    rules = {f"motor_{m}": (names[k], "number", "1") for m, k in enumerate(outputs, 1) if names[k]}
-    stream = _stream(log, ("RCOU", np.ones(log.counts["RCOU"], dtype=bool)), rules) if rules else None
-    if stream is None:
+    names = [next((name for name in (f"C{k}", f"Ch{k}", f"Chan{k}") if log.has("RCOU", name)), "") for k in outputs]
+    t = _clock(log, "RCOU")
+    if t is None or not all(names):
         return None
-    least, most = (parameters.get(name, 0.0) or pulse for name, pulse in zip(
-        ("MOT_PWM_MIN", "MOT_PWM_MAX"), _PULSES, strict=True))  # fmt: skip
-    if not least < most:
-        least, most = _PULSES
-    columns = {name: np.clip((value - least) / (most - least), 0.0, 1.0) for name, value in stream.columns.items()}
-    return Stream(stream.t, columns)
+    return motor_stream(t, [log.raw("RCOU", name) for name in names], parameters)
 
 
 def _ranges(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -> dict[str, Stream]:

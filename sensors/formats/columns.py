@@ -7,14 +7,15 @@ import io
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
-from sensors.formats import dataflash, dataflash_messages, matlab, mwlog, ubx, ulog_messages
-from sensors.formats.packed import kind_of, read_packed, require_columns
+from sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
+from sensors.formats.named_columns import describes_itself, meaning
+from sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
 from sensors.formats.records import RecordLayout, read_records
 from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
 
@@ -47,8 +48,8 @@ class FileOptions:
 
 
 def content_of(path: Path) -> str:
-    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, empty, text, or
-    how it is packed.
+    """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, rosbag, sqlite,
+    mcap, parquet, tlog, empty, text, or how it is packed.
 
     Raises
     ------
@@ -65,11 +66,14 @@ def content_of(path: Path) -> str:
         return "empty"
     magics = {
         mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx",
-        dataflash_messages.MAGIC: "dataflash_binary",
+        dataflash_messages.MAGIC: "dataflash_binary", b"#ROSBAG V2.0": "rosbag", b"SQLite format 3\0": "sqlite",
+        b"\x89MCAP0\r\n": "mcap", b"PAR1": "parquet",
     }  # fmt: skip
     for magic, content in magics.items():
         if head.startswith(magic):
             return content
+    if mavlink_frames.is_telemetry(head):
+        return "tlog"
     return kind_of(head) or ("dataflash" if dataflash_messages.MAGIC_TEXT.search(head) else "text")
 
 
@@ -111,7 +115,82 @@ def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> M
         return dataflash_messages.Columns(dataflash_messages.read_messages(path))
     if content == "dataflash":
         return dataflash.read_dataflash(path, wanted)
+    if content == "parquet":
+        return read_parquet(path)
     return _read_text(path, options, wanted)
+
+
+def read_named(path: Path) -> dict[str, FloatArray] | None:
+    """The columns of a text with a header, or of Parquet, that say what they are; None: none does, or another content.
+
+    Raises
+    ------
+    InputError : what the reader of that content finds wrong
+    """
+    content = content_of(path)
+    if content == "parquet":
+        columns = read_parquet(path)
+        return columns if describes_itself(list(columns)) else None
+    options = FileOptions(header=True)
+    try:
+        names = names_of(path)
+    except InputError:
+        return None
+    if not describes_itself(names):
+        return None
+    wanted = [name for name in names if meaning(name) is not None]
+    table = _read_text(path, options, wanted)
+    return {name: table[name] for name in names if name in wanted} | {
+        name: np.empty(0) for name in names if name not in wanted
+    }
+
+
+def names_of(path: Path) -> list[str]:
+    """The names in the first line of a text.
+
+    Raises
+    ------
+    InputError : no text, a name twice
+    """
+    options = FileOptions(header=True)
+    return _layout(str(path), _text(path, options), options)[0]
+
+
+def read_parquet(path: Path) -> dict[str, FloatArray]:
+    """The columns of numbers of a Parquet file; times become seconds since 1970, missing numbers NaN.
+
+    Raises
+    ------
+    InputError : no `pyarrow`, a damaged file, more numbers than are read
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise InputError(path, "a Parquet file", "pip install '.[parquet]' in the clone") from None
+    try:
+        with parquet.ParquetFile(path) as file:
+            fields = [field for field in file.schema_arrow
+                      if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+                      or pa.types.is_timestamp(field.type)]  # fmt: skip
+            require_columns(path, len(fields))
+            require_numbers(path, file.metadata.num_rows * len(fields))
+            table = file.read([field.name for field in fields], use_threads=False)
+            return {field.name: _numbers_of(table.column(k), field.type) for k, field in enumerate(fields)}
+    except InputError:
+        raise
+    except Exception as error:  # the library lets through what the bytes make it stumble over
+        raise InputError(path, f"damaged Parquet ({type(error).__name__}: {error})", "a whole Parquet file") from None
+
+
+def _numbers_of(column: Any, kind: Any) -> FloatArray:
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(kind):
+        seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+        whole = column.cast(pa.int64()).to_numpy(zero_copy_only=False) if hasattr(column, "cast") else column
+        return np.asarray(whole, dtype=np.float64) * seconds
+    return np.asarray(column.to_numpy(), dtype=np.float64)
 
 
 def _read_text(path: Path, options: FileOptions, wanted: Collection[str]) -> dict[str, FloatArray]:

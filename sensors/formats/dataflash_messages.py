@@ -34,6 +34,8 @@ _STORED = {
     "M": "u1", "q": "<i8", "Q": "<u8",
 }  # fmt: skip
 _OWN_MULTIPLIER = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
+#: Lines before the first message.
+_HEADING = 10
 _FMT, _FMT_FORMAT, _FMT_FIELDS = 0x80, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")
 #: ArduPilot's names of units, as those of `sensors.formats.units` for a quantity.
 _UNIT_NAMES = {
@@ -105,6 +107,8 @@ class Dataflash:
     kinds : that have a message, by name
     counts : of messages, by kind
     notes : what could not be read
+    as_text : its numbers are printed
+    heading : the first lines of a text log, where older firmware names itself
     """
 
     path: Path
@@ -114,6 +118,7 @@ class Dataflash:
     as_text: bool
     _raw: Callable[[str, str], FloatArray]
     _texts: Callable[[str, str], list[str]]
+    heading: tuple[str, ...] = ()
     _columns: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
 
     def has(self, kind: str, *fields: str) -> bool:
@@ -351,6 +356,7 @@ class _Text:
         self.path = path
         self.kinds = _Kinds()
         self.lines: dict[str, list[str]] = {}
+        self.heading: list[str] = []
         self.lost = 0
 
     def log(self) -> Dataflash:
@@ -380,7 +386,8 @@ class _Text:
         lost = f"{self.lost} lines with another number of fields than their FMT line says: not read"
         counts = {name: len(cells) for name, cells in rows.items()}
         kinds = {name: kind for name, kind in named.items() if name in rows}
-        return Dataflash(self.path, kinds, counts, (lost,) if self.lost else (), True, printed, texts)
+        notes = (lost,) if self.lost else ()
+        return Dataflash(self.path, kinds, counts, notes, True, printed, texts, tuple(self.heading))
 
     def _read(self) -> None:
         known: set[str] = set()
@@ -390,6 +397,8 @@ class _Text:
                 name = name.strip()
                 if name in known:
                     self.lines[name].append(rest)
+                elif not rest and not known and len(self.heading) < _HEADING:
+                    self.heading.append(name)
                 elif name == "FMT":
                     cells = [cell.strip() for cell in rest.split(",", 4)]
                     if len(cells) != 5 or not cells[0].isdecimal() or not cells[2].isalnum():

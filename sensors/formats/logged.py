@@ -29,6 +29,7 @@ def recording_of(
     notes: Sequence[str] = (),
     there: Sequence[str] = (),
     reference: str = "autopilot",
+    needs: str = "imu",
 ) -> Recording:
     """A flight of the streams that are there; times begin with the first sample.
 
@@ -40,17 +41,18 @@ def recording_of(
     notes : what could not be read, or was chosen
     there : names of what the log holds, for the message of one that cannot be used
     reference : kind of the reference
+    needs : the stream without which it is no recording
 
     Raises
     ------
-    InputError : no accelerometer and gyroscope; what `Recording` and `check_units` find wrong
+    InputError : not what is needed; what `Recording` and `check_units` find wrong
     """
     mended = {name: sound(name, stream) for name, stream in found.items() if stream is not None}
     said = [*notes, *(note for _, told in mended.values() for note in told)]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream) > 0}
-    if "imu" not in streams:
-        names = ", ".join(there)
-        raise InputError(path, f"no accelerometer with a gyroscope (there are {names})", "a log with both")
+    if needs not in streams:
+        what = "accelerometer with a gyroscope" if needs == "imu" else needs
+        raise InputError(path, f"no {what} (there are {', '.join(there)})", "a log that has it")
     start = min(float(stream.t[0]) for stream in streams.values())
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)
@@ -72,6 +74,12 @@ def beside(streams: Sequence[Stream]) -> Stream | None:
     for k, other in enumerate(streams[1:], 2):
         columns |= {f"{name}_{k}": np.interp(first.t, other.t, values) for name, values in other.columns.items()}
     return Stream(first.t, columns)
+
+
+def turned(C: FloatArray, values: FloatArray) -> FloatArray:
+    """(n, 3) vectors by a rotation, C @ v; what is no number becomes none, and `sound` leaves it out."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(values @ C.T)
 
 
 def averaged(t: FloatArray, over: FloatArray) -> dict[str, SensorSpec]:

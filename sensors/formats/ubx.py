@@ -11,10 +11,21 @@ import numpy as np
 
 from sensors.arrays import FloatArray
 from sensors.errors import InputError
+from sensors.formats.choice import FIRST, Choice
+from sensors.formats.facts import Facts, Table
+from sensors.formats.logged import recording_of
 from sensors.formats.packed import read_plain
+from sensors.recording import Recording, Stream
 
 MAGIC = b"\xb5\x62"
 _NAV_PVT = (0x01, 0x07)
+_WEEK = 604_800.0
+#: The columns of a GPS, and the fields and units that they are made of.
+_GPS = {
+    "latitude": ("lat", 1e-7), "longitude": ("lon", 1e-7), "height": ("height", 1e-3), "vel_north": ("velN", 1e-3),
+    "vel_east": ("velE", 1e-3), "vel_down": ("velD", 1e-3), "eph": ("hAcc", 1e-3), "epv": ("vAcc", 1e-3),
+    "s_variance": ("sAcc", 1e-3), "pdop": ("pDOP", 1e-2), "satellites": ("numSV", 1.0),
+}  # fmt: skip
 _PVT = np.dtype([
     ("iTOW", "<u4"), ("year", "<u2"), ("month", "u1"), ("day", "u1"), ("hour", "u1"), ("min", "u1"), ("sec", "u1"),
     ("valid", "u1"), ("tAcc", "<u4"), ("nano", "<i4"), ("fixType", "u1"), ("flags", "u1"), ("flags2", "u1"),
@@ -57,6 +68,30 @@ def read_ubx(path: Path) -> dict[str, FloatArray]:
     columns = {f"NAV-PVT.{name}": table[name].astype(np.float64) for name in _PVT.names or ()}
     columns["NAV-PVT.carrSoln"] = (table["flags"] >> 6).astype(np.float64)
     return columns
+
+
+def read_receiver(path: Path, choice: Choice = FIRST) -> Recording:
+    """The receiver's fixes in three dimensions with what it says of them, as a recording of a GPS alone: what
+    `sinan convert` writes lies beside an IMU's own files. The week of the clock is not told.
+
+    Raises
+    ------
+    InputError : what `read_ubx` finds wrong; no fix in three dimensions
+    """
+    choice.require_none(path, "of one receiver")
+    columns = {name.removeprefix("NAV-PVT."): values for name, values in read_ubx(path).items()}
+    fixed = (columns["fixType"] >= 3) & (columns["fixType"] <= 4) & (columns["flags"].astype(np.int64) % 2 == 1)
+    t = np.unwrap(columns["iTOW"] * 1e-3, period=_WEEK)
+    gps = {name: columns[field] * unit for name, (field, unit) in _GPS.items()}
+    notes = [f"gps: {int(np.sum(~fixed))} of {len(t)} solutions without a fix left out"] if not np.all(fixed) else []
+    return recording_of(path, {"gps": Stream(t, gps).rows(fixed)}, notes=notes, there=("NAV-PVT",), needs="gps")
+
+
+def receiver_facts(path: Path) -> Facts:
+    """What a log of a receiver says of itself."""
+    t = read_ubx(path)["NAV-PVT.iTOW"] * 1e-3
+    table = Table("NAV-PVT", len(t), (float(t[0]), float(t[-1])), _PVT.names or ())
+    return Facts("u-blox UBX", tables=(table,), instances={"imu": 0, "mag": 0, "baro": 0, "gps": 1})
 
 
 def _checksum(body: bytes) -> bytes:

@@ -13,6 +13,7 @@ from experiments.scenarios import load_scenario
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import FloatArray
 from sensors.barometer import Barometer
+from sensors.camera import Camera, Intrinsics
 from sensors.gps import BaseReceiver, Gps
 from sensors.gyroscope import Gyroscope
 from sensors.laser import Laser
@@ -47,6 +48,7 @@ MODELS: dict[str, SensorModel] = {
     "gps without bias": Gps(0.5, 0.1),
     "base": BaseReceiver(0.3),
     "level": Level(0.7),
+    "camera": Camera(0.4, Intrinsics(np.array([1.1, 0.9]), np.zeros(2), "brown", np.array([-0.2, 0.05, 1e-3, 2e-3]))),
 }
 #: block, components, 1-sigma at the start, walk
 BIASES = {
@@ -79,6 +81,7 @@ def motion() -> Motion:
         w_ib_b=rng.normal(0.0, 1.0, (n, 3)),
         m_n=np.array([[0.5, -0.06, 0.86]]),
         ground_down=1.0,
+        covariates={"point_n": rng.normal(0.0, 2.0, (n, 3)) + np.array([20.0, 0.0, -12.0])},
     )
 
 
@@ -135,6 +138,7 @@ def test_shapes(model: SensorModel) -> None:
 #: Standard deviations that the models above were made with: of each component, or of all
 SIGMAS = {
     "accel": 0.03, "gyro": 0.003, "mag": 0.005, "baro": 0.3, "sonar": 0.03, "laser": 0.03, "base": 0.3, "level": 0.7,
+    "camera": 0.4,
     "gps": [0.5, 0.5, 0.5, 0.1, 0.1, 0.1], "gps position": 0.5,
 }  # fmt: skip
 

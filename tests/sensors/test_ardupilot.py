@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sensors.errors import InputError
-from sensors.formats import open_log
+from sensors.formats import facts_of, open_log
 from sensors.formats.choice import Choice
 from sensors.formats.dataflash_messages import read_messages
 from sensors.recording import ACCEL, GYRO, MAG, VELOCITY
@@ -308,6 +308,17 @@ def test_a_reading_is_stamped_when_it_was_taken_on_a_clock_that_wraps(tmp_path: 
     np.testing.assert_allclose(open_log(path).streams["mag"].t, 0.2 - 0.004 + 0.1 * np.arange(5), atol=1e-6)
 
 
+def test_a_binary_log_with_a_map_has_the_names_of_a_text_log(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(
+        'kind = "poses"\n[streams.poses]\ntime = { column = "GPS.TimeUS", unit = "us" }\n'
+        'accel = ["GPS.Lat", "GPS.Lng", "GPS.HDop"]\n[environment]\ngravity = 1\n'
+    )
+    for write in (binary, text):
+        (tmp_path / "log").write_bytes(write(flight()))
+        poses = open_log(tmp_path / "log", tmp_path / "map.toml").streams["poses"]
+        np.testing.assert_allclose(poses.array(ACCEL)[0], [47.3977, 8.5456, 0.75])
+
+
 # --- what the autopilot has put into its readings ---------------------------------------------------------
 
 
@@ -432,3 +443,6 @@ def test_a_measured_log_of_2013_says_what_it_lacks(measured_data: Path) -> None:
         open_log(measured_data / "arducopter_sonar_baro" / "underpowered.log")
     log = read_messages(measured_data / "arducopter_sonar_baro" / "underpowered.log")
     assert log.counts["CTUN"] == 4302
+    facts = facts_of(log.path)
+    assert facts is not None
+    assert (facts.firmware, len(facts.parameters)) == ("ArduCopter V3.0.1", 271)

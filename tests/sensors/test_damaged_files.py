@@ -34,6 +34,8 @@ from sensors.formats.rinex import read_navigation, read_observations
 from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from tests.estimator import gnss_simulation as simulation
 from tests.sensors import test_ardupilot as ardupilot
+from tests.sensors import test_formats_logs as logs
+from tests.sensors import test_tlog as tlog
 from tests.sensors import test_ulog as ulog
 
 CASES = int(os.environ.get("SINAN_CASES", "150"))  # of each format
@@ -218,6 +220,14 @@ def compress() -> bytes:
     return bytes(pytest.importorskip("ncompress").compress(OBSERVATION_3))
 
 
+def parquet() -> bytes:
+    pa, written = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    file = io.BytesIO()
+    columns = {"t": 0.01 * np.arange(40), "ax": np.zeros(40), "ay": np.zeros(40), "az": np.full(40, -9.8)}
+    written.write_table(pa.table(columns), file)
+    return file.getvalue()
+
+
 FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "recording.toml": (lambda: written("recording.toml"), within("recording.toml")),
     "imu.csv": (lambda: written("imu.csv"), within("imu.csv")),
@@ -243,6 +253,7 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         read_mapped(MAP_OF_RECORDS),
     ),
     "UBX": (ubx, read_mapped(MAP_OF_UBX)),
+    "UBX, by its own names": (lambda: b"".join(map(logs.solution, range(0, 9000, 1000))), open_log),
     "dataflash": (DATAFLASH.encode, read_mapped(MAP_OF_DATAFLASH)),
     "dataflash, by its own names": (lambda: ardupilot.text(ardupilot.flight()), open_log),
     "dataflash, binary": (lambda: ardupilot.binary(ardupilot.flight()), open_log),
@@ -250,6 +261,10 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         lambda: ardupilot.binary(ardupilot.compensated(ardupilot.COMPASS | ardupilot.INERTIAL)[0]),
         lambda path: open_log(path, choice=Choice(raw=True)),
     ),
+    "named columns": (lambda: b"t_ms,ax,ay,az,gx,gy,gz,mag x [uT],my [uT],mz [uT]\n" + b"".join(
+        b"%d,0.1,0.2,-9.8,0,0,0.1,20,%d,40\n" % (10 * k, k) for k in range(40)), open_log),
+    "Parquet": (parquet, open_log),
+    "telemetry": (lambda: tlog.written(tlog.flight()), open_log),
     "map": (MAP_OF_TEXT.encode, read_map),
     "map of records": (MAP_OF_RECORDS.encode, read_map),
     "scenario": (SCENARIO.encode, read_scenario),

@@ -12,6 +12,7 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments.datasets import resolve
 from sensors.errors import InputError
 from sensors.formats import open_log
 from sensors.formats.columns import FileOptions, content_of, read_columns
@@ -65,7 +66,6 @@ def test_content_not_suffix_decides(tmp_path: Path) -> None:
         (b"1 2 3\n", "text or unknown data"),
         (b"PK\x03\x04rest", "a zip"),
         (b"\x1f\x8b\x08rest", "compressed data"),
-        (ubx(b""), "a u-blox log"),
         (bytes(range(256)), "text or unknown data"),
     ],
 )
@@ -312,6 +312,42 @@ def test_ubx_passes_over_other_messages(tmp_path: Path) -> None:
     columns = read_ubx(tmp_path / "a")
     assert columns["NAV-PVT.iTOW"] == 1000
     assert columns["NAV-PVT.lat"] == 400_000_000
+
+
+def solution(ms: int, fix: int = 3, flags: int = 1, north: int = 0) -> bytes:
+    """NAV-PVT by its places: iTOW 0, fixType 20, flags 21, numSV 23, lon 24, lat 28, height 32, hAcc 40, velN 48."""
+    payload = bytearray(92)
+    for at, form, value in (
+        (0, "<I", ms), (20, "B", fix), (21, "B", flags), (23, "B", 17), (24, "<i", 85_000_000), (28, "<i", 470_000_000),
+        (32, "<i", 400_000), (40, "<I", 900), (44, "<I", 1500), (48, "<i", north), (68, "<I", 200), (76, "<H", 150),
+    ):  # fmt: skip
+        struct.pack_into(form, payload, at, value)
+    return ubx(bytes(payload))
+
+
+def test_a_receiver_alone_is_a_recording_across_the_end_of_the_week(tmp_path: Path) -> None:
+    week = 604_800_000
+    fixes = [solution((week - 2000 + 1000 * k) % week, north=1000 * k) for k in range(5)]
+    (tmp_path / "a").write_bytes(b"".join([solution(week - 3000, fix=0), solution(week - 2500, flags=0), *fixes]))
+    recording = open_log(tmp_path / "a")
+    gps = recording.streams["gps"]
+    np.testing.assert_allclose(gps.t, np.arange(5.0))
+    np.testing.assert_allclose(gps["vel_north"], np.arange(5.0))
+    said = gps.array(("eph", "epv", "s_variance", "pdop", "satellites"))[0]
+    np.testing.assert_allclose(said, [0.9, 1.5, 0.2, 1.5, 17.0])
+    assert recording.origin == pytest.approx((47.0, 8.5, 400.0))
+    assert "gps: 2 of 7 solutions without a fix left out" in recording.notes
+    (tmp_path / "a").write_bytes(solution(0, fix=0))
+    assert "no gps" in message(tmp_path / "a")
+
+
+@pytest.mark.measured
+def test_a_measured_log_of_a_receiver_is_as_its_map_reads_it(measured_data: Path) -> None:
+    own = open_log(measured_data / "gnss" / "boulder_walk_imu_2025" / "gnss_1730.ubx").streams["gps"]
+    mapped = resolve("boulder_walk_imu_2025/gnss_1730.ubx").streams["gps"]
+    assert len(own) == len(mapped)
+    for name in ("vel_north", "vel_down", "eph", "s_variance", "pdop", "satellites"):
+        np.testing.assert_allclose(own[name], mapped[name], rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,141 @@
+"""`sinan info`: what is said of a log, against logs that were made to have it."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from experiments.info_command import gaps, run
+from sensors.errors import InputError
+from sensors.formats.choice import Choice
+from sensors.formats.plain import read_recording, write_recording
+from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from tests.sensors import test_ardupilot as ardupilot
+from tests.sensors import test_formats_logs as logs
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "flight.bin"
+    path.write_bytes(ardupilot.binary(ardupilot.flight()))
+    return path
+
+
+def document_of(path: Path, choice: Choice = Choice()) -> dict:  # type: ignore[type-arg]  # noqa: B008
+    out = path.with_name("info.json")
+    run(str(path), None, out, choice=choice)
+    return json.loads(out.read_text())  # type: ignore[no-any-return]
+
+
+def test_what_a_log_is_and_holds(log: Path) -> None:
+    document = document_of(log)
+    assert document["format"] == "ArduPilot dataflash, binary"
+    assert document["firmware"] == "ArduCopter V4.5.7 (2a3dc4b7)"
+    assert document["parameters"]["MOT_PWM_MAX"] == 1900.0
+    assert document["instances"] == {"imu": 2, "mag": 2, "baro": 1, "gps": 1}
+    imu = document["streams"]["imu"]
+    assert (imu["rows"], imu["rate_hz"]) == (50, pytest.approx(50.0))
+    assert imu["columns"] == dict.fromkeys(ACCEL, "m/s^2") | dict.fromkeys(GYRO, "rad/s") | {"temperature": "degC"}
+    assert document["streams"]["mag"]["columns"]["mag_x"] == "gauss"
+    rows = {table["name"]: table["rows"] for table in document["tables"]}
+    assert (rows["IMU"], rows["GPA"]) == (100, 5)
+    assert document["reference"] == {"kind": "autopilot", "known": ["attitude"], "rows": 10}
+
+
+def test_the_text_names_streams_sensors_and_what_to_do_next(log: Path) -> None:
+    result = CliRunner().invoke(app, ["info", str(log), "--mag", "1"])
+    assert result.exit_code == 0
+    assert "imu     50 rows  50 Hz  accel [m/s^2], gyro [rad/s], temperature [degC]" in result.output
+    assert "several of a kind: --imu 0 to 1, --mag 0 to 1" in result.output
+    assert f"next: `sinan trace {log} --mag 1`" in result.output
+
+
+def test_a_gap_is_where_three_readings_are_missing() -> None:
+    t = np.delete(0.01 * np.arange(100), [10, 11, 50, 51, 52, 70, 71, 72, 73])
+    count, longest, at = gaps(t)
+    assert (count, longest, at) == (2, pytest.approx(0.05), pytest.approx(0.69))
+    assert gaps(0.01 * np.arange(100)) == (0, 0.0, None)
+    assert gaps(np.zeros(1)) == (0, 0.0, None)
+
+
+def flight(**power: np.ndarray) -> Recording:
+    t = 0.01 * np.arange(200)
+    imu = Stream(t, {name: np.full(200, -9.8 * (name == "accel_z")) for name in (*ACCEL, *GYRO)})
+    streams = {"imu": imu, "mag": Stream(t, dict.fromkeys(MAG, 0.3 + 0.0 * t))}
+    if power:
+        streams["power"] = Stream(t, power)
+    return Recording("a", "flight", streams, environment=Environment(field_unit="gauss"))
+
+
+@pytest.mark.parametrize(
+    ("power", "seen"),
+    [({}, False), ({"current": np.full(200, 5.0)}, False), ({"current": np.linspace(0.0, 9.0, 200)}, True)],
+    ids=["none", "constant", "varies"],
+)
+def test_an_effect_of_the_current_needs_one_that_varies(
+    tmp_path: Path, power: dict[str, np.ndarray], seen: bool
+) -> None:
+    write_recording(flight(**power), tmp_path / "a")
+    effects = document_of(tmp_path / "a")["effects"]
+    assert ("mag.current" in effects["could_see"]) == seen
+    assert ("mag.current" in effects["missing"].get("a supply or motors that vary", [])) != seen
+    assert "mag.declination" in effects["missing"]["the field of the place, from [origin] or a GPS"]
+
+
+def test_a_log_that_is_no_recording_is_told_as_far_as_it_goes(tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(ardupilot.binary([("BAT", (5, 0, 1.0, 1.0, 1.0, 1.0, 1.0, 1, 1.0))]))
+    text = run(str(path), None, None)
+    assert "no recording: " in text
+    assert "no accelerometer with a gyroscope" in text
+    assert "BAT 1" in text
+
+
+def test_a_receiver_alone_is_nothing_to_trace(tmp_path: Path) -> None:
+    path = tmp_path / "a.ubx"
+    path.write_bytes(b"".join(logs.solution(1000 * k) for k in range(9)))
+    text = run(str(path), None, None)
+    assert "a trace could see: nothing" in text
+    assert "and with an accelerometer with a gyroscope: gps.lever_arm" in text
+    assert "next:" not in text
+
+
+def test_it_takes_a_second(tmp_path: Path) -> None:
+    """Ten minutes of a log of 4 MB, in time of this process."""
+    messages = [ardupilot.imu(10_000_000 + 10_000 * k) for k in range(60_000)]
+    path = tmp_path / "a.bin"
+    path.write_bytes(ardupilot.binary(messages))
+    begin = time.process_time()
+    run(str(path), None, None)
+    assert time.process_time() - begin < 1.0
+
+
+@pytest.mark.measured
+def test_a_measured_log(measured_data: Path) -> None:
+    text = run(str(measured_data / "px4_v6xrt_flight" / "corrupt_unregistered_msg_id.ulg"), None, None)
+    assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
+    assert "3 gaps to 6 s at 60.27 s" in text
+    assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
+
+
+def test_the_sensor_that_is_asked_for_is_converted(log: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["convert", str(log), str(tmp_path / "out"), "--mag", "1", "--imu", "1"])
+    assert result.exit_code == 0, result.output
+    streams = read_recording(tmp_path / "out").streams
+    assert streams["mag"]["mag_x"][0] == pytest.approx(0.3)
+    assert streams["imu"]["accel_z"][0] == pytest.approx(-9.7)
+
+
+@pytest.mark.parametrize("command", ["info", "convert", "estimate", "trace", "observability"])
+def test_a_map_says_itself_what_is_read(log: Path, tmp_path: Path, command: str) -> None:
+    (tmp_path / "map.toml").write_text('kind = "flight"\n')
+    more = [str(tmp_path / "out")] if command == "convert" else []
+    result = CliRunner().invoke(app, [command, str(log), *more, "--map", str(tmp_path / "map.toml"), "--mag", "1"])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith("--mag 1: of ")

@@ -1,0 +1,237 @@
+"""MAVLink telemetry logs as pymavlink writes them, against what it reads, and against units by hand."""
+
+from __future__ import annotations
+
+import builtins
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sensors.errors import InputError
+from sensors.formats import facts_of, open_log
+from sensors.formats.choice import Choice
+from sensors.formats.columns import content_of
+from sensors.formats.mavlink_frames import read_telemetry
+from sensors.recording import ACCEL, GYRO, MAG
+from sensors.rotation import rpy_from_quaternion
+
+mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+START = 1_700_000_000_000_000
+GRAVITY = 9.80665
+Sent = tuple[float, str, dict[str, Any]]
+
+
+def message(name: str, **values: Any) -> Any:
+    """A message with what is not given zero."""
+    kind = getattr(mavlink, f"MAVLink_{name.lower()}_message")
+    given = []
+    for field, base in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+        wire = kind.ordered_fieldnames.index(field)
+        count = kind.array_lengths[wire]
+        empty: Any = b"" if base == "char" else [0] * count if count else 0
+        given.append(values.get(field, empty))
+    return kind(*given)
+
+
+def written(sent: Sequence[Sent], system: int = 1, first_version: bool = False, delay: float = 0.03) -> bytes:
+    """A log: what was sent when on the vehicle's clock [s], received `delay` and up to 20 ms later."""
+    link = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
+    parts = []
+    for k, (t, name, values) in enumerate(sent):
+        data = message(name, **values).pack(link, force_mavlink1=first_version)
+        parts.append(struct.pack(">Q", START + round(1e6 * (t + delay + 0.001 * (k % 20)))) + bytes(data))
+    return b"".join(parts)
+
+
+def raw_imu(t: float, az: int = -1000, **more: Any) -> Sent:
+    fields = {"time_usec": round(1e6 * t), "zacc": az, "xgyro": 100, "xmag": 210, "ymag": -30, "zmag": 420}
+    return t, "RAW_IMU", fields | {"temperature": 4150} | more
+
+
+def flight() -> list[Sent]:
+    """Four seconds of a copter at rest that says all that is read; the vehicle was switched on 10 s before."""
+    sent: list[Sent] = [
+        (10.0, "HEARTBEAT", {"autopilot": 3, "mavlink_version": 3}),
+        (10.0, "STATUSTEXT", {"severity": 6, "text": b"ArduCopter V4.5.7 (2a3dc4b7)"}),
+        *((10.0, "PARAM_VALUE", {"param_id": name.encode(), "param_value": value, "param_type": 9}) for name, value in
+          {"SERVO1_FUNCTION": 33.0, "SERVO3_FUNCTION": 34.0, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}.items()),
+    ]  # fmt: skip
+    for k in range(40):
+        t = 10.0 + 0.1 * k
+        ms = round(1000 * t)
+        sent += [
+            raw_imu(t),
+            (t, "SCALED_IMU2", {"time_boot_ms": ms, "zacc": -990, "xmag": 300, "ymag": 0, "zmag": 100}),
+            (t, "ATTITUDE", {"time_boot_ms": ms, "roll": 0.1, "pitch": -0.2, "yaw": 1.5}),
+        ]
+        if k % 2 == 0:
+            sent += [
+                (t, "SCALED_PRESSURE", {"time_boot_ms": ms, "press_abs": 950.0, "temperature": 2350}),
+                (t, "BATTERY_STATUS", {"voltages": [4000, 4100, *[65535] * 8], "current_battery": 1250}),
+                (t, "BATTERY_STATUS", {"id": 1, "voltages": [15000, *[65535] * 9], "current_battery": 350}),
+                (t, "DISTANCE_SENSOR", {"time_boot_ms": ms, "min_distance": 20, "max_distance": 700,
+                                        "current_distance": 137, "type": 0, "orientation": 25}),
+                (t, "SERVO_OUTPUT_RAW", {"time_usec": round(1e6 * t), "servo1_raw": 1500, "servo3_raw": 1100}),
+                (t, "GPS_RAW_INT", {"time_usec": round(1e6 * t), "fix_type": 3 if k else 1, "lat": 473_977_000,
+                                    "lon": 85_456_000, "alt": 488_000, "eph": 75, "epv": 120, "vel": 65535,
+                                    "cog": 65535, "satellites_visible": 14, "h_acc": 900, "v_acc": 1500,
+                                    "vel_acc": 300}),
+            ]  # fmt: skip
+    return sent
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "flight"
+    path.write_bytes(written(flight()))
+    return path
+
+
+@pytest.mark.parametrize("first_version", [False, True])
+def test_every_number_is_as_pymavlink_reads_it(tmp_path: Path, first_version: bool) -> None:
+    from pymavlink import mavutil
+
+    path = tmp_path / "a.tlog"
+    path.write_bytes(written(flight(), first_version=first_version))
+    ours, seen = read_telemetry(path), dict.fromkeys(read_telemetry(path).counts, 0)
+    theirs = mavutil.mavlogfile(str(path))
+    while (one := theirs.recv_msg()) is not None:
+        name = one.get_type()
+        k = seen[name]
+        assert ours.arrived(name)[k] == pytest.approx(one._timestamp, abs=1e-6)
+        for field in one.get_fieldnames():
+            value = getattr(one, field)
+            if isinstance(value, str):
+                assert ours.texts(name, field)[k] == value
+            else:
+                np.testing.assert_array_equal(ours.numbers(name, field)[k], value)
+        seen[name] += 1
+    theirs.close()
+    assert seen == ours.counts
+
+
+def test_a_log_is_told_by_its_content_and_read_in_si_units(log: Path) -> None:
+    assert content_of(log) == "tlog"
+    recording = open_log(log)
+    streams = recording.streams
+    assert set(streams) == {"imu", "mag", "baro", "gps", "laser", "power", "motors"}
+    np.testing.assert_allclose(streams["imu"].t, 0.1 * np.arange(40), atol=2e-6)
+    np.testing.assert_allclose(streams["imu"].array(ACCEL)[0], [0.0, 0.0, -GRAVITY])
+    np.testing.assert_allclose(streams["imu"].array(GYRO)[0], [0.1, 0.0, 0.0])
+    assert streams["imu"]["temperature"][0] == pytest.approx(41.5)
+    np.testing.assert_allclose(streams["mag"].array(MAG)[0], [0.21, -0.03, 0.42])  # gauss
+    baro = {name: values[0] for name, values in streams["baro"].columns.items()}
+    assert baro == pytest.approx({"pressure": 95_000.0, "temperature": 23.5})
+    gps = streams["gps"]
+    assert len(gps) == 19
+    said = gps.array(("eph", "epv", "s_variance", "hdop", "vdop", "satellites"))[0]
+    np.testing.assert_allclose(said, [0.9, 1.5, 0.3, 0.75, 1.2, 14.0])
+    assert recording.origin == pytest.approx((47.3977, 8.5456, 488.0))
+    assert streams["laser"]["range"][0] == pytest.approx(1.37)
+    power = {name: values[0] for name, values in streams["power"].columns.items()}
+    assert power == pytest.approx({"current": 12.5, "voltage": 8.1, "current_2": 3.5, "voltage_2": 15.0})
+    np.testing.assert_allclose(streams["motors"].array(("motor_1", "motor_2"))[0], [0.5, 0.0])
+    assert recording.truth is not None
+    rpy = rpy_from_quaternion(recording.truth.stream.array(("qw", "qx", "qy", "qz")))
+    np.testing.assert_allclose(rpy[0], [0.1, -0.2, 1.5], atol=1e-6)
+
+
+def test_what_has_no_clock_is_stamped_by_its_arrival_less_the_least_delay(log: Path) -> None:
+    """The battery's readings come a few messages behind the IMU's, each of which comes 1 ms after the one before."""
+    late = open_log(log).streams["power"].t - 0.2 * np.arange(20)
+    assert np.all((late >= -1e-6) & (late < 0.021))
+
+
+def test_the_sensor_that_is_asked_for(log: Path) -> None:
+    streams = open_log(log, choice=Choice(imu=1, mag=1)).streams
+    assert streams["imu"]["accel_z"][0] == pytest.approx(-0.99 * GRAVITY)
+    assert streams["mag"]["mag_x"][0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("sensor", ["imu", "mag", "baro", "gps"])
+def test_a_sensor_that_is_not_there(log: Path, sensor: str) -> None:
+    with pytest.raises(InputError, match=f"--{sensor}: no {sensor} number 3; expected one of 0"):
+        open_log(log, choice=Choice(**{sensor: 3}))
+
+
+def test_px4_sends_a_finer_message_and_parameters_byte_by_byte(tmp_path: Path) -> None:
+    whole = struct.unpack("<f", struct.pack("<i", 4001))[0]
+    sent: list[Sent] = [
+        (1.0, "HEARTBEAT", {"autopilot": 12}),
+        (1.0, "PARAM_VALUE", {"param_id": b"SYS_AUTOSTART", "param_value": whole, "param_type": 6}),
+        (1.0, "PARAM_VALUE", {"param_id": b"CAL_MAG0_XOFF", "param_value": 0.25, "param_type": 9}),
+    ]
+    for k in range(60):
+        t = 1.0 + 0.02 * k
+        new = 0x3F | (0x1C0 if k % 5 == 0 else 0) | (0xA00 if k % 10 == 0 else 0)
+        fields = {"time_usec": round(1e6 * t), "zacc": -9.81, "zgyro": 0.25, "xmag": 0.2 + k // 5,
+                  "abs_pressure": 950.0, "fields_updated": new}  # fmt: skip
+        sent.append((t, "HIGHRES_IMU", fields))
+    path = tmp_path / "a.tlog"
+    path.write_bytes(written(sent))
+    streams = open_log(path).streams
+    assert streams["imu"]["accel_z"][0] == pytest.approx(-9.81)
+    assert streams["imu"]["gyro_z"][0] == pytest.approx(0.25)
+    np.testing.assert_allclose(streams["mag"]["mag_x"], 0.2 + np.arange(12), rtol=1e-6)
+    np.testing.assert_allclose(streams["baro"]["pressure"], np.full(6, 95_000.0))
+    facts = facts_of(path)
+    assert facts is not None
+    assert facts.parameters == {"SYS_AUTOSTART": 4001.0, "CAL_MAG0_XOFF": 0.25}
+    assert facts.firmware == "PX4"
+
+
+def test_what_a_log_says_of_itself(log: Path) -> None:
+    facts = facts_of(log)
+    assert facts is not None
+    assert facts.firmware == "ArduCopter V4.5.7 (2a3dc4b7)"
+    assert facts.parameters["MOT_PWM_MAX"] == 1900.0
+    assert facts.instances == {"imu": 2, "mag": 2, "baro": 1, "gps": 1}
+    assert {table.name: table.rows for table in facts.tables}["RAW_IMU"] == 40
+
+
+def test_the_vehicle_that_sends_most_is_read(tmp_path: Path) -> None:
+    other = written([raw_imu(10.0 + 0.1 * k, -500) for k in range(10)], system=7)
+    station = written([(10.0 + 0.001 * k, "HEARTBEAT", {}) for k in range(900)], system=255)
+    path = tmp_path / "a.tlog"
+    path.write_bytes(station + other + written(flight()))
+    recording = open_log(path)
+    assert len(recording.streams["imu"]) == 40
+    assert "system 1 is read, not 7" in recording.notes
+
+
+def test_damage_costs_the_frames_that_it_hits(tmp_path: Path) -> None:
+    good = written([raw_imu(10.0 + 0.1 * k) for k in range(40)])
+    size = len(good) // 40
+    cut = 5 * size
+    for bad, note in (
+        (good[: cut + 30] + b"\xff" + good[cut + 31 :], "1 messages with a wrong checksum: not read"),
+        (good[:cut] + b"noise" + good[cut:], "5 bytes that are no frame: not read, at 1 places"),
+        (good[:-7], f"{size - 7} bytes that are no frame: not read, at 1 places"),
+    ):
+        path = tmp_path / "a.tlog"
+        path.write_bytes(bad)
+        recording = open_log(path)
+        assert len(recording.streams["imu"]) == (40 if "5 bytes" in note else 39)
+        assert note in recording.notes
+
+
+def test_what_is_missing_is_named(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = builtins.__import__
+
+    def without(name: str, *rest: Any, **more: Any) -> Any:
+        if name.startswith("pymavlink"):
+            raise ImportError(name)
+        return whole(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"pip install '\.\[mavlink\]'"):
+        open_log(log)
+
+
+def test_a_telemetry_log_does_not_hold_what_was_corrected(log: Path) -> None:
+    with pytest.raises(InputError, match="does not hold what was corrected"):
+        open_log(log, choice=Choice(raw=True))
