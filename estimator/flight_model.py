@@ -15,7 +15,7 @@ from estimator.layout import StateLayout, layout_for
 from sensors.accelerometer import Accelerometer
 from sensors.arrays import BoolArray, FloatArray
 from sensors.barometer import Barometer
-from sensors.bounds import Bounds
+from sensors.bounds import ASSUMED, Bounds
 from sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sensors.errors import InputError
 from sensors.gps import BaseReceiver, Gps
@@ -140,7 +140,7 @@ class FlightModel:
 
     def tail_of(self, sensor: str) -> float | None:
         """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
-        return None if sensor in ("level", "place", "speed") else self.tail
+        return None if sensor in ASSUMED else self.tail
 
     def spread(self, sensor: str, nis: float) -> float:
         """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
@@ -230,7 +230,7 @@ def flight_model(
         for name in sensors
         if name in declared and (parts := _colour(where, name, declared[name], sensors[name].size))
     }
-    if not set(sensors) - {"level", "place", "speed"}:
+    if not set(sensors) - set(ASSUMED):
         notes.append("no aiding stream: heading and position drift")
     environment = recording.environment
     m_n = environment.magnetic_field if magnetic_field is None else magnetic_field

@@ -11,6 +11,8 @@ from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.noise import BiasProcess
 
+#: Sensors that are none: what a motion is taken to be where no position is measured.
+ASSUMED = ("level", "place", "speed")
 #: Readings of the bounds a second: a swing of the arm lasts about as long as one of them.
 RATE = 2.0
 

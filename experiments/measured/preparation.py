@@ -105,6 +105,9 @@ def settled(recording: Recording) -> Prepared:
     if not sizes:
         return prepared(recording)
     notes = outside_notes(recording, within)
+    if any(size.sensor == "mag" for size in sizes):
+        within, said = thinned(within, "mag", MAG_RATE)
+        notes += said
     m_n, covariance, said = field_beforehand(within)
     headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
     notes += [*said, *headed.notes[len(recording.notes) :]]
@@ -115,6 +118,21 @@ def settled(recording: Recording) -> Prepared:
     noise = NoiseFit(levels.specs, estimated, (), log_likelihood=levels.log_posterior)
     as_declared = headed.replace(notes=(*recording.notes, *notes))
     return Prepared(as_declared, noise, model, tuple(notes))
+
+
+#: Readings of a magnetometer a second that tell something new: what it is near changes no faster, and as many wrong
+#: readings in the time of one right one would outvote the heavy tail [Hz].
+MAG_RATE = 20.0
+
+
+def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, list[str]]:
+    """Every so many-th reading of a stream, for about as many a second as asked for; and that in words."""
+    all_of = recording.streams[stream]
+    every = round(1.0 / (rate * float(np.median(np.diff(all_of.t))))) if len(all_of) > 1 else 1
+    if every < 2:
+        return recording, []
+    some = all_of.rows(np.arange(len(all_of)) % every == 0)
+    return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
 
 
 def is_settled(recording: Recording) -> bool:

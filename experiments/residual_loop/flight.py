@@ -67,6 +67,9 @@ from sensors.effects import Effect
 from sensors.effects.streams import STREAMS
 from sensors.recording import Recording
 
+#: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared: instruments that
+#: are sold have one, and nothing but the prior holds what the motion hardly shows.
+SOLD = 2.0
 _BLOCKS = 20
 _LEAST_OUTLIERS = 3
 #: Level of the test of whiteness from which on a slow error of the GPS is looked for.
@@ -96,7 +99,7 @@ class FlightSource:
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
-        self._passes = FlightPasses(kept, ungated)
+        self._passes = FlightPasses(kept, ungated, SOLD if foretells else IMPLAUSIBLE)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
         streams = [(name, self._unit_of(name)) for name in self._local_streams if name in model.sensors]
@@ -206,7 +209,7 @@ class FlightSource:
     @property
     def prior_sigma(self) -> float:
         """What no reading sees stays zero."""
-        return IMPLAUSIBLE
+        return self._passes.prior_sigma
 
     def effect(self, term: Term) -> Effect:
         """The declaration behind a term, over its interval where it has one."""
@@ -532,19 +535,18 @@ class FlightSource:
                 )
         return rows
 
-    def foretells(self, fit: Fit, without: Fit) -> bool | None:
-        """Whether the withheld readings of all streams are foretold better; None where the noise is declared, or the
-        log is too short.
-        """
-        if not (self._foretells and self._foretelling.is_possible):
-            return None
-        return fit is without or self._foretelling.share(fit, without).is_there
+    @property
+    def is_foretelling(self) -> bool:
+        """Where the noise is found and not declared, and the log is long enough."""
+        return self._foretells and self._foretelling.is_possible
+
+    def foretells(self, fit: Fit, without: Fit) -> bool:
+        """Whether the withheld readings of all streams are foretold better."""
+        return self._foretelling.share(fit, without).is_there
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
-        """Of what the fit foretells of withheld readings, where an effect is proved by that."""
-        if self._foretells and self._foretelling.is_possible:
-            return held_out(self._foretelling.of(fit)) or held_out(self.residuals(fit))
-        return held_out(self.residuals(fit))
+        """Withheld readings in every part of the log, or the residuals of its last third."""
+        return self._foretelling.of(fit) if self.is_foretelling else held_out(self.residuals(fit))
 
     def _unit_of(self, name: str) -> str:
         known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)

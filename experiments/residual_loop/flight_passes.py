@@ -95,10 +95,11 @@ class FlightPasses:
     ----------
     recording : without its single wrong readings; it is replaced when more are found
     model : of the filter, without gates
+    prior_sigma : 1-sigma of every parameter before any reading, in plausible sizes
     """
 
-    def __init__(self, recording: Recording, model: FlightModel) -> None:
-        self.recording, self.model = recording, model
+    def __init__(self, recording: Recording, model: FlightModel, prior_sigma: float = IMPLAUSIBLE) -> None:
+        self.recording, self.model, self.prior_sigma = recording, model, prior_sigma
         self.slow_error: Law | None = None
         self._drifts: list[tuple[Mapping[str, Stream], GpsDrift]] = []
         self.table = imu_table(recording, model)
@@ -323,17 +324,14 @@ class FlightPasses:
         return settled
 
     def _prior(self, effects: Sequence[Effect]) -> FloatArray:
-        """(p,) information on each parameter before any reading: `IMPLAUSIBLE` is one sigma, so that what no reading
-        sees stays zero.
-        """
+        """(p,) information on each parameter before any reading, so that what no reading sees stays zero."""
         sizes = [entry.plausible_in(self.plain_motion) for entry in effects]
-        return np.asarray((IMPLAUSIBLE * np.concatenate([*sizes, np.zeros(0)])) ** -2.0)
+        return np.asarray((self.prior_sigma * np.concatenate([*sizes, np.zeros(0)])) ** -2.0)
 
-    @staticmethod
-    def _step(information: FloatArray, score: FloatArray, prior: FloatArray) -> FloatArray:
+    def _step(self, information: FloatArray, score: FloatArray, prior: FloatArray) -> FloatArray:
         """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
         step = np.linalg.solve(information + np.diag(prior), score)
-        longest = _LONGEST_STEP / (IMPLAUSIBLE * np.sqrt(prior))
+        longest = _LONGEST_STEP / (self.prior_sigma * np.sqrt(prior))
         return np.asarray(step / max(float(np.max(np.abs(step) / longest)), 1.0))
 
     def _attitude_std_at_start(self, journal: Journal) -> float | None:

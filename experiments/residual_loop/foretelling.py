@@ -19,10 +19,13 @@ from estimator.journal import StreamJournal
 from estimator.tails import deviance_of
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.source import Fit, StreamResidual
-from sensors.arrays import FloatArray
+from sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.
 WINDOW, EVERY = 5.0, 7.5
+Window = tuple[float, float]
+#: An interval that is shorter lies in one or two windows: the readings around them do not tell its size [s].
+SHORTEST_ASKED = 2.0 * EVERY
 #: Level at which a model counts as the better one.
 LEVEL = 0.05
 #: Parts of a log, each foretold by what the others say of the effects.
@@ -132,11 +135,12 @@ class Foretelling:
         if known is not None and known[0] is state:
             return known[1]
         asked = [(state.along, self._windows)]
-        if fit.part == "all" and any(term.interval is None for term in fit.in_mean):
+        if fit.part == "all" and fit.in_mean:
             asked = []
             for first, last in zip(self._edges[:-1], self._edges[1:], strict=True):
                 mine = [window for window in self._windows if first <= window[0] + 0.5 * WINDOW < last]
-                asked.append((self._passes.along(state.effects, self._beside(fit, first, last), state.motion), mine))
+                beta = self._beside(fit, first, last, mine)
+                asked.append((self._passes.along(state.effects, beta, state.motion), mine))
         found = []
         for name, unit in self._streams:
             parts = [
@@ -146,22 +150,33 @@ class Foretelling:
         self._known[id(state)] = state, found
         return found
 
-    def _beside(self, fit: Fit, first: float, last: float) -> list[FloatArray]:
-        """The sizes of what lasts, without the readings from `first` to `last`, to first order about the fit, each held
-        to zero by its plausible size; those in intervals as they are.
+    def _beside(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> list[FloatArray]:
+        """The sizes without what is foretold, to first order about the fit, each held to zero by its plausible size: of
+        what lasts without all readings from `first` to `last`, of an interval without those in the windows there.
         """
         state = fit.detail
         assert isinstance(state, Fitted)
         W, white = self._passes.rows(state.sensitivity, state.journal, "all")
-        t = state.journal.t[state.sensitivity.event]
-        rest, beta = (t < first) | (t >= last), np.concatenate(state.beta)
+        t, beta = state.journal.t[state.sensitivity.event], np.concatenate(state.beta)
         ends = np.cumsum([0, *(len(b) for b in state.beta)])
-        lasting = np.concatenate([np.full(len(b), term.interval is None)
-                                  for b, term in zip(state.beta, fit.in_mean, strict=True)])  # fmt: skip
-        prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.effects])[lasting] ** -2.0
-        V = W[rest][:, lasting]
-        step = np.linalg.solve(V.T @ V + np.diag(prior), V.T @ white[rest] - prior * beta[lasting])
-        beta[lasting] += step
+        parts = zip(state.beta, fit.in_mean, strict=True)
+        lasts = np.concatenate([np.full(len(b), term.interval is None) for b, term in parts])
+        prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.effects]) ** -2.0
+
+        def step(rows: BoolArray, columns: BoolArray, white: FloatArray) -> FloatArray:
+            V, p = W[np.ix_(rows, columns)], prior[columns]
+            return np.asarray(np.linalg.solve(V.T @ V + np.diag(p), V.T @ white[rows] - p * beta[columns]))
+
+        seen = (t < first) | (t >= last)
+        if np.any(lasts):
+            change = step(seen, np.ones(len(beta), dtype=bool), white)[lasts]
+            white = white - W[:, lasts] @ change
+            beta[lasts] += change
+        if not np.all(lasts):
+            given = np.ones(len(t), dtype=bool)
+            for begin, end in windows:
+                given &= (t < begin) | (t >= end)
+            beta[~lasts] += step(given, ~lasts, white)
         return np.split(beta, ends[1:-1])
 
     def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[StreamResidual]:

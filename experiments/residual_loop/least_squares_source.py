@@ -422,9 +422,14 @@ class LeastSquaresSource:
             )
         ]
 
-    def foretells(self, fit: Fit, without: Fit) -> bool | None:
-        """None: nothing errs longer in a set of poses."""
-        return None
+    @property
+    def is_foretelling(self) -> bool:
+        """Never: nothing errs for long in a set of poses."""
+        return False
+
+    def foretells(self, fit: Fit, without: Fit) -> bool:
+        """Never."""
+        return False
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """The rows that no fitting part has."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from experiments.residual_loop.source import Fit, Source, StreamResidual
+from sensors.bounds import ASSUMED
 
 _LAGS = 500
 #: A residual is slow where its sum over long times varies this many times as much as that of white noise.
@@ -23,7 +24,7 @@ def noise_left(source: Source, fit: Fit, stream: str, slow: bool) -> float:
     slow : of the sum over long times, for what lasts: times 1 + 2 sum rho
     """
     residuals = source.residuals(fit)
-    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream not in ASSUMED]
     known = source.noise_known
     units = [1.0 if known else max(r.nis_per_dof, 1e-300) for r in mine]
     sizes = [_long_run_variance(r) if slow else r.nis_per_dof for r in mine]

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
+from experiments.residual_loop.foretelling import SHORTEST_ASKED
 from experiments.residual_loop.noise_left import noise_left, slow_streams
 from experiments.residual_loop.select import Selection
-from experiments.residual_loop.source import Fit, Source, StreamResidual
+from experiments.residual_loop.source import Fit, Part, Source, StreamResidual
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import Finding, fit_without
 from sensors.arrays import FloatArray
+from sensors.bounds import ASSUMED
 from sensors.errors import InputError
 
 _RESAMPLES = 1000
@@ -85,7 +87,8 @@ class Proof:
     in_sample_before, in_sample_after : on all data, fitted on all data
     untested : effects that act on no held-out reading, or whose size the rest cannot tell, so that only the evidence
         speaks for them
-    fits : the plain and the final model as fitted on the fitting part
+    compared : the plain and the final model whose held-out errors these are
+    fits : the same as fitted to what is before the last third, where a reference is asked
     contributions : of every effect that is tested, in order of discovery
     """
 
@@ -95,6 +98,7 @@ class Proof:
     in_sample_before: Errors
     in_sample_after: Errors
     untested: tuple[Term, ...]
+    compared: tuple[Fit, Fit]
     fits: tuple[Fit, Fit]
     contributions: tuple[Contribution, ...]
 
@@ -185,8 +189,12 @@ def rms_interval(squares: FloatArray, rng: np.random.Generator) -> tuple[float, 
 
 
 def known_from_fitting(source: Source, selection: Selection) -> frozenset[Term]:
-    """The terms whose size the fitting part of the data can tell: one in an interval may lie outside it."""
+    """The terms whose size the fitting part of the data can tell: one in an interval may lie outside it; or the rest of
+    a log, where each part is foretold by the others.
+    """
     terms = selection.final.terms
+    if source.is_foretelling:
+        return frozenset(term for term in terms if can_be_foretold(term))
     inside = {term for term in terms if term.interval is not None and not _is_held_out(source, selection, term)}
     known = {term for term in terms if term.interval is None}
     if inside:
@@ -205,7 +213,11 @@ def tested(source: Source, selection: Selection, known: frozenset[Term]) -> list
         for f in selection.findings
         if f.term.in_mean
         and f.term in known
-        and (f.term.interval is None or any(np.any(r.held_out) for r in _inside(source, selection, f.term)))
+        and (
+            f.term.interval is None
+            or source.is_foretelling
+            or any(np.any(r.held_out) for r in _inside(source, selection, f.term))
+        )
     ]
 
 
@@ -228,9 +240,15 @@ def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) 
 
 
 def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[Term]) -> Fit:
-    """The known effects, fitted to what is not held out."""
+    """The known effects, fitted to what is not held out: where readings are withheld, that is seen to when they are."""
     terms = [term for term in selection.final.terms if term in known]
-    return source.fit(terms, {term: selection.final.beta[term] for term in terms}, "fitting")
+    part: Part = "all" if source.is_foretelling else "fitting"
+    return source.fit(terms, {term: selection.final.beta[term] for term in terms}, part)
+
+
+def can_be_foretold(term: Term) -> bool:
+    """Whether the readings around withheld ones tell the size of an effect: not of one that is soon over."""
+    return term.interval is None or term.interval[1] - term.interval[0] >= SHORTEST_ASKED
 
 
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:
@@ -239,7 +257,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     asked = tested(source, selection, known)
     untested = tuple(f.term for f in selection.findings if f.term.in_mean and f.term not in asked)
     fitting = _fitted_on_the_rest(source, selection, known)
-    plain = source.fit((), part="fitting")
+    plain = _fitted_on_the_rest(source, selection, frozenset())
     noise = _noise(source, selection.final)
     unknown = _unknown(selection, known)
     before, after = (_told(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
@@ -252,7 +270,10 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
         for finding in selection.findings
         if finding.term in asked
     )
-    return Proof(stream, first, second, third, fourth, untested, (plain, fitting), contributions)
+    fits = plain, fitting
+    if source.is_foretelling:  # a reference is asked on the last third
+        fits = source.fit((), part="fitting"), source.fit(fitting.terms, fitting.beta, "fitting")
+    return Proof(stream, first, second, third, fourth, untested, (plain, fitting), fits, contributions)
 
 
 def _contribution(
@@ -300,7 +321,7 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
     """
-    if source.foretells(selection.final, selection.final) is not None:
+    if source.is_foretelling:
         return _not_foretold(source, selection)
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
@@ -319,7 +340,7 @@ def _not_foretold(source: Source, selection: Selection) -> tuple[Term, ...]:
     """Effects without which withheld readings are foretold as well, the last found asked first."""
     fit, dropped = selection.final, list[Term]()
     for finding in reversed(selection.findings):
-        if finding.term.in_mean:
+        if finding.term.in_mean and can_be_foretold(finding.term):
             without = fit_without(source, fit, finding.term)
             if not source.foretells(fit, without):
                 dropped.append(finding.term)
@@ -357,7 +378,7 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
 def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
     """Whether the residual of an effect's stream is slow; of one without residuals, that of any."""
     residuals, stream = source.residuals(fitted), source.effect(term).stream
-    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream != "level"]
+    mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream not in ASSUMED]
     return bool(slow_streams(mine))
 
 

@@ -17,6 +17,7 @@ from experiments.residual_loop.probes import followed
 from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
 from experiments.residual_loop.term import Term
 from experiments.residual_loop.trials import Finding
+from sensors.bounds import ASSUMED
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
 #: an error that nobody declared, not noise that was declared badly: twice the standard deviation.
@@ -141,7 +142,9 @@ def patches(source: Source, fit: Fit, findings: Sequence[Finding], alpha: float)
     shape in time, through the filter in other streams too, and its largest piece is cut out as an interval. Not of the
     level, which every acceleration breaks.
     """
-    if not source.noise_known or not any(r.stream != "level" and _is_gross(r, alpha) for r in source.residuals(fit)):
+    if not source.noise_known or not any(
+        r.stream not in ASSUMED and _is_gross(r, alpha) for r in source.residuals(fit)
+    ):
         return ()
     return tuple(finding.term for finding in findings if finding.term.interval is not None)
 
@@ -176,7 +179,7 @@ def _is_mixed(r: StreamResidual, alpha: float) -> bool:
     """Whether a share of the readings is of something else, say a second echo: skewness and kurtosis are not those of
     noise (D'Agostino and Pearson 1973), nor is the law, by a distance that tails do not make.
     """
-    if len(r.t) < _LEAST_OF_A_LAW or r.stream == "level":
+    if len(r.t) < _LEAST_OF_A_LAW or r.stream in ASSUMED:
         return False
     z = r.whitened[:, np.ptp(r.whitened, axis=0) > 0.0]
     if not z.size:
@@ -195,7 +198,7 @@ def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaini
     nothing says that it was the same throughout: a burst is no structure of the mean then.
     """
     blocks = min(_BLOCKS, len(r.t) // _LEAST_READINGS)
-    if blocks < _LEAST_BLOCKS or r.stream == "level":  # the level is an assumption that every acceleration breaks
+    if blocks < _LEAST_BLOCKS or r.stream in ASSUMED:  # an assumption, which every acceleration breaks
         return []
     z2 = np.mean(r.whitened**2, axis=1)
     parts = np.array_split(z2, blocks)

@@ -97,8 +97,14 @@ def _before_after(
     return None if pair is None else {**(reference or {}), "before": dict(pair[0]), "after": dict(pair[1])}
 
 
+#: What is held out where readings are withheld.
+FORETOLD = "withheld seconds"
+
+
 def held_out_part(part: Part) -> str:
     """Which part of the data took no part in the fit, in words."""
+    if part.source.is_foretelling:
+        return FORETOLD
     held = part.source.residuals(part.trace.selection.plain)[0].held_out
     stretches = int(np.sum(np.diff(held.astype(int)) == 1)) + int(held[0])
     share = "third" if np.mean(held) > 0.25 else "fifth"

@@ -281,14 +281,18 @@ class Source(Protocol):
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""
 
-    def foretells(self, fit: Fit, without: Fit) -> bool | None:
-        """Whether a fit foretells withheld readings better than another, by which an effect is then proved; None where
-        the one-step residual is the proof: the noise is declared, or there is no time in which a model could err.
+    @property
+    def is_foretelling(self) -> bool:
+        """Whether an effect is proved by what a fit foretells of withheld readings, each part of the log by what the
+        others say; else by residuals of a part that was not fitted: the noise is declared, or nothing can err for long.
         """
 
+    def foretells(self, fit: Fit, without: Fit) -> bool:
+        """Whether a fit foretells withheld readings better than another, where effects are proved by that."""
+
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
-        """The held-out rows of each stream that has any: of what the fit foretells of withheld readings, where that is
-        the proof, else of its residuals.
+        """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the
+        residuals of the part that was not fitted.
         """
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:

@@ -251,9 +251,8 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     so where the residual is slow the probe is held against that; else against the noise that it leaves.
     """
     gain = without.deviance - fit.deviance
-    foretold = source.foretells(fit, without)
-    if foretold is not None:
-        return foretold and gain - s.dof >= DETECTABLE_LAMBDA
+    if source.is_foretelling:
+        return gain - s.dof >= DETECTABLE_LAMBDA and source.foretells(fit, without)
     log_p = source.log_p_beside_noise(without, [term])[0]
     if np.isfinite(log_p):
         return gain - s.dof >= DETECTABLE_LAMBDA and log_p < log_p_needed(source, alpha)

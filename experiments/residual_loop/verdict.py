@@ -239,7 +239,7 @@ def twins_of(source: Source, settled: Settled, scores: Scores) -> tuple[Twin, ..
     twins = []
     for term, model, proof in models:
         named = Named(_found(model.findings, term), _contribution(proof, term))
-        twins.append(Twin(named, changes(source, *proof.fits, streams), *scores.of(model, proof)))
+        twins.append(Twin(named, changes(source, *proof.compared, streams), *scores.of(model, proof)))
     return tuple(twins)
 
 
