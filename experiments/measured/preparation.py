@@ -137,12 +137,16 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
 
 def is_settled(recording: Recording) -> bool:
     """Whether a recording declares the noise of all its instruments: nothing but bounds of the motion is open."""
-    return all(size.sensor == "bounds" for size in sizes_of(recording))
+    if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
+        return True
+    return all(size.sensor == "bounds" for size in sizes_of(within_imu(recording)))
 
 
 #: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
 #: steel in a room makes a tenth.
 FIELD_STD = 0.1
+#: 1-sigma of the declination at a place that nobody tells [rad]: between 60 degrees north and south it is mostly less.
+DECLINATION_STD = 0.2
 
 
 def field_beforehand(recording: Recording) -> tuple[FloatArray | None, FloatArray | None, list[str]]:
@@ -159,10 +163,14 @@ def field_beforehand(recording: Recording) -> tuple[FloatArray | None, FloatArra
     if recording.origin is not None:
         dip, east = direction_at(recording.origin)
         stds[1:] = DIRECTION_STD[1], DIRECTION_STD[0] * np.cos(dip)
+    elif "gps" in recording.streams:  # whose north is the true one
+        stds[2] = DECLINATION_STD * np.cos(dip)
     m_n = field_along(norm, dip, east)
     along, level = m_n / norm, np.array([-np.sin(east), np.cos(east), 0.0])
     axes = np.stack([along, np.cross(along, level), level], axis=1)
-    where = "of the place" if recording.origin is not None else "found from the log; north is magnetic north"
+    where = "of the place" if recording.origin is not None else "found from the log"
+    if recording.origin is None and "gps" not in recording.streams:
+        where += "; north is magnetic north"
     said = f"mag: field of norm {norm:.4g} from the log; dip {np.rad2deg(dip):.0f} deg, declination "
     return m_n, norm**2 * (axes * stds**2) @ axes.T, [f"{said}{np.rad2deg(east):.1f} deg {where}; a state"]
 

@@ -65,6 +65,7 @@ from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.covariates import covariates_for
 from sensors.effects import Effect
 from sensors.effects.streams import STREAMS
+from sensors.motion import Motion
 from sensors.recording import Recording
 
 #: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared: instruments that
@@ -519,6 +520,11 @@ class FlightSource:
         """Time [s] and nominal state of the filter at the samples of the IMU."""
         journal, _ = self._passes.run_without_slow_error([], _state(fit).along, stride=1)
         return journal.imu_t, journal.imu_x
+
+    @staticmethod
+    def motion(fit: Fit) -> Motion:
+        """The smoothed motion along which the effects of a fit were evaluated."""
+        return _state(fit).motion
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """Innovations of every sensor with the effects of the fit at their beta, over everything."""

@@ -117,8 +117,10 @@ class Foretelling:
         return np.ones(len(nis)) if tail is None else np.minimum(1.0, (tail + m) / (tail + nis))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
-        """Withheld readings of each instrument less what the fit foretells of them, up to `WINDOW` seconds on; whitened
-        so that their squares are -2 log density by the law that the model gives an innovation.
+        """Withheld readings of each instrument less what the fit foretells of them, up to `WINDOW` seconds on.
+
+        Each has the weight that one over its variance gives it, so that the RMS is not that of the last second. The
+        squares of the whitened are -2 log density by the law that the model gives an innovation.
         """
         found = []
         for one in self._of(fit):
@@ -186,6 +188,11 @@ class Foretelling:
         )
         if not len(t):
             return []
+        variance = np.concatenate(
+            [np.mean(np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3], axis=1) for one, keep in seen]
+        )
+        sure = np.mean(variance**-1.0) ** -1.0 / variance
+        nu = nu * np.sqrt(sure)[:, None]
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
         return [StreamResidual(name, t[order], nu[order], white[order], held, unit, {}, row[order])]

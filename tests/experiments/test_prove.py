@@ -15,7 +15,7 @@ from experiments.residual_loop import prove
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.prove import rolled_back
 from experiments.residual_loop.select import Selection, select
-from experiments.residual_loop.source import Fit, Part, Source, StreamResidual
+from experiments.residual_loop.source import Fit, Part, Source, StreamResidual, held_out
 from experiments.residual_loop.term import Term
 from experiments.scenarios import load_scenario, parse_effect
 from sensors.arrays import FloatArray
@@ -46,6 +46,13 @@ class Whitened:
 
     def effect(self, term: Term) -> Effect:
         return effect(term.name)
+
+    @property
+    def is_foretelling(self) -> bool:
+        return False
+
+    def held_out(self, fit: Fit) -> list[StreamResidual]:
+        return held_out(self.residuals(fit))
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
         white = np.asarray((self._with if TERM in fit.terms else self._without)[:, None], dtype=np.float64)
