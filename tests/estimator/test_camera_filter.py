@@ -13,7 +13,8 @@ from scipy.stats import chi2
 from estimator.filter import run_filter
 from estimator.flight_model import FlightModel, flight_model
 from estimator.journal import Journal
-from estimator.smoother import smooth
+from estimator.sensitivity import sensitivity_pass
+from estimator.smoother import estimated_motion, smooth
 from experiments.scenarios import load_scenario
 from sensors.arrays import FloatArray
 from sensors.camera import Camera, Intrinsics
@@ -162,6 +163,29 @@ def test_an_effect_in_the_model_takes_the_error_away(name: str) -> None:
     before, after = (float(np.nanmean(journal.stream("camera").nis)) / 2.0 for journal in (plain, known))
     assert before > 1.3
     assert after == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
+    """Central differences of whole runs, projected on S^-1/2 S_beta, against it, as of every other sensor's effects."""
+    recording, _ = flown()
+    part = {n: s.rows(s.t < 20.0) for n, s in recording.streams.items()}
+    short = recording.replace(streams=part)
+    model, entry = model_of(short), effect(name)
+    motion = estimated_motion(run_filter(short, model))
+    journal, found = sensitivity_pass(short, model, [entry], motion=motion, keep_rows=1)
+
+    def by_reading(one: Journal, rows: FloatArray) -> FloatArray:
+        order = np.lexsort((one.index, one.sensor))
+        return np.concatenate([rows[one.row[j] : one.row[j + 1]] for j in order])
+
+    W = by_reading(journal, found.rows)
+    for k in range(entry.size):
+        size = min(0.02 * entry.plausible[k], 10.0 / np.linalg.norm(W[:, k]))
+        runs = [run_filter(short, model, {name: sign * size * np.eye(entry.size)[k]}) for sign in (1.0, -1.0)]
+        ahead, behind = (np.nan_to_num(by_reading(one, one.white)) for one in runs)
+        change = -(ahead - behind) / (2.0 * size)
+        assert change @ W[:, k] / (W[:, k] @ W[:, k]) == pytest.approx(1.0, abs=0.02), f"component {k}"
 
 
 def test_a_recording_with_a_camera_is_written_and_read(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def path(t: FloatArray) -> Motion:
 
 def flight() -> Motion:
     t = np.arange(0.0, 2.0, 1.0 / RATE)
-    points = np.random.default_rng(5).normal(0.0, 2.0, (len(t), 3)) + [12.0, 0.0, -4.0]
+    points = np.random.default_rng(5).normal([12.0, 0.0, -4.0], 2.0, (len(t), 3))
     return path(t).with_covariates(point_n=points, camera=CAMERA.covariate(len(t)))
 
 
