@@ -50,7 +50,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "gps": _CONTRACTS,
     "level": _CONTRACTS,
     "lenses": ("tests/sensors/test_camera.py",),
-    "camera": ("tests/sensors/test_camera.py", *_CONTRACTS),
+    "camera": ("tests/sensors/test_camera.py", "tests/sensors/test_camera_effects.py", *_CONTRACTS),
     "bounds": ("tests/sensors/test_bounds.py",),
     "noise": ("tests/sensors/test_noise.py", *_CONTRACTS),
     "atmosphere": ("tests/sensors/test_atmosphere.py", "tests/sensors/test_sonar.py"),

@@ -114,6 +114,14 @@ def test_distortion_of_a_point_behind_is_no_number() -> None:
     assert np.all(np.isnan(effect("camera.distortion").rows(behind, 2)))
 
 
+def test_a_point_near_the_camera_is_seen() -> None:
+    """0.4 m ahead of a level camera, 0.08 m to the right: x = 0.2, and k1 moves it by f x r^2."""
+    here = Motion(np.zeros(1), np.zeros((1, 3)), q_nb=np.array([[1.0, 0.0, 0.0, 0.0]]))
+    camera = Camera(1.0, Intrinsics(F, CENTRE))
+    here = here.with_covariates(point_n=np.array([[0.4, 0.08, 0.0]]), camera=camera.covariate(1))
+    np.testing.assert_allclose(effect("camera.distortion").rows(here, 2)[0, :, 0], [F[0] * 0.2 * 0.04, 0.0], atol=1e-12)
+
+
 def test_they_are_candidates_where_there_is_a_camera() -> None:
     assert {e.name for e in effects_for("flight", ("camera",))} == set(NAMES)
     assert all(effect(name).missing(flight()) == () for name in NAMES)
