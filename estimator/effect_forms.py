@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import StreamForm, collect, stamps
+from estimator.events import FORM_ONLY, StreamForm, collect, stamps
 from estimator.filter import Engine, RunInputs, prepare, run
 from estimator.flight_model import DRIVERS, FlightModel
 from estimator.imu import ImuTable, imu_table
@@ -255,9 +255,8 @@ class Along:
     @cached_property
     def inputs(self) -> RunInputs:
         """Of a pass with the effects in the model."""
-        forms = self.added
-        if self.model.relinearise:
-            forms = {name: linear_form(self, name) for name in self.model.sensors}
+        linear = [name for name in self.model.sensors if self.model.relinearise or name in FORM_ONLY]
+        forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
         events = collect(
             self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}
         )

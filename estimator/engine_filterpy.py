@@ -14,7 +14,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from estimator.error_dynamics import bias_rates, decay_over, process_noise, transition
-from estimator.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD
+from estimator.events import ACCEPTED, FORM_ONLY, GATED, NO_PREDICTION, WITHHELD
 from estimator.filter import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
 from estimator.strapdown import strapdown_step
 from sensors.arrays import FloatArray
@@ -154,9 +154,11 @@ class ReadableFilter:
             t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=m_n[None, :],
             g_n=model.g_n, ground_down=model.ground_down,
         )  # fmt: skip
-        z_pred, H = sensor.predict(motion)[0].copy(), np.zeros((sensor.size, layout.n))
-        for block, values in sensor.jacobian(motion).items():
-            H[:, layout.slice(block)] = values[0]
+        z_pred, H = np.zeros(sensor.size), np.zeros((sensor.size, layout.n))
+        if name not in FORM_ONLY:
+            z_pred += sensor.predict(motion)[0]
+            for block, values in sensor.jacobian(motion).items():
+                H[:, layout.slice(block)] = values[0]
         if name == "mag" and layout.has("field"):
             H[:, layout.slice("field")] = matrix_from_quaternion(x[6:10]).T
         for start, process in model.colour_of(name):

@@ -19,6 +19,9 @@ from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, S
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty", "withheld")
 
+#: Sensors without equations of their own in the engines: their readings enter as forms that replace the prediction.
+FORM_ONLY = ("camera",)
+
 
 @dataclass(frozen=True)
 class StreamForm:
@@ -93,6 +96,8 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
         return stream.array(MAG), t
     if name == "baro":
         return height_of(recording)[:, None], t
+    if name == "camera":
+        return stream.array(("u", "v")), t
     if name in ("sonar", "laser"):
         columns = ranges_of(stream)
         if columns != (("range",) if "range" in stream and size == 1 else tuple(f"range_{i}" for i in range(size))):
@@ -233,13 +238,15 @@ def collect(
             notes.append(
                 Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
             )
-        if name not in ("level", "base", "place", "speed"):
+        if name not in ("level", "base", "place", "speed", "camera"):
             for start, stop in frozen_runs(z):
                 status[start + 1 : stop] = FAULTY
                 notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
             for start, stop in saturated_runs(z) if len(z) > 1 else []:
                 notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
         form = forms.get(name)
+        if form is None and name in FORM_ONLY:  # the pass that finds the motion about which it is linear
+            status = np.where(status == ACCEPTED, NO_PREDICTION, status)
         if form is not None:
             there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
             status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)

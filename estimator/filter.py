@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from estimator.alignment import first_state
-from estimator.events import ACCEPTED, GATED, OUTSIDE, Events, collect, with_variances
+from estimator.events import ACCEPTED, FORM_ONLY, GATED, OUTSIDE, Events, collect, with_variances
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable, imu_table
 from estimator.journal import Journal
@@ -23,6 +23,7 @@ from sensors.window import between
 Engine = Literal["auto", "numba", "filterpy"]
 #: What a sensor is to the kernels: their code of its equations.
 KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level": 5, "place": 0, "speed": 6}
+KIND["camera"] = KIND["base"]  # which predicts nothing: all of a camera's reading is a form
 #: The state block that a sensor's own equations add to its reading.
 BIAS_BLOCK = {"gps": "b_gps", "base": "b_gps", "level": "b_accel"}
 #: One IMU sample and its share of readings cost this long in the readable engine, compiling the other this long [s].
@@ -219,7 +220,7 @@ def run_filter(
     def once(model: FlightModel) -> Journal:
         if model.relinearise:
             return run_relinearised(recording, model, terms, engine=engine, stride=stride)
-        if not terms:
+        if not terms and not set(FORM_ONLY) & set(model.sensors):
             return run(prepare(recording, model), engine, stride)
         return run_with_effects(
             recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance

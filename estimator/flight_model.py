@@ -17,6 +17,7 @@ from sensors.arrays import BoolArray, FloatArray
 from sensors.barometer import Barometer
 from sensors.bounds import ASSUMED, Bounds
 from sensors.constants import EARTH_RATE, STANDARD_GRAVITY
+from sensors.covariates import camera_of
 from sensors.errors import InputError
 from sensors.gps import BaseReceiver, Gps
 from sensors.gyroscope import Gyroscope
@@ -32,7 +33,7 @@ from sensors.sonar import Sonar
 #: Streams that drive the filter, both in the table of the IMU.
 DRIVERS = ("accel", "gyro")
 #: Streams that can update the filter, in the order in which equal time stamps are processed.
-AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "level", "place", "speed")
+AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "camera", "level", "place", "speed")
 #: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
 GATE_LEVEL = 1e-6
 #: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
@@ -313,6 +314,8 @@ def _driver(where: str, name: str, spec: SensorSpec, rate: float) -> tuple[float
 
 
 def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> SensorModel:
+    if name == "camera":
+        return camera_of(recording)
     sigma = _positive(where, name, "noise_std", spec.noise_std)
     if name == "base":
         return BaseReceiver(sigma)

@@ -41,6 +41,8 @@ NEEDS = {
     "frequency": "carrier frequency",
     "faulty": "which satellite is searched",
     "elapsed": "time",
+    "point_n": "places of the points that are seen",
+    "camera": "intrinsics and mounting of the camera",
 }
 KINDS = {"flight": "flights", "poses": "poses", "pseudoranges": "pseudoranges"}
 
@@ -194,7 +196,7 @@ def _family(title: str, effects: list[Effect]) -> list[str]:
 
 def _row(effect: Effect) -> str:
     found = dict(facts(effect))
-    return " | ".join(found[label] for label in ("beta", "needs", "candidate in", "shown by"))
+    return " | ".join(found.get(label, "no scenario") for label in ("beta", "needs", "candidate in", "shown by"))
 
 
 def main(arguments: list[str]) -> None:

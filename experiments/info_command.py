@@ -16,7 +16,7 @@ from sensors.arrays import FloatArray
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
 from sensors.formats.facts import Facts
-from sensors.recording import Recording, Stream
+from sensors.recording import ACCEL, Recording, Stream
 from sensors.window import WHOLE, Span, end_of, start_of
 
 WIDTH = 100  # characters a line
@@ -144,7 +144,6 @@ def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
 
     Steps, transients and outliers are looked for in every sensor; whether the motion shows an effect is not asked.
     """
-    from sensors.covariates import covariates_for
     from sensors.effects import effects_for
 
     streams = recording.streams
@@ -159,7 +158,7 @@ def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
         return [], {"an accelerometer with a gyroscope": [entry.name for entry in effects_for("flight", sensors)]}
     found: list[str] = []
     missing: dict[str, list[str]] = {}
-    known = {sensor: _told(covariates_for(recording, sensor, _clock(recording, sensor))) for sensor in sensors}
+    known = {sensor: _covariates(recording, sensor) for sensor in sensors}
     for entry in effects_for(recording.kind, sensors):
         have = known.get(entry.stream, set())
         if recording.environment.magnetic_field is not None or recording.origin is not None:
@@ -179,9 +178,22 @@ def _clock(recording: Recording, sensor: str) -> FloatArray:
     return stream.t if stream is not None else next(iter(streams.values())).t
 
 
-def _told(covariates: Mapping[str, FloatArray]) -> set[str]:
-    """The covariates that vary; one that does not makes its effect a bias."""
-    return {name for name, values in covariates.items() if np.any(np.ptp(values, axis=0) > 0.0)}
+def _covariates(recording: Recording, sensor: str) -> set[str]:
+    """The covariates that vary; one that does not makes its effect a bias. Vibration is not computed: an IMU that is
+    fast enough and reads no constant has some.
+    """
+    from sensors.covariates import covariates_for
+    from sensors.vibration import CORNER, WINDOW
+
+    told = covariates_for(recording, "gyro" if sensor == "accel" else sensor, _clock(recording, sensor))
+    found = {name for name, values in told.items() if np.any(np.ptp(values, axis=0) > 0.0)}
+    imu = recording.streams.get("imu")
+    if sensor == "accel" and imu is not None and len(imu) > 1:
+        rate = 1.0 / float(np.median(np.diff(imu.t)))
+        fast = rate >= 4.0 * CORNER and len(imu) >= 2.0 * WINDOW * rate
+        if fast and np.any(np.ptp(imu.array(ACCEL), axis=0) > 0.0):
+            found.add("vibration")
+    return found
 
 
 def summary(document: Mapping[str, Any], next_call: str) -> str:

@@ -15,7 +15,7 @@ from sensors.arrays import FloatArray, as_floats
 from sensors.lenses import LENSES, Lens
 from sensors.motion import Motion
 from sensors.noise import BiasProcess
-from sensors.rotation import matrix_from_quaternion, rotate_back, skew
+from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, rotate_back, skew
 
 #: A camera that looks ahead: its x is body right, its y body down, its z body forward. Columns are the camera's axes.
 LOOKS_AHEAD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -148,6 +148,24 @@ class Camera:
     def bias(self) -> BiasProcess | None:
         """None: an offset of the pixels is the effect camera.principal_point."""
         return None
+
+    def covariate(self, n: int) -> FloatArray:
+        """(n, 17) all of it in numbers, the same in each row: it travels with a motion as the beams of a scan do.
+
+        Number of the lens, f, centre, five coefficients, C_bc as a quaternion, l_b.
+        """
+        k = np.pad(self.intrinsics.k, (0, 5 - len(self.intrinsics.k)))
+        lens = list(LENSES).index(self.intrinsics.lens)
+        q_bc = quaternion_from_matrix(self.C_bc)
+        return np.tile(np.concatenate([[float(lens)], self.intrinsics.values[:4], k, q_bc, self.l_b]), (n, 1))
+
+    @staticmethod
+    def of(motion: Motion) -> Camera:
+        """The camera that the covariate `camera` of a motion tells, for effects; its noise is of no account."""
+        row = motion.covariates["camera"][0]
+        lens = list(LENSES)[int(row[0])]
+        k = row[5 : 5 + len(LENSES[lens].coefficients)]
+        return Camera(1.0, Intrinsics(row[1:3], row[3:5], lens, k), matrix_from_quaternion(row[10:14]), row[14:17])
 
     def points_b(self, motion: Motion) -> FloatArray:
         """(n, 3) the known points in the body, from its reference point: C_bn (point_n - p_n) [m]."""

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensors.arrays import FloatArray
+from sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
+from sensors.errors import InputError
 from sensors.noise import sample_std
 from sensors.recording import ACCEL, Recording, Stream
+from sensors.rotation import matrix_from_quaternion
 
 #: Where the temperature of a sensor is looked for, in order: its own chip first, then the board it sits on
 _THERMOMETERS: dict[str, tuple[str, ...]] = {
@@ -45,7 +48,8 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
     `temperature` [degC] of the sensor's own chip (a magnetometer without one: the IMU's), `current` [A] and
     `voltage` [V] of `power`, `throttle` = mean of the columns of `motors`, `airspeed` [m/s] and `wind` (n, 2) [m/s] of
     `air`, `vibration` (n, 3) [(m/s^2)^2] of the IMU, `rotor_drag` [1/s] where it is declared, `angles` (n, beams) [rad]
-    of a laser scan.
+    of a laser scan; of a camera itself (`camera`) and the place `point_n` (n, 3) [m] that each of its readings is of, t
+    being the instants of these, in their order.
     Columns of `poses` or of the stream itself go before those of the other streams.
     """
     found: dict[str, FloatArray] = {}
@@ -68,9 +72,58 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
     angles = recording.spec("laser").angles
     if stream == "laser" and angles is not None:
         found["angles"] = np.tile(angles, (len(t), 1))
+    if stream == "camera":
+        found.update(seen_points(recording, len(t)))
     if stream == "accel" and "imu" in recording.streams:
         found["vibration"] = _vibration(recording, t)
     return found
+
+
+def camera_of(recording: Recording) -> Camera:
+    """The camera that a recording declares in `[sensors.camera]`.
+
+    Raises
+    ------
+    InputError : no focal length, principal point or noise; coefficients that its lens has not
+    """
+    spec, where = recording.spec("camera"), "[sensors.camera]"
+    for key in ("noise_std", "focal", "centre"):
+        if getattr(spec, key) is None:
+            raise InputError(recording.where, "not declared", f"{key} in pixels", f"{where} {key}")
+    assert spec.noise_std is not None
+    assert spec.focal is not None
+    assert spec.centre is not None
+    k = np.zeros(0) if spec.coefficients is None else spec.coefficients
+    try:
+        intrinsics = Intrinsics(spec.focal, spec.centre, spec.lens or "brown", k)
+    except ValueError as error:
+        raise InputError(recording.where, str(error), "a lens of docs/camera.md", where) from None
+    C_bc = LOOKS_AHEAD
+    if spec.mounting is not None:
+        norm = float(np.linalg.norm(spec.mounting))
+        if abs(norm - 1.0) > 0.01:
+            raise InputError(recording.where, f"norm {norm:g}", "a quaternion of norm 1", f"{where} mounting")
+        C_bc = matrix_from_quaternion(spec.mounting / norm)
+    return Camera(spec.noise_std, intrinsics, C_bc, np.zeros(3) if spec.lever_arm is None else spec.lever_arm)
+
+
+def seen_points(recording: Recording, n: int) -> dict[str, FloatArray]:
+    """Covariates `camera` and `point_n` of the n readings of a recording's camera.
+
+    Raises
+    ------
+    InputError : a point that is not among the known ones, or another number of readings
+    """
+    stream = recording.streams["camera"]
+    if n != len(stream):
+        raise ValueError(f"{n} instants; expected those of the {len(stream)} readings, each of its own point")
+    known = np.zeros((0, 4)) if recording.points is None else recording.points
+    places = {float(row[0]): row[1:] for row in known}
+    unknown = [number for number in np.unique(stream["point"]) if float(number) not in places]
+    if unknown:
+        raise InputError(recording.where, f"point {unknown[0]:g}", "a point of points.csv", "stream camera")
+    point_n = np.array([places[float(number)] for number in stream["point"]])
+    return {"point_n": point_n, "camera": camera_of(recording).covariate(n)}
 
 
 _POWER: dict[tuple[int, float | None], tuple[Stream, FloatArray]] = {}

@@ -39,6 +39,7 @@ REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "power": (("current",), ("voltage",)),
     "motors": (("motor_1",),),
     "air": (("airspeed",), ("wind_north", "wind_east"), ("temperature",)),
+    "camera": (("point", "u", "v"),),
     "poses": (ACCEL, MAG),
 }
 #: The largest reading: beyond every unit and clock, and its powers stay finite.
@@ -103,6 +104,10 @@ class SensorSpec:
     imu_samples : "instant" (the value at the stamp) or "average" (over the interval before it)
     angles : (beams,) angles of a scanning laser [rad]
     base_position : of a reference receiver, [latitude, longitude, height] (deg, deg, m) or NED [m] without an origin
+    focal, centre : (2,) of a camera: f / dX, f / dY and u0, v0 [pixels]
+    lens, coefficients : of `sensors.lenses`, and its k; those that are not said are zero
+    mounting : (4,) q_bc, camera axes -> body, scalar first; not said: it looks ahead
+    lever_arm : (3,) the camera's centre in the body [m]
     """
 
     noise_density: float | None = None
@@ -117,6 +122,12 @@ class SensorSpec:
     imu_samples: str = "instant"
     angles: FloatArray | None = None
     base_position: FloatArray | None = None
+    focal: FloatArray | None = None
+    centre: FloatArray | None = None
+    lens: str = ""
+    coefficients: FloatArray | None = None
+    mounting: FloatArray | None = None
+    lever_arm: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -217,14 +228,15 @@ class Recording:
     ----------
     name : of the recording
     kind : "flight" (moving, feeds the filter) or "poses" (static or slowly turned, feeds a calibration)
-    streams : by name: imu, mag, baro, sonar, laser, gps, base, power, motors, air, poses
-    sensors : what is declared, by sensor: accel, gyro, mag, baro, sonar, laser, gps, base
+    streams : by name: imu, mag, baro, sonar, laser, gps, base, power, motors, air, camera, poses
+    sensors : what is declared, by sensor: accel, gyro, mag, baro, sonar, laser, gps, base, camera
     origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
     effects : declared effects by name, with their parameters; every estimator models them
     source : where it was read from, for messages
     notes : what its reader chose or left out, for reports
     truth : what it may be scored against, or None; nothing that estimates may read it
     breaks : stamps of the IMU at which something else begins, whatever was before: another log of one vehicle [s]
+    points : (k, 4) places that a camera sees: number, north, east, down [m]; None: there are none
     """
 
     name: str
@@ -239,6 +251,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     truth: Truth | None = None
     breaks: tuple[float, ...] = ()
+    points: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if not self.streams:
@@ -289,11 +302,15 @@ def check_stream(where: str | Path, name: str, stream: Stream) -> None:
     for column in stream.columns:
         if not column.isprintable():
             raise InputError(where, f"column {column!r}", "a name that prints", place)
-    check_rows(where, stream, place)
+    check_rows(where, stream, place, together=name == "camera")
 
 
-def check_rows(where: str | Path, stream: Stream, place: str = "") -> None:
-    """Check the rows of a stream: at least one, finite numbers, time strictly increasing.
+def check_rows(where: str | Path, stream: Stream, place: str = "", together: bool = False) -> None:
+    """Check the rows of a stream: at least one, finite numbers, time increasing.
+
+    Parameters
+    ----------
+    together : rows of one instant may follow each other, as the points of one picture do; else time is strictly so
 
     Raises
     ------
@@ -310,12 +327,13 @@ def check_rows(where: str | Path, stream: Stream, place: str = "") -> None:
             value = values[bad[0]]
             expected = f"at most {LARGEST_READING:g}" if np.isfinite(value) else "a number"
             raise InputError(where, f"{value} in column {column}", expected, f"{prefix}row {bad[0] + 1}")
-    back = np.flatnonzero(np.diff(stream.t) <= 0.0)
+    steps = np.diff(stream.t)
+    back = np.flatnonzero(steps < 0.0 if together else steps <= 0.0)
     if len(back):
         k = int(back[0]) + 1
         raise InputError(
             where,
             f"t goes from {stream.t[k - 1]:.6g} to {stream.t[k]:.6g} s",
-            "strictly increasing time",
+            "increasing time" if together else "strictly increasing time",
             f"{prefix}row {k + 1}",
         )

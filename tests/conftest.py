@@ -1,9 +1,12 @@
-"""Shared fixtures: where the measured data are, and how many tests went without them."""
+"""Shared fixtures: where the measured data are, how many tests went without them, and a library that is not there."""
 
 from __future__ import annotations
 
+import builtins
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,3 +41,19 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     skipped = [r for r in terminalreporter.stats.get("skipped", []) if NO_DATA in str(r.longrepr)]
     if skipped:
         terminalreporter.write_line(f"{len(skipped)} measured tests were skipped: {NO_DATA}")
+
+
+@pytest.fixture
+def without_library(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Makes the import of a library fail, as where it is not installed."""
+    whole = builtins.__import__
+
+    def hide(library: str) -> None:
+        def without(name: str, *rest: Any, **more: Any) -> Any:
+            if name.split(".")[0] == library:
+                raise ImportError(name)
+            return whole(name, *rest, **more)
+
+        monkeypatch.setattr(builtins, "__import__", without)
+
+    return hide

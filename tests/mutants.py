@@ -50,7 +50,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "gps": _CONTRACTS,
     "level": _CONTRACTS,
     "lenses": ("tests/sensors/test_camera.py",),
-    "camera": ("tests/sensors/test_camera.py", *_CONTRACTS),
+    "camera": ("tests/sensors/test_camera.py", "tests/sensors/test_camera_effects.py", *_CONTRACTS),
     "bounds": ("tests/sensors/test_bounds.py",),
     "noise": ("tests/sensors/test_noise.py", *_CONTRACTS),
     "atmosphere": ("tests/sensors/test_atmosphere.py", "tests/sensors/test_sonar.py"),
@@ -59,10 +59,13 @@ TARGETS: dict[str, tuple[str, ...]] = {
 }
 
 _EFFECTS = ("tests/contracts/test_effects_by_another_hand.py", "tests/contracts/test_effects.py")
+#: By the first part of a file's name, where it is not the effects' own tests that are to notice
+_ELSEWHERE = {
+    "pseudorange": tuple(f"tests/sensors/test_pseudorange{part}.py" for part in ("_effects", "", "_model")),
+    "camera": ("tests/sensors/test_camera_effects.py",),
+}
 TARGETS |= {
-    f"effects.{path.stem}": tuple(f"tests/sensors/test_pseudorange{part}.py" for part in ("_effects", "", "_model"))
-    if path.stem.startswith("pseudorange")
-    else _EFFECTS
+    f"effects.{path.stem}": _ELSEWHERE.get(path.stem.split("_")[0], _EFFECTS)
     for path in sorted((ROOT / "sensors" / "effects").glob("*.py"))
     if path.stem not in ("__init__", "declaration", "streams", "outliers")
 }

@@ -14,9 +14,14 @@ import numpy as np
 from calibration.camera import CameraFit, Form, blocks_of, compare, fit, form
 from calibration.views import View
 from sensors.arrays import FloatArray
+from sensors.errors import InputError
 
 ALPHA = 0.01  # risk of a false alarm over all candidates, as of every trace
 DISTORTION = "camera.distortion"
+#: A focal length takes two, and one is held out.
+LEAST_PICTURES = 3
+#: Corners are written to a ten-thousandth of a pixel; smaller residuals are not of a camera [pixels].
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,9 @@ def evidence(found: CameraFit, candidates: Sequence[Candidate] = CANDIDATES) -> 
         beta = -np.linalg.lstsq(C, r, rcond=None)[0]  # r is predicted minus seen: what is added has its opposite
         fall = float(r @ r - np.sum((r + C @ beta) ** 2))
         dof = len(r) - 6 * len(found.views) - len(found.form.names) - C.shape[1]
-        variance = float(r @ r - fall) / dof
+        if dof < 1:
+            raise InputError("camera", f"{len(r)} coordinates of corners", f"more than {len(r) - dof} to judge by")
+        variance = max(float(r @ r - fall) / dof, ROUNDING**2)
         p = float(fisher.sf(fall / C.shape[1] / variance, C.shape[1], dof))
         std = np.sqrt(variance * np.diag(np.linalg.inv(C.T @ C)))
         told.append(Evidence(one, fall / variance, p, np.asarray(beta), std))
@@ -148,7 +155,13 @@ def trace(views: Sequence[View], size: tuple[int, int] = (0, 0), alpha: float = 
 
     An effect is named where it is the likeliest of all candidates at the level alpha over all of them, and the pictures
     that were held out are predicted better with it.
+
+    Raises
+    ------
+    InputError : too few pictures to hold one out, or too few corners to judge by
     """
+    if len(views) < LEAST_PICTURES:
+        raise InputError("camera", f"{len(views)} pictures", f"{LEAST_PICTURES}, so that one can be held out")
     before = fit(views, form("pinhole"), size)
     first = evidence(before)
     best = max(first, key=lambda one: one.statistic / len(one.beta))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 from sensors.errors import InputError
@@ -16,7 +17,17 @@ SELF_DESCRIBING = (
     "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag, a table whose header says what it holds "
     "(ax, gyro_x [deg/s])"
 )
-ROS_BAGS = ("rosbag", "rosbag2", "sqlite", "mcap")
+#: What reads the logs that describe themselves, by `what_is`: module, reader, and what tells the facts. A module is
+#: imported when it is asked for.
+_READERS = {
+    "ulog": ("ulog", "read_ulog", "ulog_facts"),
+    "tlog": ("tlog", "read_tlog", "tlog_facts"),
+    "ubx": ("ubx", "read_receiver", "receiver_facts"),
+    "euroc": ("dataset_folders", "read_euroc", "folder_facts"),
+    "kitti": ("dataset_folders", "read_kitti", "folder_facts"),
+    **dict.fromkeys(("dataflash", "dataflash_binary"), ("ardupilot", "read_ardupilot", "ardupilot_facts")),
+    **dict.fromkeys(("rosbag", "rosbag2", "sqlite", "mcap"), ("rosbag", "read_rosbag", "rosbag_facts")),
+}
 
 
 def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -> Recording:
@@ -90,65 +101,20 @@ def what_is(path: Path) -> str:
 
 def facts_of(path: Path) -> Facts | None:
     """What a log that describes itself says beside its readings; None of any other."""
-    content = what_is(path)
-    if content == "ulog":
-        from sensors.formats.ulog import ulog_facts
-
-        return ulog_facts(path)
-    if content in ("dataflash", "dataflash_binary"):
-        from sensors.formats.ardupilot import ardupilot_facts
-
-        return ardupilot_facts(path)
-    if content in ROS_BAGS:
-        from sensors.formats.rosbag import rosbag_facts
-
-        return rosbag_facts(path)
-    if content == "tlog":
-        from sensors.formats.tlog import tlog_facts
-
-        return tlog_facts(path)
-    if content == "ubx":
-        from sensors.formats.ubx import receiver_facts
-
-        return receiver_facts(path)
-    if content in ("euroc", "kitti"):
-        from sensors.formats.dataset_folders import folder_facts
-
-        return folder_facts(path)
-    return None
+    known = _READERS.get(what_is(path))
+    if known is None:
+        return None
+    module, _, facts = known
+    return getattr(import_module(f"sensors.formats.{module}"), facts)(path)
 
 
 def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
     """What reads a log that describes itself."""
-    if content == "ulog":
-        from sensors.formats.ulog import read_ulog
-
-        return read_ulog
-    if content in ("dataflash", "dataflash_binary"):
-        from sensors.formats.ardupilot import read_ardupilot
-
-        return read_ardupilot
-    if content in ROS_BAGS:
-        from sensors.formats.rosbag import read_rosbag
-
-        return read_rosbag
-    if content == "tlog":
-        from sensors.formats.tlog import read_tlog
-
-        return read_tlog
-    if content == "ubx":
-        from sensors.formats.ubx import read_receiver
-
-        return read_receiver
-    if content == "euroc":
-        from sensors.formats.dataset_folders import read_euroc
-
-        return read_euroc
-    if content == "kitti":
-        from sensors.formats.dataset_folders import read_kitti
-
-        return read_kitti
-    return None
+    known = _READERS.get(content)
+    if known is None:
+        return None
+    module, reader, _ = known
+    return getattr(import_module(f"sensors.formats.{module}"), reader)
 
 
 def _poses_of_matlab(path: Path) -> Recording:

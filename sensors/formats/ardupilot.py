@@ -24,6 +24,7 @@ _AXES = "XYZ"
 _GOOD_FIX = 3
 #: `RFND.Stat` of a good range, `.Orient` of one that looks down; `RNGFNDn_TYPE` of those that work by ultrasound.
 _GOOD_RANGE, _DOWN = 4, 25
+_MOST_RANGES = 10
 _ULTRASOUND = (2, 9, 13, 30, 31)
 #: `SERVOn_FUNCTION` of a motor: 1 to 8, 9 to 12, throttle, left and right throttle.
 _MOTORS = (*range(33, 41), *range(82, 86), 70, 73, 74)
@@ -296,12 +297,13 @@ def _motors(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -
 def _ranges(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -> dict[str, Stream]:
     """Good ranges downward, of the first that measures by light and the first that measures by sound."""
     found: dict[str, Stream] = {}
-    rules = {"range": ("Dist", "length", "m"), "facing": ("Orient", "number", "1")}
-    for k in range(log.instances("RFND")):
-        stream = _stream(log, log.rows_of("RFND", k), rules, {"state": ("Stat", "number", "1")})
+    for k in range(_MOST_RANGES):
+        stream = _one_range(log, k)
         if stream is None:
             continue
-        good = (stream["facing"] == _DOWN) & (stream["state"] == _GOOD_RANGE if "state" in stream else True)
+        good = stream["facing"] == _DOWN
+        if "state" in stream:
+            good &= stream["state"] == _GOOD_RANGE
         if not np.any(good):
             continue
         made = parameters.get(f"RNGFND{k + 1}_TYPE", parameters.get("RNGFND_TYPE") if k == 0 else None)
@@ -310,6 +312,14 @@ def _ranges(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -
             notes.append("laser: no parameter RNGFNDn_TYPE says how it measures: by light, it is assumed")
         found.setdefault(name, Stream(stream.t[good], {"range": stream["range"][good]}))
     return found
+
+
+def _one_range(log: Dataflash, k: int) -> Stream | None:
+    """The ranges of one sensor: newer logs have a message each, older ones (3.4 to 4.0) two sensors in one message."""
+    end = f"{k + 1}" if log.has("RFND", "Dist1") else ""
+    found = log.rows_of("RFND", 0 if end else k)
+    rules = {"range": (f"Dist{end}", "length", "m"), "facing": (f"Orient{end}", "number", "1")}
+    return _stream(log, found, rules, {"state": (f"Stat{end}", "number", "1")})
 
 
 def _air(log: Dataflash) -> Stream | None:

@@ -251,6 +251,7 @@ class _Binary:
         self.at: list[array[int]] = [array("q") for _ in range(256)]
         self.lengths = [0] * 256
         self.lengths[_FMT] = 89
+        self.describing = {_FMT}
         self.lost = self.places = 0
 
     def log(self) -> Dataflash:
@@ -288,22 +289,18 @@ class _Binary:
 
     def _messages(self, position: int) -> int:
         """Take in the messages that begin at a byte, one after the other; the byte after them."""
-        data, lengths, places = self.data, self.lengths, self.at
-        end = len(data)
+        data, lengths, describing, end = self.data, self.lengths, self.describing, len(self.data)
+        take = [places.append for places in self.at]
         while data[position : position + 2] == HEAD and position + 3 <= end:
             number = data[position + 2]
             following = position + lengths[number]
             if following == position or following > end:
                 break
-            places[number].append(position + 3)
+            take[number](position + 3)
             position = following
-            if number in self._describing:
+            if number in describing:
                 self._describe(number)
         return position
-
-    @property
-    def _describing(self) -> set[int]:
-        return self.__dict__.setdefault("_described_by", {_FMT})
 
     def _one(self, kind: Kind, at: int) -> np.void:
         return np.frombuffer(self.data, kind.dtype, count=1, offset=at)[0]
@@ -319,7 +316,7 @@ class _Binary:
                 return
             self.lengths[described] = size if size == 3 + self.kinds.by_type[described].dtype.itemsize else 0
             if name in ("FMTU", "UNIT", "MULT"):
-                self._describing.add(described)
+                self.describing.add(described)
         elif kind.name == "FMTU" and {"FmtType", "UnitIds", "MultIds"} <= set(kind.fields):
             self.kinds.said[int(message["FmtType"])] = _text(message["UnitIds"]), _text(message["MultIds"])
         elif kind.name == "UNIT" and {"Id", "Label"} <= set(kind.fields):

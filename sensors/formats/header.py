@@ -9,6 +9,7 @@ import numpy as np
 from sensors.arrays import FloatArray
 from sensors.formats.toml_table import Table
 from sensors.formats.units import UNITS
+from sensors.lenses import LENSES
 from sensors.recording import Environment, Initial, SensorSpec
 
 Origin = tuple[float, float, float]
@@ -31,7 +32,10 @@ SENSOR_KEYS: dict[str, tuple[str, ...]] = {
     "laser": (*_PER_READING, "angles"),
     "gps": (*_PER_READING, "velocity_noise_std"),
     "base": (*_PER_READING, "velocity_noise_std", "base_position"),
+    "camera": ("noise_std", "focal", "centre", "lens", "coefficients", "mounting", "lever_arm"),
 }
+#: Numbers in a list; None: as many as there are.
+_LISTS = {"base_position": 3, "focal": 2, "centre": 2, "coefficients": None, "mounting": 4, "lever_arm": 3}
 
 
 @dataclass(frozen=True)
@@ -125,8 +129,10 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
             values[key] = table.text(key, ("instant", "average")) or "instant"
         elif key == "angles":
             values[key] = scan_angles(table)
+        elif key == "lens":
+            values[key] = table.text(key, tuple(LENSES)) or ""
         else:
-            values[key] = table.vector(key, 3, at_most=LARGEST)
+            values[key] = table.vector(key, _LISTS[key], at_most=LARGEST)
     table.done()
     return SensorSpec(**values)  # type: ignore[arg-type]
 

@@ -38,9 +38,12 @@ from sensors.recording import (
 FORMAT = 1
 HEADER_FILE = "recording.toml"
 TRUTH_FILE = "truth.csv"
+POINTS_FILE = "points.csv"
 KINDS = ("flight", "poses")
 #: The files of a recording, by the names of their streams.
 FILES = (*REQUIRED_COLUMNS, "truth")
+#: Of a place that a camera sees.
+POINT_COLUMNS = ("point", *POSITION)
 
 #: The format's own columns of each stream: they must be numbers. Every other column is a covariate.
 _OWN_COLUMNS: Mapping[str, tuple[str, ...]] = {
@@ -54,6 +57,7 @@ _OWN_COLUMNS: Mapping[str, tuple[str, ...]] = {
     "power": ("current", "voltage"),
     "motors": (),
     "air": ("airspeed", "wind_north", "wind_east", "temperature"),
+    "camera": ("point", "u", "v"),
     "poses": (*ACCEL, *MAG, "temperature"),
 }
 #: Streams with numbered columns: motor_1, range_0, ...
@@ -115,6 +119,7 @@ def read_recording(folder: Path) -> Recording:
         source=str(folder),
         notes=notes + chosen + _without_truth(folder, rows),
         truth=truth,
+        points=_points(folder),
     )
     check_units(recording)
     return recording
@@ -143,6 +148,23 @@ def _truth(folder: Path, table: Table) -> Truth | None:
             needed = " or ".join(", ".join(alternative) for alternative in KNOWN_BY[name])
             raise said.error("known", f'"{name}", of which {TRUTH_FILE} has no columns', f"columns {needed}")
     return truth
+
+
+def _points(folder: Path) -> FloatArray | None:
+    """(k, 4) the places of `points.csv` that a camera sees: number, north, east, down [m]; None where it is not there.
+
+    Raises
+    ------
+    InputError : a fault in the file
+    """
+    path = folder / POINTS_FILE
+    if not path.is_file():
+        return None
+    columns, _ = read_csv(path, POINT_COLUMNS)
+    lacking = [name for name in POINT_COLUMNS if name not in columns]
+    if lacking:
+        raise InputError(path, f"columns {', '.join(columns)}", f"also {', '.join(lacking)}", "line 1")
+    return np.stack([columns[name] for name in POINT_COLUMNS], axis=-1)
 
 
 def require_free(folder: Path, force: bool = False) -> None:
@@ -194,9 +216,14 @@ def write_recording(recording: Recording, folder: Path) -> None:
     streams = dict(recording.streams)
     if recording.truth is not None:
         streams["truth"] = recording.truth.stream
-    with new_folder(Path(folder), [*(f"{name}.csv" for name in FILES), HEADER_FILE]) as beside:
+    with new_folder(Path(folder), [*(f"{name}.csv" for name in FILES), POINTS_FILE, HEADER_FILE]) as beside:
         for name, stream in streams.items():
             _write_csv(beside / f"{name}.csv", stream)
+        if recording.points is not None:
+            import pandas as pd
+
+            places = pd.DataFrame(recording.points, columns=list(POINT_COLUMNS))
+            places.to_csv(beside / POINTS_FILE, index=False, lineterminator="\n")
         rows = {name: len(stream) for name, stream in streams.items()}
         (beside / HEADER_FILE).write_text(header_text(recording, rows), encoding="utf-8")
 
@@ -217,7 +244,7 @@ def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
     notes: list[str] = []
     for path in sorted(folder.glob("*.csv")):
         name = path.stem
-        if name == "truth":
+        if path.name in (TRUTH_FILE, POINTS_FILE):
             continue
         if name not in REQUIRED_COLUMNS:
             notes.append(f"{path.name} is not a stream of the format and was not read")

@@ -278,6 +278,8 @@ def _speeds(topics: Topics) -> Stream | None:
     stream = _columns(topics, "esc_status", names)
     if stream is None or len(stream) == 0:
         return None
+    if not any(np.any(values) for values in stream.columns.values()):  # controllers that tell no speed
+        return None
     top = max(1.0, *(float(np.nanmax(np.abs(values), initial=0.0)) for values in stream.columns.values()))
     return Stream(stream.t, {name: np.abs(values) / top for name, values in stream.columns.items()})
 

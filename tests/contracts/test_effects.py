@@ -17,7 +17,8 @@ from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
 RATE = 400.0  # Hz
 SLOPE = 2e-5  # share of the regressor's largest entry by which central differences may be off
-FLIGHT_EFFECTS = tuple(name for name in CATALOGUE if not name.startswith("pseudorange."))
+#: Those of a camera, which sees points, are in tests/sensors/test_camera_effects.py.
+FLIGHT_EFFECTS = tuple(name for name in CATALOGUE if not name.startswith(("pseudorange.", "camera.")))
 #: The others are linear: what their regressor is compared with is in `test_effects_by_another_hand`.
 WITH_AN_EXACT_FORM = tuple(name for name in FLIGHT_EFFECTS if CATALOGUE[name].exact is not None)
 

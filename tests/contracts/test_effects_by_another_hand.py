@@ -40,12 +40,14 @@ FIELD = np.array([0.31, -0.04, 0.38])
 PATTERN = np.array([1.0, -0.7, 0.8, 0.6, -0.9, 0.75, -0.65, 0.85, -0.95])
 LOCAL = ("step", "transient")
 DELAYS = ("time_offset", "latency")
+LATE = [name for name in CATALOGUE if name.split(".")[1] in DELAYS and not name.startswith("camera.")]
 INTERVAL = (5.0, 8.0)
 #: What the maker has no formula for, and where its independent test is
 ELSEWHERE = {
     "motion.rotor_drag": "below, against the force that the maker's body feels",
     "motion.wind": "below, likewise",
     **{f"{stream}.outliers": "tests/sensors/test_simulate.py: their mean is zero" for stream in STREAMS},
+    **{name: "tests/sensors/test_camera_effects.py" for name in CATALOGUE if name.startswith("camera.")},
     **{name: "tests/sensors/test_pseudorange.py" for name in CATALOGUE if name.startswith("pseudorange.")},
 }
 
@@ -113,7 +115,7 @@ def beta_of(entry: Effect) -> FloatArray:
 
 def test_every_effect_is_compared_with_something_else() -> None:
     """A new one is written out a second time in `experiments/blind/maker`, or named in `ELSEWHERE` with its test."""
-    of_the_maker = {name for name in CATALOGUE if name in FORWARD or name.split(".")[1] in (*LOCAL, *DELAYS)}
+    of_the_maker = {name for name in CATALOGUE if name in FORWARD or name.split(".")[1] in LOCAL} | set(LATE)
     assert of_the_maker | set(ELSEWHERE) == set(CATALOGUE)
     assert not of_the_maker & set(ELSEWHERE)
 
@@ -143,7 +145,7 @@ def plan(hidden: Hidden) -> Plan:
     return Plan(scene(), {hidden.stream: Instrument(200.0, 1.0, 0.0, 0.0)}, [hidden])
 
 
-@pytest.mark.parametrize("name", [name for name in CATALOGUE if name.split(".")[1] in DELAYS])
+@pytest.mark.parametrize("name", LATE)
 def test_a_late_stream_reads_what_was(name: str) -> None:
     """The motion is known every 5 ms and linear in between: 3e-5 of the signal is left at 3 rad/s."""
     entry = effect(name)

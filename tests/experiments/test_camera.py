@@ -108,6 +108,21 @@ def test_few_pictures_get_a_usual_lens() -> None:
     assert (done.found.form.name, done.compared, done.looped) == ("k1 k2", [], None)
 
 
+def test_eight_corners_of_one_picture_are_no_traceback() -> None:
+    view = simulated(PINHOLE, 1, 0, NOISE)[0]
+    done = study(Views("one", (view.rows(np.array([0, 3, 7, 17, 20, 28, 33, 40])),), {}, SIZE))
+    assert (done.found.form.name, done.looped) == ("k1 k2", None)
+
+
+def test_corners_without_noise() -> None:
+    """Of a table that was computed: everything is exact, nothing divides by zero, and the numbers are JSON."""
+    done = study(Views("exact", tuple(simulated(BENT, 6, 0, 0.0)), {}, SIZE), "k1 k2 p1 p2")
+    np.testing.assert_allclose(done.found.parameters[:4], BENT.values[:4], atol=1e-3)
+    told = json.loads(json.dumps(as_json(done), allow_nan=False))
+    assert told["trace"]["verdict"] == "effects"
+    assert as_json(study(Views("exact", tuple(simulated(PINHOLE, 6, 0, 0.0)), {}, SIZE)))["form"] == "pinhole"
+
+
 def test_the_lens_that_is_asked_for_is_taken() -> None:
     done = study(Views("table", tuple(simulated(BENT, 4, 1, NOISE)), {}, SIZE), "fisheye")
     assert done.found.form.name == "fisheye"

@@ -32,7 +32,7 @@ def test_an_effect_is_described_in_full(name: str) -> None:
     assert found["source"] == effect.source
 
 
-@pytest.mark.parametrize("name", [n for n in CATALOGUE if not n.startswith("pseudorange.")])
+@pytest.mark.parametrize("name", [n for n in CATALOGUE if not n.startswith(("pseudorange.", "camera."))])
 def test_the_scenario_that_shows_it_exists(name: str) -> None:
     assert CATALOGUE[name].scenario in scenario_names()
 

@@ -271,6 +271,22 @@ def test_older_logs_have_a_kind_for_each_sensor(tmp_path: Path) -> None:
             assert found == pytest.approx(expected, rel=1e-6)
 
 
+def test_two_ranges_in_one_message(tmp_path: Path) -> None:
+    """As Copter 3.6 wrote them; the second looks down by sound."""
+    kinds = {
+        "PARM": ("QNf", "TimeUS,Name,Value"), "IMU": ("Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+        "RFND": ("QCBBCBB", "TimeUS,Dist1,Stat1,Orient1,Dist2,Stat2,Orient2"),
+    }  # fmt: skip
+    messages: list[Message] = [("PARM", (1, "RNGFND2_TYPE", 2.0))]
+    for us in range(1_000_000, 2_000_000, 20_000):
+        messages += [("IMU", (us, 0, 0, 0, 0, 0, -9.8)), ("RFND", (us, 500, 4, 0, 137, 4, 25))]
+    path = tmp_path / "flight"
+    path.write_bytes(binary(messages, units=False, kinds=kinds))
+    streams = open_log(path).streams
+    assert set(streams) == {"imu", "sonar"}
+    assert streams["sonar"]["range"][0] == pytest.approx(1.37)
+
+
 def test_integrals_of_the_imu_are_means_over_their_time(tmp_path: Path) -> None:
     """A turn of 0.5 rad/s at rest, in steps of 10 ms that the integrals fill."""
     messages = [

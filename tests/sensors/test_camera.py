@@ -119,6 +119,14 @@ def test_a_place_that_no_direction_reaches_is_not_a_number() -> None:
     assert np.all(np.isnan(Intrinsics(np.ones(2), np.zeros(2), "fisheye").rays(np.array([[3.2, 0.0]]))))
 
 
+def test_a_fisheye_that_folds_and_one_that_is_steep() -> None:
+    """theta (1 - theta^2 / 5) is largest at 1.29, with 0.861; theta (1 + 4 theta^2) is 5 at 1."""
+    folded = Intrinsics(np.ones(2), np.zeros(2), "fisheye", np.array([-0.2]))
+    assert np.all(np.isnan(folded.rays(np.array([[r, 0.0] for r in np.linspace(0.87, 3.0, 40)]))))
+    steep = Intrinsics(np.ones(2), np.zeros(2), "fisheye", np.array([4.0]))
+    np.testing.assert_allclose(steep.rays(np.array([[5.0, 0.0]])), [[np.sin(1.0), 0.0, np.cos(1.0)]], atol=1e-12)
+
+
 def test_folding_counts_in_every_direction() -> None:
     """The same radius on the diagonal, where both plane coordinates share it."""
     k, diagonal = np.array([-1.0 / 3.0, 0.0, 0.0, 0.0]), np.array([[1.0, 1.0]]) / np.sqrt(2.0)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import builtins
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -99,18 +98,11 @@ def test_parquet_with_a_map(tmp_path: Path) -> None:
         open_log(tmp_path / "log")
 
 
-def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_named(tmp_path: Path, without_library: Callable[[str], None]) -> None:
     (tmp_path / "log").write_bytes(b"PAR1" + bytes(20) + b"PAR1")
     with pytest.raises(InputError, match="damaged Parquet"):
         open_log(tmp_path / "log")
-    whole = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.startswith("pyarrow"):
-            raise ImportError(name)
-        return whole(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    without_library("pyarrow")
     with pytest.raises(InputError, match=r"pip install '\.\[parquet\]'"):
         open_log(tmp_path / "log")
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -270,16 +269,9 @@ def test_a_bag_without_an_imu(maker: Maker, tmp_path: Path) -> None:
         read(maker, tmp_path, pressure)
 
 
-def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_named(tmp_path: Path, without_library: Callable[[str], None]) -> None:
     path = Maker("ros1").write(tmp_path / "a.bag", at_rest())
-    whole = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.startswith("rosbags"):
-            raise ImportError(name)
-        return whole(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    without_library("rosbags")
     with pytest.raises(InputError, match=r"pip install '\.\[ros\]'"):
         open_log(path)
 

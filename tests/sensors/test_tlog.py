@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import builtins
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -219,15 +218,8 @@ def test_damage_costs_the_frames_that_it_hits(tmp_path: Path) -> None:
         assert note in recording.notes
 
 
-def test_what_is_missing_is_named(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.startswith("pymavlink"):
-            raise ImportError(name)
-        return whole(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+def test_what_is_missing_is_named(log: Path, without_library: Callable[[str], None]) -> None:
+    without_library("pymavlink")
     with pytest.raises(InputError, match=r"pip install '\.\[mavlink\]'"):
         open_log(log)
 

@@ -438,3 +438,15 @@ def test_parameters_are_as_pyulog_reads_them(measured_data: Path) -> None:
     assert facts is not None
     assert facts.parameters == pytest.approx(last)
     assert facts.firmware.startswith(f"{theirs.msg_info_dict['sys_name']} {theirs.msg_info_dict['ver_sw']}")
+
+
+def test_controllers_that_tell_no_speed_leave_the_commands(tmp_path: Path) -> None:
+    commands = [(t, 0.5 + 1e-6 * (t - 1_000_000)) for t in TIMES]
+    path = topics_of(tmp_path / "a", ("actuator_motors", 0, "uint64_t timestamp;float[1] control;", commands))
+    data = path.read_bytes() + message("F", b"esc:int32_t esc_rpm;")
+    formats = message("F", b"esc_status:uint64_t timestamp;uint8_t esc_count;esc[1] esc;")
+    rows = b"".join(message("D", struct.pack("<HQBi", 30, t, 1, 0)) for t in TIMES)
+    path.write_bytes(data + formats + message("A", b"\0\x1e\0esc_status") + rows)
+    topics = read_topics(path)
+    assert not np.any(topics["esc_status.esc[0].esc_rpm"])
+    assert open_log(path).streams["motors"]["motor_1"][0] == pytest.approx(0.5)
