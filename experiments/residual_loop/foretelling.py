@@ -91,8 +91,8 @@ class Foretelling:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the log is long enough."""
-        return len(self._windows) >= LEAST_WINDOWS
+        """Whether the log is long enough, and has a stream beside the IMU."""
+        return len(self._windows) >= LEAST_WINDOWS and bool(self._streams)
 
     def share(self, fit: Fit, without: Fit) -> Share:
         """Of what a fit has and another has not."""
