@@ -346,7 +346,7 @@ def _minimise(
     for _ in range(_ROUNDS):
         blocks = blocks_of(views, camera, poses, spread)
         while True:
-            da, dp = _step(blocks, damping)
+            da, dp = damped_step(blocks, damping)
             values = camera.values + spread @ da
             there = bool(np.all(np.isfinite(values)) and np.all(values[:2] > 0.0))
             tried = camera.with_values(values) if there else camera
@@ -370,7 +370,7 @@ def _wrapped(pose: Pose) -> Pose:
     return pose if angle <= np.pi else Pose(pose.r * (1.0 - 2.0 * np.pi / angle), pose.T)
 
 
-def _step(
+def damped_step(
     blocks: Sequence[tuple[FloatArray, FloatArray, FloatArray]], damping: float
 ) -> tuple[FloatArray, list[FloatArray]]:
     """One damped Gauss-Newton step: of the intrinsics, and of each pose."""
