@@ -315,6 +315,9 @@ def estimate(
     gps: Gps = 0,
     raw: Raw = False,
     relinearise: Relinearise = False,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="also the fixed-interval smoother: states and errors given all readings")
+    ] = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
@@ -322,7 +325,8 @@ def estimate(
     from experiments.estimate_command import run
 
     span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
-    _say(lambda: run(input, engine, states, map, json, html, relinearise, span, choice), json, html, states=states)
+    files = states, map, json, html
+    _say(lambda: run(input, engine, *files, relinearise, span, choice, smooth), json, html, states=states)
 
 
 @app.command()

@@ -13,6 +13,8 @@ from estimator.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from estimator.filter import Engine, choose_engine, prepare, run_filter
 from estimator.flight_model import FlightModel
 from estimator.journal import Journal
+from estimator.layout import StateLayout
+from estimator.smoother import SmoothedStates, smooth
 from experiments.measured.reference import Mounted, covered, described, errors_of, states_at
 from experiments.refused import doubted_shares
 from sensors.arrays import FloatArray, finite_or_none
@@ -24,8 +26,12 @@ STATE_LOG_STEP = 0.02  # s between rows of the table of states, at least
 
 
 def estimated(
-    recording: Recording, model: FlightModel, engine: Engine = "auto", states: Path | None = None
-) -> tuple[Journal, dict[str, Any]]:
+    recording: Recording,
+    model: FlightModel,
+    engine: Engine = "auto",
+    states: Path | None = None,
+    smoothed: bool = False,
+) -> tuple[Journal, SmoothedStates | None, dict[str, Any]]:
     """Run the filter and report.
 
     Parameters
@@ -34,17 +40,22 @@ def estimated(
     model : of it
     engine : see `run_filter`
     states : CSV to write: t, the nominal state, and the 1-sigma of the error state
+    smoothed : the states of the fixed-interval smoother, which knows all readings, are written, and reported besides
 
     Returns
     -------
-    the journal of the run, and the keys of `sinan estimate --json` that need no reference
+    the journal of the run, the smoothed states if asked for, and the keys of `sinan estimate --json` that need no
+    reference
     """
     journal = run_filter(recording, model, engine=engine)
+    later = smooth(journal, sigmas=True) if smoothed else None
     if states is not None:
-        write_states(journal, states)
+        write_states(journal, states, later)
     report = report_of(journal)
+    if later is not None:
+        report["smoothed"] = smoothed_report(journal.model.layout, later)
     report["engine"] = choose_engine(engine, prepare(recording, model)) if engine == "auto" else engine
-    return journal, report
+    return journal, later, report
 
 
 @dataclass(frozen=True)
@@ -118,7 +129,24 @@ def report_of(journal: Journal) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def score(journal: Journal, truth: Truth, target: Mounted) -> dict[str, Any]:
+def smoothed_report(layout: StateLayout, smoothed: SmoothedStates) -> dict[str, Any]:
+    """What the smoother says of the biases and of the motion where it begins: there it knows the most that the filter
+    does not.
+    """
+    x, sigma = smoothed.x[0], smoothed.sigma[0]
+    biases = {name[2:]: name for name in layout.names if name.startswith("b_")}
+    return {
+        "bias_at_start": {sensor: x[layout.nominal(block)].tolist() for sensor, block in biases.items()},
+        "bias_at_start_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},
+        "start": {
+            "position": x[0:3].tolist(), "velocity": x[3:6].tolist(), "quaternion": x[6:10].tolist(),
+            "position_std": sigma[0:3].tolist(), "velocity_std": sigma[3:6].tolist(),
+            "attitude_std": sigma[6:9].tolist(),
+        },
+    }  # fmt: skip
+
+
+def score(journal: Journal, truth: Truth, target: Mounted, smoothed: SmoothedStates | None = None) -> dict[str, Any]:
     """Errors against a reference, of what it knows and at its stamps, with what it is.
 
     Of a reference with the recording's own axes and north also how often the filter's sigmas hold (`within`), the
@@ -128,11 +156,14 @@ def score(journal: Journal, truth: Truth, target: Mounted) -> dict[str, Any]:
     ----------
     truth : of the recording
     target : the same as brought to its axes and clock
+    smoothed : states whose errors are told as well
     """
     result: dict[str, Any] = {
         **described(truth, target),
         **errors_of(target, journal.imu_t, journal.imu_x, journal.model.translation),
     }
+    if smoothed is not None:
+        result["smoothed"] = errors_of(target, smoothed.t, smoothed.x, journal.model.translation)
     stamps = target.reference.rows(covered(target.reference.t, journal.imu_t))
     return result | _held(journal, stamps) if target.same_north and len(stamps) else result
 
@@ -173,16 +204,22 @@ def true_states(journal: Journal, truth: Stream) -> tuple[FloatArray, set[str]]:
     return true, known
 
 
-def write_states(journal: Journal, path: Path) -> None:
-    """Table of states and sigmas as CSV, a row every `STATE_LOG_STEP` or more."""
+def write_states(journal: Journal, path: Path, smoothed: SmoothedStates | None = None) -> None:
+    """Table of states and sigmas as CSV, a row every `STATE_LOG_STEP` or more; of smoothed ones the sigmas lie between
+    those that the smoother gives, some hundred samples apart.
+    """
     layout = journal.model.layout
+    t_all, x_all, var_all = journal.imu_t, journal.imu_x, journal.imu_var
+    if smoothed is not None:
+        t_all, x_all = smoothed.t, smoothed.x
+        var_all = _at(t_all, smoothed.t_sigma, smoothed.sigma**2)
     step = max(1, round(STATE_LOG_STEP / float(np.median(np.diff(journal.imu_t)))))
     labels = [f"{label}_std" for label in layout.labels]
     nominal = [*layout.labels[:6], *QUATERNION, *layout.labels[9:]]
     with new_file(path) as file:
         writer = csv.writer(file)
         writer.writerow(["t", *nominal, *labels])
-        for t, x, var in zip(journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step], strict=True):
+        for t, x, var in zip(t_all[::step], x_all[::step], var_all[::step], strict=True):
             writer.writerow([f"{t:.6f}", *(f"{v:.9g}" for v in x), *(f"{v:.6g}" for v in np.sqrt(var))])
 
 

@@ -47,8 +47,11 @@ def run(
     relinearise: bool = False,
     span: Span = WHOLE,
     choice: Choice = FIRST,
+    smoothed: bool = False,
 ) -> str:
-    """Run the filter, write what is asked for, return the summary for the terminal."""
+    """Run the filter, and the smoother behind it if asked for; write what is asked for, return the summary for the
+    terminal.
+    """
     recording = resolve(input, map_file, span, choice)
     tell_notes(recording)
     require_kind(recording, "flight", "estimate", "`sinan calibrate` or `sinan trace`")
@@ -57,10 +60,10 @@ def run(
     with working("running the filter", flies=True):
         ready = settled(recording)
         model = ready.model.replace(relinearise=relinearise)
-        journal, document = estimated(ready.recording, model, engine, states)  # type: ignore[arg-type]
+        journal, later, document = estimated(ready.recording, model, engine, states, smoothed)  # type: ignore[arg-type]
         target = reference_of(recording)
     if recording.truth is not None and target is not None:
-        document["truth"] = score(journal, recording.truth, target)
+        document["truth"] = score(journal, recording.truth, target, later)
     document["called"], document["window"] = called(input, recording, span), None if span == WHOLE else list(span)
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)

@@ -209,10 +209,14 @@ def reference_name(name: str, kind: str | None) -> str:
 
 
 def reference_rows(document: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The errors of an estimate against its reference: name, and value with its unit."""
+    """The errors of an estimate against its reference: name, and value with its unit; with that of the smoother."""
     truth = document.get("truth") or {}
-    errors = {name: value for name, value in truth.items() if name.endswith("_rms")}
-    return [(reference_name(name, truth.get("kind")), reference_value(name, value)) for name, value in errors.items()]
+    later, rows = truth.get("smoothed") or {}, []
+    for name, value in truth.items():
+        if name.endswith("_rms"):
+            smoothed = f", smoothed {reference_value(name, later[name])}" if name in later else ""
+            rows.append((reference_name(name, truth.get("kind")), reference_value(name, value) + smoothed))
+    return rows
 
 
 def reference_notes(document: Mapping[str, Any]) -> list[str]:
