@@ -77,6 +77,7 @@ def trace_page(
     page.heading("Error before and after" if verdict_words.told(document) else "What the plain model leaves")
     for name in [n for n in made if n.startswith(("residuals", "errors"))]:
         page.figure(*made[name])
+    _budget_table(page, document)
     _reference_table(page, document)
     if "candidates" in made:
         page.heading("Evidence for every candidate")
@@ -323,6 +324,29 @@ def _twin_table(page: Page, document: Mapping[str, Any]) -> None:
         sizes = [f"{twin['name']}{failed}", trace_words.size_words(twin)]
         rows.append(sizes + [known.get(name, "-") for name in head])
     page.table(["effect", "size", *head], rows)
+
+
+def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
+    """Where the plain model's error goes, by stream."""
+    if not document.get("budget"):
+        return
+    page.heading("Where the error of the plain model goes")
+    page.text(
+        "Share of the mean square of the plain model's innovations: taken off by the effects; foretold as noise of the "
+        "reading, as its colour, as what the states are not known to; and what has no name, which is negative where "
+        "the error is less than expected."
+    )
+    keys = ("effects", "white", "colour", "motion", "unnamed")
+    rows = [
+        [
+            words.SENSORS.get(one["stream"], one["stream"]),
+            f"{words.number(one['rms'])} {one['unit']}",
+            *(f"{100.0 * one[key]:.0f} %" for key in keys),
+        ]
+        for one in document["budget"]
+    ]
+    head = ["sensor", "RMS before", "effects", "white noise", "colour", "states", "no name"]
+    page.table(head, rows, numeric=tuple(range(1, 7)))
 
 
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:

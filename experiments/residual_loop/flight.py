@@ -19,6 +19,7 @@ from estimator.journal import Journal
 from estimator.score import Evidence, Statistic, statistic_of
 from estimator.sensitivity import candidate_streams
 from estimator.whiteness import whiteness
+from experiments.residual_loop.budget import Budget, budget_of
 from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.foretelling import Foretelling
@@ -62,6 +63,7 @@ from experiments.residual_loop.wrong_readings import (
     wrong_rows,
 )
 from sensors.arrays import BoolArray, FloatArray, IntArray
+from sensors.bounds import ASSUMED
 from sensors.covariates import covariates_for
 from sensors.effects import Effect
 from sensors.effects.streams import STREAMS
@@ -521,6 +523,13 @@ class FlightSource:
         journal, _ = self._passes.run_without_slow_error([], _state(fit).along, stride=1)
         return journal.imu_t, journal.imu_x
 
+    def budget(self, plain: Fit, final: Fit) -> Sequence[Budget]:
+        """Of every instrument; what the model takes the motion to be is none."""
+        before, after = _state(plain).journal, _state(final).journal
+        names = [name for name in self.model.sensors if name not in ASSUMED]
+        found = [budget_of(name, self._unit_of(name), before, after) for name in names]
+        return [one for one in found if one is not None]
+
     @staticmethod
     def motion(fit: Fit) -> Motion:
         """The smoothed motion along which the effects of a fit were evaluated."""
@@ -556,7 +565,7 @@ class FlightSource:
 
     def _unit_of(self, name: str) -> str:
         known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)
-        return {"mag": known, "level": "m/s^2"}.get(name, "m")
+        return {"mag": known, "level": "m/s^2", "camera": "pixel"}.get(name, "m")
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the whitened innovations of its stream, and those innovations; an effect on the

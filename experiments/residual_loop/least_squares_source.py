@@ -14,6 +14,7 @@ from scipy import stats
 
 from estimator.score import Evidence, Statistic, statistic_of
 from experiments.residual_loop import onsets
+from experiments.residual_loop.budget import Budget
 from experiments.residual_loop.gauss_newton import minimise
 from experiments.residual_loop.left_out import log_p_left_out
 from experiments.residual_loop.linear_problem import LinearProblem, Rows
@@ -421,6 +422,10 @@ class LeastSquaresSource:
                 np.flatnonzero(keep),
             )
         ]
+
+    def budget(self, plain: Fit, final: Fit) -> Sequence[Budget]:
+        """None: noise is all of a pose's residual that is not an effect."""
+        return ()
 
     @property
     def is_foretelling(self) -> bool:

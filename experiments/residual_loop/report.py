@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from estimator.score import Statistic
+from experiments.residual_loop.budget import Budget
 from experiments.residual_loop.judged import Judged
 from experiments.residual_loop.prove import Change, Errors
 from experiments.residual_loop.select import Selection
@@ -47,6 +48,7 @@ def report(traced: Traced) -> dict[str, object]:
             }
             for r in verdict.remaining
         ],
+        "budget": [asdict(one) for part in traced.parts for one in _budget(part)],
         "rolled_back": list(verdict.rolled_back),
         "separates": verdict.separates,
         "twins": [_twin(told, twin, verdict.reference) for twin in verdict.twins],
@@ -57,6 +59,11 @@ def report(traced: Traced) -> dict[str, object]:
         ],
         "left_out": [{"sensor": sensor, "why": why} for sensor, why in traced.left_out],
     }
+
+
+def _budget(part: Part) -> Sequence[Budget]:
+    """Of the model that is told."""
+    return part.source.budget(part.trace.selection.plain, part.trace.final)
 
 
 def _error(part: Part, verdict: Verdict) -> dict[str, object]:

@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from estimator.score import Evidence, Statistic
+from experiments.residual_loop.budget import Budget
 from experiments.residual_loop.term import Term
 from sensors.arrays import BoolArray, FloatArray, IntArray
 from sensors.effects import Effect
@@ -294,6 +295,9 @@ class Source(Protocol):
         """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the
         residuals of the part that was not fitted.
         """
+
+    def budget(self, plain: Fit, final: Fit) -> Sequence[Budget]:
+        """Where the error of the plain model goes, by stream; empty where nothing tells noise from colour."""
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the residuals of a model without it; None where it does not change the mean."""

@@ -1,0 +1,70 @@
+"""Where the error of a plain model goes: into effects, noise, and what has no name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.filter import RunInputs
+from estimator.journal import Journal
+from sensors.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Mean squares of one stream's innovations, over what the final model foretells of each reading, as shares of those
+    of the plain model; they sum to one.
+
+    Attributes
+    ----------
+    stream, unit : of the innovations
+    rms : of the plain model
+    effects : what the effects found have taken off
+    white, colour : what the model foretells of the readings' noise, and of its colour after the reading before
+    motion : what it foretells of the states that it has at that moment: position, attitude, biases
+    unnamed : what is left beyond that; negative where there is less error than the model expects
+    """
+
+    stream: str
+    unit: str
+    rms: float
+    effects: float
+    white: float
+    colour: float
+    motion: float
+    unnamed: float
+
+
+def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget | None:
+    """Of one stream of a flight, from the innovations of the plain and of the final model; None without readings.
+
+    Doubtful readings count with the weight that their heavy tail gives them. Neglects that the colour has decayed, and
+    grown again, since the reading before.
+    """
+    before, after = plain.stream(stream), final.stream(stream)
+    had, has = before.accepted, after.accepted
+    if not np.any(had) or not np.any(has):
+        return None
+    inputs, model = final.run, final.model
+    assert isinstance(inputs, RunInputs)
+
+    def mean(nu: FloatArray, S: FloatArray, weight: FloatArray) -> float:
+        return float(np.mean(weight[:, None] * nu**2 / np.diagonal(S, axis1=1, axis2=2)))
+
+    foretold = np.diagonal(after.S[has], axis1=1, axis2=2)
+    _, same, there = np.intersect1d(before.index[had], after.index[has], return_indices=True)
+    weight = before.weight[had][same]
+    total = mean(before.nu[had][same], after.S[has][there], weight)
+    left = mean(after.nu[has], after.S[has], after.weight[has])
+    rows = inputs.events.row[after.events[has]][:, None] + np.arange(after.dof)
+    white = float(np.mean(inputs.events.r[rows] / foretold))
+    colour = 0.0
+    for start, process in model.colour_of(stream):
+        part = slice(start, start + process.size) if process.size > 1 else slice(None)
+        var = final.var[after.events[has]][:, model.layout.slice(process.block)]
+        colour += float(np.mean(var / foretold[:, part])) * foretold[:, part].shape[1] / after.dof
+    total = max(total, 1e-300)
+    shares = (total - left, white, colour, 1.0 - white - colour, left - 1.0)
+    rms = float(np.sqrt(np.mean(before.nu[had] ** 2)))
+    return Budget(stream, unit, rms, *(float(share / total) for share in shares))

@@ -1,0 +1,42 @@
+"""Where the error of a plain model goes, against what was put into it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.flight_model import flight_model
+from experiments.residual_loop.budget import Budget
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.term import Term
+from experiments.scenarios import load_scenario, parse_effect
+from sensors.simulate import simulate
+
+CURRENT = "mag.current=0.006,0,0.002"
+
+
+def budgets(*effects: str) -> dict[str, Budget]:
+    """Of a figure of eight with effects, all of which are in the final model."""
+    present = [parse_effect(one) for one in effects]
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(31), present)
+    source = FlightSource(recording, flight_model(recording))
+    final = source.fit([Term(one.split("=")[0]) for one in effects])
+    return {one.stream: one for one in source.budget(source.fit(()), final)}
+
+
+def test_without_an_effect_all_of_it_is_foretold() -> None:
+    found = budgets()
+    assert set(found) == {"mag", "baro", "sonar", "laser", "gps"} & set(found)
+    for one in found.values():
+        assert one.effects == 0.0
+        assert one.effects + one.white + one.colour + one.motion + one.unnamed == pytest.approx(1.0)
+        assert abs(one.unnamed) < 0.15
+        assert one.white > 0.3
+
+
+def test_an_effect_takes_its_share_and_no_name_is_left_over() -> None:
+    plain, found = budgets()["mag"], budgets(CURRENT)["mag"]
+    assert found.effects == pytest.approx(1.0 - plain.rms**2 / found.rms**2, abs=0.1)
+    assert found.effects > 0.5
+    assert abs(found.unnamed) < 0.05
+    assert found.white / (1.0 - found.effects) == pytest.approx(plain.white, abs=0.1)
