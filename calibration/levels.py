@@ -373,4 +373,4 @@ def is_told_without_position(size: Size) -> bool:
     Its innovations are colour on the scale of the motion, of which the one-step likelihood makes instruments that are
     too good; a time is told by the motion itself, and a height sensor's noise by the sensor.
     """
-    return size.sensor in ("latency", "baro", "sonar", "laser")
+    return size.sensor in ("latency", "baro", "sonar", "laser") or (size.sensor, size.key) == ("mag", "bias_std")
