@@ -41,7 +41,7 @@ def run(
     if len(inputs) > 1 and span != WHOLE:
         raise InputError("--from and --to", f"{len(inputs)} logs", "one log; `sinan convert` makes a log of a part")
     recording = joined([resolve(one, map_file, span, choice) for one in inputs])
-    input = " ".join(inputs)
+    input = inputs[0]
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,12 +87,16 @@ def prepared(recording: Recording, keep_shifted: bool = False) -> Prepared:
     return Prepared(as_declared, noise, model, tuple(notes))
 
 
-def settled(recording: Recording) -> Prepared:
+def settled(recording: Recording, late: bool = True) -> Prepared:
     """The same for an estimate: what a recording does not declare is a size with a prior, or a state.
 
     Readings are coloured, their innovations have a heavy tail, stamps are late by what the log shows, a field that is
     not declared is a state near that of place and log, and where no position is measured place and speed are bounded.
     A recording that declares everything comes back as it is.
+
+    Parameters
+    ----------
+    late : whether the lateness of stamps is part of the model; else it is only found, so that a trace can name it
 
     Raises
     ------
@@ -112,6 +116,7 @@ def settled(recording: Recording) -> Prepared:
     headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
     notes += [*said, *headed.notes[len(recording.notes) :]]
     levels = fit_levels(headed, m_n, covariance)
+    levels = levels if late else replace(levels, latency={})
     model = levels.model(headed)
     notes += level_notes(levels)
     estimated = tuple((size.sensor, size.key) for size in levels.found if size.sensor in model.sensors)

@@ -26,8 +26,8 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
         ready = prepared(recording, keep_shifted=True)
         model = ready.model
     else:
-        ready = settled(recording)
-        model = ready.model.replace(latency={})
+        ready = settled(recording, late=False)
+        model = ready.model
         slow_error = False
     coarse = is_coarse(ready.recording, model)
     return FlightSource(ready.recording, model.replace(relinearise=coarse), slow_error, foretells=not declared)

@@ -86,8 +86,9 @@ def remaining(
         colour = whiteness(r.whitened)
         is_coloured = colour is not None and colour[1] < alpha
         if known:
-            found += _variance(r, alpha)
-        if colour is not None and is_coloured:
+            # noise that is found and a little off is that of its class
+            found += [one for one in _variance(r, alpha) if one.in_mean or not source.is_foretelling]
+        if colour is not None and is_coloured and (r.stream not in ASSUMED or not source.is_foretelling):
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
     for stream, share, p, words in source.neglected(fit):
