@@ -148,7 +148,7 @@ def _show(text: str) -> None:
     """Print what may hold names out of a file, without the control characters that they may have."""
     from sensors.errors import printable
 
-    typer.echo(printable(text, keep="\n"))
+    typer.echo(printable(text, keep="\n\t"))
 
 
 def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
