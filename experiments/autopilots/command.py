@@ -83,7 +83,10 @@ def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Re
     """
     field_n, choice = document.get("magnetic_field"), Choice(**document.get("choice", {}))
     found = findings_of(document, recording, None if field_n is None else np.array(field_n), choice)
-    return terms_for(autopilot, found, facts_beside(log), log)
+    terms = terms_for(autopilot, found, facts_beside(log), log)
+    if document["verdict"] == "unexplained" and terms.settings:
+        terms.notes.append("something remains that no effect explains: sizes are doubtful, though held-out data agree")
+    return terms
 
 
 def run(

@@ -83,8 +83,8 @@ def _doubt(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
         return "it does not predict the held-out data"
     if effect["confused_with"]:
         return f"these data cannot tell it from {', '.join(effect['confused_with'])}: decide that first"
-    if document["verdict"] == "unexplained":
-        return "something remains that no effect explains, so its size is doubtful"
+    if document["verdict"] == "unexplained" and not effect["predicts"]:
+        return "something remains that no effect explains, and no held-out reading can tell of it"
     return "only its least size is known" if effect.get("at_least") else ""
 
 
