@@ -54,6 +54,13 @@ class Calibrand(StrEnum):
     all = "all"
 
 
+class Autopilot(StrEnum):
+    """Whose parameters are written."""
+
+    px4 = "px4"
+    ardupilot = "ardupilot"
+
+
 class AxesForm(StrEnum):
     """Forms of the axes matrix T."""
 
@@ -141,7 +148,7 @@ def _show(text: str) -> None:
     """Print what may hold names out of a file, without the control characters that they may have."""
     from sensors.errors import printable
 
-    typer.echo(printable(text, keep="\n"))
+    typer.echo(printable(text, keep="\n\t"))
 
 
 def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
@@ -353,6 +360,34 @@ def trace(
 
     only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
     _say(lambda: run(inputs, only, alpha, gravity, map, json, html, span, choice), json, html)
+
+
+@app.command()
+def params(
+    input: Input,
+    autopilot: Annotated[
+        Autopilot | None, typer.Option("--for", help="whose parameters; default: of the autopilot that wrote the log")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--trace", help="what `sinan trace --json` wrote of this log", metavar="REPORT.json")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="file for the ground station; default: shown", metavar="FILE")
+    ] = None,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+) -> None:
+    """What a trace finds, as the flight controller's parameters: for QGroundControl (PX4) or Mission Planner."""
+    from experiments.autopilots.command import run
+
+    name, span, choice = autopilot.value if autopilot else None, (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, name, report, out, map, span, choice), None, None, parameters=out)
 
 
 @app.command()

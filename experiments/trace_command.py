@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from experiments.datasets import called, resolve
 from experiments.refused import doubted_shares, refused
@@ -14,6 +17,7 @@ from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
+from experiments.residual_loop.traced import Traced
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
 from sensors.joining import joined
@@ -38,6 +42,30 @@ def run(
     ------
     InputError : logs that cannot be of one vehicle (`sensors.joining.joined`)
     """
+    recording, traced, document = trace_log(inputs, sensor, alpha, gravity, map_file, span, choice)
+    document["autopilot"], said_of_autopilot = _in_its_terms(document, recording, inputs)
+    if json is not None:
+        write_json(json, document)
+    if html is not None:
+        from experiments.report.trace_page import trace_page
+
+        with working("drawing"):
+            trace_page(html, traced, document)
+    said = [f"warning: {warning}" for warning in document["warnings"]]
+    notes = [f"  note: {note}" for note in document["notes"]]
+    return "\n".join([*said, trace_summary(document), *notes, *said_of_autopilot])
+
+
+def trace_log(
+    inputs: Sequence[str],
+    sensor: str | None,
+    alpha: float,
+    gravity: float | None,
+    map_file: Path | None,
+    span: Span = WHOLE,
+    choice: Choice = FIRST,
+) -> tuple[Recording, Traced, dict[str, Any]]:
+    """One log traced, or several of one vehicle: their recording, what was found, and the report with its words."""
     if len(inputs) > 1 and span != WHOLE:
         raise InputError("--from and --to", f"{len(inputs)} logs", "one log; `sinan convert` makes a log of a part")
     recording = joined([resolve(one, map_file, span, choice) for one in inputs])
@@ -47,24 +75,44 @@ def run(
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
-    document = worded(
-        report(traced),
-        called(input, recording, span) if len(inputs) == 1 else recording.name,
-        Log(input, map_file, choice),
-    )
-    notes = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
-    document["window"], document["notes"] = None if span == WHOLE else list(span), notes
-    warnings = [warning for part in traced.parts for warning in _not_believed(part.source)]
-    document["warnings"] = warnings
-    if json is not None:
-        write_json(json, document)
-    if html is not None:
-        from experiments.report.trace_page import trace_page
+    name = called(input, recording, span) if len(inputs) == 1 else recording.name
+    document = worded(report(traced), name, Log(input, map_file, choice))
+    document["window"] = None if span == WHOLE else list(span)
+    document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
+    document["choice"], document["magnetic_field"] = asdict(choice), _field_of(traced)
+    return recording, traced, document
 
-        with working("drawing"):
-            trace_page(html, traced, document)
-    said = [f"warning: {warning}" for warning in warnings]
-    return "\n".join([*said, trace_summary(document), *(f"  note: {note}" for note in notes)])
+
+def _field_of(traced: Traced) -> list[float] | None:
+    """The Earth's field that a flight's filter knew, NED; None: none."""
+    used = getattr(traced.parts[0].source, "recording", None)
+    field_n = None if used is None else used.environment.magnetic_field
+    return None if field_n is None else [float(one) for one in field_n]
+
+
+def _in_its_terms(
+    document: Mapping[str, Any], recording: Recording, inputs: Sequence[str]
+) -> tuple[dict[str, Any] | None, list[str]]:
+    """The parameters that take out what was found, and lines that say so; None: nothing, of no autopilot's log, or of
+    logs that were flown with different ones.
+    """
+    from experiments.autopilots.command import autopilot_of, facts_beside, lines_of, terms_of_document
+
+    logs = [Path(one) for one in inputs]
+    if not document["effects"] or not all(log.is_file() for log in logs):
+        return None, []
+    facts = [facts_beside(log) for log in logs]
+    name = autopilot_of(facts[0])
+    if not name:
+        return None, []
+    terms = terms_of_document(document, name, recording, logs[0])
+    for one in terms.settings:
+        if any(own is None or own.parameters.get(one.name) != one.was for own in facts[1:]):
+            return None, [f"  the logs were flown with different {one.name}: trace one for its parameters"]
+    file = f"sinan params {shlex.quote(inputs[0])} --out FILE"
+    how = [f"  `{file}` writes them for the ground station"] if terms.settings and len(inputs) == 1 else []
+    return terms.as_table(), [*(f"  {line}" for line in lines_of(terms)), *how]
 
 
 def _not_believed(source: Source) -> list[str]:

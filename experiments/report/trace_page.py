@@ -84,11 +84,34 @@ def trace_page(
         page.figure(*made["candidates"])
         _candidate_tables(page, traced, document)
     _honesty(page, document)
+    if document.get("autopilot"):
+        _autopilot(page, document["autopilot"])
     if document.get("notes"):
         page.heading("Not declared, and taken from the log")
         for note in document["notes"]:
             page.text(str(note), note=True)
     page.write(path)
+
+
+def _autopilot(page: Page, terms: Mapping[str, Any]) -> None:
+    """The parameters to type in, and what has none."""
+    page.heading("In the flight controller's parameters")
+    if terms["parameters"]:
+        page.text("Set these, or load the file that `sinan params` writes; then fly and trace again.")
+        rows = [
+            [
+                one["name"],
+                f"{one['value']:.6g}",
+                "-" if one["was"] is None else f"{one['was']:.6g}",
+                ", ".join(one["effects"]),
+            ]
+            for one in terms["parameters"]
+        ]
+        page.table(["parameter", "set to", "in the log", "takes out"], rows, numeric=(1, 2))
+    for one in terms["without"]:
+        page.text(f"No parameter for {one['effect']}: {one['why']}.")
+    for remark in terms["notes"]:
+        page.text(f"{remark[0].upper()}{remark[1:]}.", note=True)
 
 
 # ---- figures

@@ -25,7 +25,7 @@ _GOOD_FIX = 3
 #: `RFND.Stat` of a good range, `.Orient` of one that looks down; `RNGFNDn_TYPE` of those that work by ultrasound.
 _GOOD_RANGE, _DOWN = 4, 25
 _MOST_RANGES = 10
-_ULTRASOUND = (2, 9, 13, 30, 31)
+ULTRASOUND = (2, 9, 13, 30, 31)
 #: `SERVOn_FUNCTION` of a motor: 1 to 8, 9 to 12, throttle, left and right throttle.
 _MOTORS = (*range(33, 41), *range(82, 86), 70, 73, 74)
 #: Pulse widths of no and of full throttle where no parameter says them [us].
@@ -307,7 +307,7 @@ def _ranges(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -
         if not np.any(good):
             continue
         made = parameters.get(f"RNGFND{k + 1}_TYPE", parameters.get("RNGFND_TYPE") if k == 0 else None)
-        name = "sonar" if made in _ULTRASOUND else "laser"
+        name = "sonar" if made in ULTRASOUND else "laser"
         if made is None and name not in found:
             notes.append("laser: no parameter RNGFNDn_TYPE says how it measures: by light, it is assumed")
         found.setdefault(name, Stream(stream.t[good], {"range": stream["range"][good]}))
@@ -391,6 +391,14 @@ def _raw_mag(log: Dataflash, parameters: Mapping[str, float], choice: Choice) ->
     scale = scale if 1.0 / _LARGEST_SCALE < scale < _LARGEST_SCALE else 1.0
     raw = np.linalg.solve(D, (stream.array(MAG) - compensation).T).T / scale - offset
     return Stream(stream.t, dict(zip(MAG, raw.T, strict=True)))
+
+
+def compass_of(log: Dataflash, parameters: Mapping[str, float], number: int) -> str:
+    """The number in the parameters of the compass that a log calls `number`: nothing, 2 or 3."""
+    found = log.rows_of("MAG", number)
+    told = _stream(log, found, {axis: (f"Ofs{axis}", "field", "mGauss") for axis in _AXES})
+    offset = np.full(3, np.nan) if told is None or len(told) == 0 else told.array(tuple(_AXES))[-1]
+    return _compass(parameters, offset, number)
 
 
 def _compass(parameters: Mapping[str, float], offset: FloatArray, number: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from typer.testing import CliRunner
 
 from experiments.cli import app
 from experiments.scenarios.loader import load_scenario
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording
 from sensors.simulate import simulate
 from sensors.window import window
 from tests.sensors import test_ardupilot as ardupilot
@@ -23,6 +24,7 @@ from tests.sensors import test_ulog as px4
 
 FIELD = 0.48  # gauss of the simulation's field of norm one
 BETA = (0.003, 0.0, 0.001)  # of the field, per ampere
+NONE: Mapping[str, float] = {}
 START = 20.0  # the logger's clock at the first sample [s]
 
 
@@ -33,19 +35,24 @@ def flight() -> Recording:
     return window(recording, (0.0, 18.0))
 
 
-def geodetic(gps: Stream) -> np.ndarray:
+def us(t: float) -> int:
+    """As the logger's clock counts [us]."""
+    return round(1e6 * (t + START))
+
+
+def geodetic(recording: Recording) -> np.ndarray:
     """(n, 3) latitude, longitude [deg], height [m]."""
-    assert flight().origin is not None
-    return np.stack(pymap3d.ned2geodetic(*gps.array(POSITION).T, *flight().origin), axis=-1)
+    assert recording.origin is not None
+    return np.stack(pymap3d.ned2geodetic(*recording.streams["gps"].array(POSITION).T, *recording.origin), axis=-1)
 
 
-def dataflash(path: Path) -> Path:
+def dataflash(path: Path, recording: Recording | None = None, parameters: Mapping[str, float] = NONE) -> Path:
     """As ArduPilot stores it: a field in whole milligauss, places in 1e-7 deg and cm, course and speed."""
-    streams = flight().streams
-    rows: list[tuple[float, ardupilot.Message]] = []
-
-    def us(t: float) -> int:
-        return round(1e6 * (t + START))
+    recording = recording or flight()
+    streams = recording.streams
+    rows: list[tuple[float, ardupilot.Message]] = [
+        (-1.0, ("PARM", (us(0.0), name, value, 0.0))) for name, value in parameters.items()
+    ]
 
     for t, force, rate in zip(streams["imu"].t, streams["imu"].array(ACCEL), streams["imu"].array(GYRO), strict=True):
         rows.append((t, ("IMU", (us(t), 0, *rate, *force, 0, 0, 40.0, 1, 1, 200, 200))))
@@ -60,7 +67,7 @@ def dataflash(path: Path) -> Path:
     ):
         rows.append((t, ("BAT", (us(t), 0, voltage, voltage, current, 0.0, 0.0, 2000, 0.0))))
     gps = streams["gps"]
-    for t, lla, v in zip(gps.t, geodetic(gps), gps.array(VELOCITY), strict=True):
+    for t, lla, v in zip(gps.t, geodetic(recording), gps.array(VELOCITY), strict=True):
         where = round(1e7 * lla[0]), round(1e7 * lla[1]), round(100.0 * lla[2])
         course = np.degrees(np.arctan2(v[1], v[0])) % 360.0
         rows.append((t, ("GPS", (us(t), 0, 3, 0, 2300, 15, 80, *where, np.hypot(v[0], v[1]), course, v[2], 0.0, 1))))
@@ -87,7 +94,7 @@ def bag(path: Path) -> Path:
     ):
         messages.append(("/battery", t, "sensor_msgs/msg/BatteryState", {"current": -current, "voltage": voltage}))
     gps = streams["gps"]
-    for t, lla, v in zip(gps.t, geodetic(gps), gps.array(VELOCITY), strict=True):
+    for t, lla, v in zip(gps.t, geodetic(flight()), gps.array(VELOCITY), strict=True):
         fix = dict(zip(GEODETIC, lla, strict=True))
         fix["altitude"] = fix.pop("height")
         messages.append(("/fix", t, "sensor_msgs/msg/NavSatFix", fix))
@@ -96,9 +103,10 @@ def bag(path: Path) -> Path:
     return ros.Maker("mcap").write(path, sorted(messages, key=lambda one: one[1]))
 
 
-def ulog(path: Path) -> Path:
+def ulog(path: Path, recording: Recording | None = None, parameters: Mapping[str, float] = NONE) -> Path:
     """As PX4 1.14 stores it."""
-    streams = flight().streams
+    recording = recording or flight()
+    streams = recording.streams
     topics = {
         "sensor_combined": ("imu", "float[3] gyro_rad;float[3] accelerometer_m_s2;", (*GYRO, *ACCEL)),
         "vehicle_magnetometer": ("mag", "float[3] magnetometer_ga;", MAG),
@@ -109,6 +117,10 @@ def ulog(path: Path) -> Path:
             "float vel_e_m_s;float vel_d_m_s;uint8_t fix_type;", VELOCITY),
     }  # fmt: skip
     parts, rows = [px4.HEAD[: px4.HEAD.index(b"F", 20) - 2]], []
+    parts += [
+        px4.message("P", bytes([6 + len(name)]) + f"float {name}".encode() + struct.pack("<f", value))
+        for name, value in parameters.items()
+    ]
     for number, (topic, (name, fields, columns)) in enumerate(topics.items(), 1):
         parts.append(px4.message("F", f"{topic}:uint64_t timestamp;{fields}".encode()))
         parts.append(px4.message("A", b"\0" + struct.pack("<H", number) + topic.encode()))
@@ -117,9 +129,9 @@ def ulog(path: Path) -> Path:
         if name == "baro":
             values[:, 1] = 95_000.0
         if name == "gps":
-            lla = geodetic(stream)
+            lla = geodetic(recording)
         for k, t in enumerate(stream.t):
-            body = struct.pack("<HQ", number, round(1e6 * (t + START)))
+            body = struct.pack("<HQ", number, us(t))
             body += struct.pack("<3d", *lla[k]) if name == "gps" else b""
             body += struct.pack(f"<{len(columns)}f", *values[k]) + (b"\3" if name == "gps" else b"")
             rows.append((t, px4.message("D", body)))
