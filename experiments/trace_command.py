@@ -136,4 +136,13 @@ def _what(recording: Recording) -> str:
 def taken_from_the_log(recording: Recording, source: Source) -> list[str]:
     """What a flight's preparation took from the log where the recording declares nothing, one line each."""
     used = getattr(source, "recording", recording)
-    return list(used.notes[len(recording.notes) :])
+    return [*used.notes[len(recording.notes) :], *_stretches(source)]
+
+
+def _stretches(source: Source) -> list[str]:
+    """Which stretches a flight has, where gaps that nothing bridges cut it into several."""
+    found = source.stretches if isinstance(source, FlightSource) else []
+    if len(found) < 2:
+        return []
+    spans = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in found)
+    return [f"{len(found)} stretches, each with a first state and states of its own: {spans}"]

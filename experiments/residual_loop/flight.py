@@ -191,6 +191,12 @@ class FlightSource:
         return self._passes.split
 
     @property
+    def stretches(self) -> list[tuple[float, float]]:
+        """Begin and end of each stretch of the IMU that no gap cuts [s]."""
+        table = self._passes.table
+        return [(float(table.t[first]), float(table.t[last])) for first, last in table.stretches]
+
+    @property
     def candidates(self) -> tuple[Effect, ...]:
         """The effects that enter a stream of the run and whose covariates vary in the recording."""
         return self._candidates
