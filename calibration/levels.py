@@ -183,11 +183,20 @@ def _declared(recording: Recording, size: Size) -> bool:
     if size.sensor == "bounds":
         return False
     if size.sensor == "latency":
-        return recording.spec(size.key).noise_std is not None
+        return recording.spec(size.key).noise_std is not None or size.key in declared_lateness(recording)
     spec = recording.spec(size.sensor)
     if size.key in ("colour_std", "colour_time", "velocity_colour_std"):
         return spec.noise_std is not None
     return getattr(spec, size.key) is not None
+
+
+def declared_lateness(recording: Recording) -> dict[str, float]:
+    """By stream, how late its stamps are where that is among the declared effects [s].
+
+    Levels are found with it, but the filter's model must not have it: declared effects are added to that.
+    """
+    late = {name: beta[0] for name, beta in recording.effects.items() if name.endswith((".latency", ".time_offset"))}
+    return {name.split(".")[0]: value for name, value in late.items()}
 
 
 def first_levels(
@@ -207,7 +216,7 @@ def first_levels(
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else Bounds(1.0, 1.0), m_n, field,
-        TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
+        TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0, declared_lateness(recording),
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)

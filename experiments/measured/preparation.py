@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.compass import DIRECTION_STD, Compass, compass_of, corrected, direction_at
 from calibration.heading import with_heading
-from calibration.levels import Levels, first_levels, fit_levels, sizes_of
+from calibration.levels import Levels, declared_lateness, first_levels, fit_levels, sizes_of
 from calibration.noise_levels import NoiseFit, first_guess, fit_noise_levels
 from calibration.noise_start import within_imu
 from estimator.alignment import field_of_the_log
@@ -116,7 +116,8 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
     headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
     notes += [*said, *headed.notes[len(recording.notes) :]]
     levels = fit_levels(headed, m_n, covariance)
-    levels = levels if late else replace(levels, latency={})
+    declared = declared_lateness(within)  # which the filter takes off by itself
+    levels = replace(levels, latency={k: v for k, v in levels.latency.items() if late and k not in declared})
     model = levels.model(headed)
     notes += level_notes(levels)
     estimated = tuple((size.sensor, size.key) for size in levels.found if size.sensor in model.sensors)

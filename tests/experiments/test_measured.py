@@ -20,8 +20,8 @@ from experiments.measured.reference import (
     without_jumps,
 )
 from experiments.residual_loop.open_flight import flight_source
-from experiments.scenarios import load_scenario
-from sensors.recording import GYRO, Environment, Recording, Stream
+from experiments.scenarios import load_scenario, parse_effect
+from sensors.recording import GYRO, Environment, Initial, Recording, SensorSpec, Stream
 from sensors.rotation import (
     quaternion_conjugate,
     quaternion_exp,
@@ -67,6 +67,22 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
     on_time = ready.model.replace(latency={})
     assert all(np.array_equal(a, b) for a, b in zip(vars_of(on_time), vars_of(source.model), strict=True))
     assert [note.split(":")[0] for note in ready.notes][:2] == ["mag", "mag"]
+
+
+def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
+    """A bare log whose GPS is 0.25 s late: found, or declared as an effect, its fixes are foretold alike."""
+    hidden = [parse_effect("gps.latency=0.25")]
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(8), hidden)
+    angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
+    bare = recording.replace(sensors=angles, initial=Initial())
+    told = bare.replace(effects={"gps.latency": (0.25,)})
+    found, declared = settled(bare), settled(told)
+    assert found.model.latency["gps"] == pytest.approx(0.25, abs=0.03)
+    assert "gps" not in declared.model.latency
+    sizes = [np.sqrt(np.mean(one.run().stream("gps").nu[20:, :3] ** 2)) for one in (found, declared)]
+    late = np.sqrt(np.mean(settled(bare, late=False).run().stream("gps").nu[20:, :3] ** 2))
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.05)
+    assert sizes[1] < 0.8 * late
 
 
 def test_a_field_that_was_found_is_not_declared(handheld: tuple[Recording, Stream]) -> None:
