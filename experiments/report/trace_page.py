@@ -12,7 +12,7 @@ from experiments.report import trace_figures as figures
 from experiments.report import trace_words, verdict_words, words
 from experiments.report.page import Page
 from experiments.report.trace_figures import Bar
-from experiments.residual_loop.report import held_out_part
+from experiments.residual_loop.report import FORETOLD, held_out_part
 from experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
@@ -378,7 +378,9 @@ def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
         return
     held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
     page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")
-    head = ["", "all data, before → after", f"{document['error']['held_out_part']}, before → after"]
+    asked = document["error"]["held_out_part"]
+    asked = "last third" if asked == FORETOLD else asked
+    head = ["", "all data, before → after", f"{asked}, before → after"]
     page.table(head, [[name, change, held.get(name, "-")] for name, change in whole.items()], (1, 2))
     truth = document["error"]["truth"]
     if note := words.reference_note(truth, truth["before"]):

@@ -65,6 +65,7 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
         var = final.var[after.events[has]][:, model.layout.slice(process.block)]
         colour += float(np.mean(var / foretold[:, part])) * foretold[:, part].shape[1] / after.dof
     total = max(total, 1e-300)
+    colour = min(colour, 1.0 - white)  # with which the states go, the other way
     shares = (total - left, white, colour, 1.0 - white - colour, left - 1.0)
     rms = float(np.sqrt(np.mean(before.nu[had] ** 2)))
     return Budget(stream, unit, rms, *(float(share / total) for share in shares))
