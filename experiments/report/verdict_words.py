@@ -34,6 +34,7 @@ from experiments.report.words import (
     reference_words,
     stream_unit,
 )
+from experiments.residual_loop.report import FORETOLD
 from sensors.effects import CATALOGUE
 from sensors.formats.choice import FIRST, Choice
 
@@ -204,7 +205,8 @@ def headline_error(document: Mapping[str, Any]) -> str:
     if change_ is None:
         return f"{residual} {part}"
     name, before, after = change_
-    state = f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {part}"
+    asked = "on the last third" if error["held_out_part"] == FORETOLD else part
+    state = f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {asked}"
     return state if after < before else f"{residual}, but {state}"
 
 
