@@ -456,6 +456,21 @@ def montecarlo(
 
 
 @app.command()
+def batch(
+    inputs: Annotated[list[str], typer.Argument(help="logs, recordings, or folders that hold them", metavar="LOG...")],
+    out: Annotated[Path, typer.Option("--out", help="folder for pages and reports; what it holds is not done again")],
+    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
+    dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+) -> None:
+    """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
+    from experiments.fleet.command import run
+
+    _require_place_for(out)
+    _show(run(inputs, out, workers, dask))
+    _show(f"page: {out / 'index.html'}")
+
+
+@app.command()
 def camera(
     place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
     board: Annotated[

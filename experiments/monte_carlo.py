@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.cluster import cluster
 from experiments.one_flight import Flight, cramer_rao, flight_from, fly
 from experiments.processes import in_processes
 from experiments.scenarios import load_scenario
@@ -244,15 +245,9 @@ def _fly_all(plan: Plan, missing: list[int], workers: int | None, dask: str | No
 
 def _on_cluster(plan: Plan, missing: list[int], address: str, take: Take) -> None:
     """A running Dask cluster; tasks of a worker that dies are given to another by its scheduler."""
-    try:
-        from distributed import Client, as_completed
-    except ImportError:
-        raise InputError("--dask", "distributed is not installed", "pip install '.[dask]' in the clone") from None
-    try:
-        client = Client(address, timeout="5s", set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"--dask {address}", str(error) or "no answer", "the address of a Dask scheduler") from None
-    with client, client.as_current():
+    with cluster(address) as client:
+        from distributed import as_completed
+
         workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         tasks = [client.submit(fly_batch, plan, batch, pure=False) for batch in _batches(missing, workers)]
         for task in as_completed(tasks):

@@ -43,7 +43,7 @@ def run(
     InputError : logs that cannot be of one vehicle (`sensors.joining.joined`)
     """
     recording, traced, document = trace_log(inputs, sensor, alpha, gravity, map_file, span, choice)
-    document["autopilot"], said_of_autopilot = _in_its_terms(document, recording, inputs)
+    document["autopilot"], said_of_autopilot = in_its_terms(document, recording, inputs)
     if json is not None:
         write_json(json, document)
     if html is not None:
@@ -69,19 +69,31 @@ def trace_log(
     if len(inputs) > 1 and span != WHOLE:
         raise InputError("--from and --to", f"{len(inputs)} logs", "one log; `sinan convert` makes a log of a part")
     recording = joined([resolve(one, map_file, span, choice) for one in inputs])
-    input = inputs[0]
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     with working(_what(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
+    return recording, traced, document_of(recording, traced, inputs, map_file, span, choice)
+
+
+def document_of(
+    recording: Recording,
+    traced: Traced,
+    inputs: Sequence[str],
+    map_file: Path | None = None,
+    span: Span = WHOLE,
+    choice: Choice = FIRST,
+) -> dict[str, Any]:
+    """The report of a trace with its words."""
+    input = inputs[0]
     name = called(input, recording, span) if len(inputs) == 1 else recording.name
     document = worded(report(traced), name, Log(input, map_file, choice))
     document["window"] = None if span == WHOLE else list(span)
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["choice"], document["magnetic_field"] = asdict(choice), _field_of(traced)
-    return recording, traced, document
+    return document
 
 
 def _field_of(traced: Traced) -> list[float] | None:
@@ -91,7 +103,7 @@ def _field_of(traced: Traced) -> list[float] | None:
     return None if field_n is None else [float(one) for one in field_n]
 
 
-def _in_its_terms(
+def in_its_terms(
     document: Mapping[str, Any], recording: Recording, inputs: Sequence[str]
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """The parameters that take out what was found, and lines that say so; None: nothing, of no autopilot's log, or of

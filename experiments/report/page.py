@@ -5,11 +5,12 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from experiments.report.made import made
 from sensors.files import write_text
@@ -99,15 +100,21 @@ class Page:
         rows: Sequence[Sequence[str]],
         numeric: Sequence[int] = (),
         marked: Sequence[int] = (),
+        links: Mapping[int, Sequence[str]] | None = None,
     ) -> None:
-        """A table; columns in `numeric` are set to the right, rows in `marked` stand out."""
+        """A table; columns in `numeric` are set to the right, rows in `marked` stand out, and those in `links` lead to
+        another page, one a row.
+        """
 
-        def row(cells: Sequence[str], tag: str) -> str:
+        def row(cells: Sequence[str], tag: str, to: Mapping[int, str] | None = None) -> str:
             marks = [' class="n"' if i in numeric else "" for i in range(len(cells))]
-            return "".join(f"<{tag}{m}>{_marked(c)}</{tag}>" for m, c in zip(marks, cells, strict=True))
+            texts = [_linked(_marked(c), (to or {}).get(i)) for i, c in enumerate(cells)]
+            return "".join(f"<{tag}{m}>{c}</{tag}>" for m, c in zip(marks, texts, strict=True))
 
         kinds = [' class="marked"' if k in marked else "" for k in range(len(rows))]
-        body = "".join(f"<tr{kind}>{row(cells, 'td')}</tr>" for kind, cells in zip(kinds, rows, strict=True))
+        targets = [{i: column[k] for i, column in (links or {}).items()} for k in range(len(rows))]
+        each = zip(kinds, rows, targets, strict=True)
+        body = "".join(f"<tr{kind}>{row(cells, 'td', to)}</tr>" for kind, cells, to in each)
         self._parts.append(f'<div class="wide"><table><tr>{row(head, "th")}</tr>{body}</table></div>')
 
     def write(self, path: Path) -> None:
@@ -120,6 +127,10 @@ class Page:
             f"<title>{html.escape(self._title.replace('`', ''))}</title><style>{_STYLE}</style></head>\n"
             f"<body>{chr(10).join([*self._parts, foot])}</body></html>\n",
         )
+
+
+def _linked(text: str, to: str | None) -> str:
+    return text if to is None else f'<a href="{html.escape(quote(to))}">{text}</a>'
 
 
 def _marked(text: str) -> str:

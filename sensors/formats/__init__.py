@@ -99,6 +99,13 @@ def what_is(path: Path) -> str:
     return content_of(path)
 
 
+def describes_itself(path: Path) -> bool:
+    """Whether a path is a log that is read without being told how: a recording, or one of `_READERS`."""
+    from sensors.formats.plain import HEADER_FILE
+
+    return (path / HEADER_FILE).is_file() or what_is(path) in _READERS
+
+
 def facts_of(path: Path) -> Facts | None:
     """What a log that describes itself says beside its readings; None of any other."""
     known = _READERS.get(what_is(path))

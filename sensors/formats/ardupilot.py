@@ -6,6 +6,7 @@ Sources: ArduPilot, `AP_Logger/LogFile.cpp` and the `LogStructure.h` of each lib
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -32,6 +33,8 @@ _MOTORS = (*range(33, 41), *range(82, 86), 70, 73, 74)
 _PULSES = (1000.0, 2000.0)
 #: `AP_Compass` takes a scale between this and one over it; a matrix whose determinant is smaller has no inverse.
 _LARGEST_SCALE, _SINGULAR = 1.5, 1e-6
+#: The text by which a board tells its name and its chip's number.
+_BOARD = re.compile(r"\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})")
 #: A clock of 32 bits in us starts again after 71 minutes.
 _WRAP = 2.0**32 * 1e-6
 #: Kinds that hold an attitude, the filter that flew newer logs first: its roll, pitch and yaw in deg.
@@ -90,7 +93,9 @@ def ardupilot_facts(path: Path) -> Facts:
         for sensor, base in (("imu", "IMU"), ("mag", "MAG"), ("baro", "BARO"), ("gps", "GPS"))
     }
     what = "ArduPilot dataflash, " + ("text" if log.as_text else "binary")
-    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts))
+    boards = (_BOARD.fullmatch(text.strip()) for text in texts)
+    board = next((found[1] for found in boards if found), "")
+    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts), board)
 
 
 def parameters_of(log: Dataflash) -> dict[str, float]:

@@ -44,6 +44,7 @@ class Facts:
     tables : what it holds
     instances : how many of each sensor there are: imu, mag, baro, gps
     messages : texts that it told its user
+    vehicle : the number that its board has for good; empty: nobody says
     """
 
     format: str
@@ -52,3 +53,4 @@ class Facts:
     tables: tuple[Table, ...] = ()
     instances: Mapping[str, int] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
+    vehicle: str = ""

@@ -201,6 +201,8 @@ SESSION = [
     ["convert", "run", "again", "--force"],
     ["calibrate", "mag", "poses", "--json", "c.json", "--html", "c.html"],
     ["trace", "poses", "--json", "t.json", "--html", "t.html"],
+    ["params", "poses", "--for", "px4", "--trace", "t.json", "--out", "p.params"],
+    ["batch", "poses", "--workers", "1", "--out", "fleet"],
     ["estimate", "run", "--json", "e.json", "--html", "e.html", "--states", "e.csv"],
     ["observability", "short.toml", "--json", "o.json", "--html", "o.html"],
     ["montecarlo", "short.toml", "--runs", "2", "--workers", "1", "--resume", "kept", "--json", "m.json"],
@@ -230,7 +232,20 @@ def test_no_command_writes_at_the_place_of_a_file(tmp_path: Path, measured_data:
     assert len(inside) > 50
     assert [path for path in inside if not any(part.startswith(".") for part in path.parts)] == []
     left = {path.name for path in tmp_path.iterdir()}
-    assert left >= {"run", "run.answer.json", "again", "c.json", "e.csv", "kept", "blind", "lab", "demo", "g.csv"}
+    assert left >= {
+        "run",
+        "run.answer.json",
+        "again",
+        "c.json",
+        "e.csv",
+        "kept",
+        "blind",
+        "lab",
+        "demo",
+        "g.csv",
+        "p.params",
+        "fleet",
+    }
     assert not any(path.name.startswith(".") for path in tmp_path.rglob("*"))
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from experiments.processes import MOST_RESTARTS, in_processes
+from experiments.scenarios import simulate_to_folder
 from experiments.stopping import Stopped, going_on, listening
 from sensors.errors import InputError
 
@@ -186,6 +187,25 @@ def test_ctrl_c_ends_the_traces_of_blind_recordings_and_keeps_them(
     assert int(found[1]) <= len(list(reports.glob("*.json"))) < 3
     for path in reports.glob("*.json"):
         assert "grade" in json.loads(path.read_text())
+
+
+def test_ctrl_c_ends_a_batch_and_the_same_command_goes_on(command: Callable[..., Command], tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    for k in range(6):
+        simulate_to_folder("mag_poses", tmp_path / "logs" / f"run{k}", [], seed=k)
+    reports = tmp_path / "out" / "reports"
+    run = command("batch", "logs", "--out", "out", "--workers", "2")
+    run.wait_for(lambda: list(reports.glob("*.json")))
+    run.interrupt()
+    status, error = run.end()
+    assert status == 130, error
+    found = re.fullmatch(r"sinan: stopped after (\d) of 6 logs: the same command goes on\n", error)
+    assert found, error
+    kept = {path: path.stat().st_mtime_ns for path in reports.glob("*.json")}
+    assert int(found[1]) == len(kept) < 6
+    assert command("batch", "logs", "--out", "out", "--workers", "1").process.wait(120) == 0
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert len(list(reports.glob("*.json"))) == 6
 
 
 def double(number: int) -> int:

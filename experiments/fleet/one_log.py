@@ -1,0 +1,83 @@
+"""One log of many: traced, with its page, or why it cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from experiments.fleet.logs import Log
+from experiments.report.made import sinan_version
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of a log: plain data, which a worker can send.
+
+    Attributes
+    ----------
+    document : the report of `sinan trace` with `log`, `sha256` and `vehicle`; or with `why_not`
+    page : HTML; empty: there is none
+    """
+
+    document: dict[str, Any]
+    page: str = ""
+
+
+def answer(log: Log, path: str) -> Answer:
+    """Trace a log. Whatever goes wrong is in the answer: no log stops the others.
+
+    Parameters
+    ----------
+    path : where it is, for a worker that runs in another folder
+    """
+    try:
+        return _traced(log, path)
+    except Exception as error:  # of whatever a damaged log makes of a reader
+        kind = "" if type(error).__module__.startswith("sensors.") else f"{type(error).__name__}: "
+        return failed(log, f"{kind}{error}")
+
+
+def failed(log: Log, why: str) -> Answer:
+    """The answer where there is no report."""
+    return Answer({**_said(log), "why_not": why})
+
+
+def _said(log: Log) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "sinan": sinan_version(),
+        "log": log.path,
+        "sha256": log.digest,
+        "vehicle": Path(log.path).absolute().parent.name,
+    }
+
+
+def _traced(log: Log, path: str) -> Answer:
+    from experiments.autopilots.command import facts_beside
+    from experiments.datasets import resolve
+    from experiments.report.trace_page import trace_page
+    from experiments.residual_loop.run import trace_recording
+    from experiments.trace_command import document_of, in_its_terms
+
+    recording = resolve(path)
+    traced = trace_recording(recording)
+    facts = facts_beside(Path(path))
+    said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
+    document = document_of(recording, traced, [log.path])
+    document["autopilot"] = in_its_terms(document, recording, [path])[0]
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        trace_page(page, traced, document)
+        return Answer({**document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
+
+
+def is_of(document: Mapping[str, Any] | None, log: Log) -> bool:
+    """Whether a report that was kept is of this log, and need not be made again."""
+    if document is None or document.get("why_not", "") is not None:
+        return False
+    return all(document.get(key) == value for key, value in _said(log).items() if key != "vehicle")
