@@ -269,6 +269,23 @@ def test_a_compensation_that_nothing_used_is_not_added_to(motion: Motion, autopi
     assert (new[kind], new[other]) == (2.0, 0.0)
 
 
+@BOTH
+def test_a_trace_of_raw_readings_replaces_what_the_log_had(motion: Motion, autopilot: str) -> None:
+    """`--raw`: PX4's chip in its own axes, ArduPilot's turned into the body's; offsets stay, as a bias."""
+    correct, _, before = MAGS[autopilot]
+    effects = {"mag.scale": (0.04, -0.03, 0.02), "mag.current": (0.003, -0.001, 0.002)}
+    current, plain = motion.covariates["current"], field_of(motion)
+    read = with_effects(plain, effects, motion)
+    R = euler(np.array(NUMBERED[int(before.get("COMPASS_ORIENT", before.get("CAL_MAG0_ROT", 0)))]))
+    new = loaded(autopilot, effects, before, choice=Choice(raw=True))
+    if autopilot == "px4":
+        left = correct(read, current, new) @ R - plain
+    else:
+        left = correct(read @ R, current, new) - plain
+    np.testing.assert_allclose(left - left[0], 0.0, atol=5.0 * SINGLE)
+    assert np.max(np.abs(left[0])) < 0.2
+
+
 IMUS: dict[str, tuple[Callable[..., np.ndarray], Values]] = {
     "px4": (px4_imu, {
         "SENS_BOARD_ROT": 10.0, "CAL_ACC0_ID": 1310988.0, "CAL_GYRO0_ID": 1310989.0, "CAL_ACC0_XOFF": 0.2,
