@@ -288,7 +288,7 @@ def test_a_trace_of_raw_readings_replaces_what_the_log_had(motion: Motion, autop
 
 IMUS: dict[str, tuple[Callable[..., np.ndarray], Values]] = {
     "px4": (px4_imu, {
-        "SENS_BOARD_ROT": 10.0, "CAL_ACC0_ID": 1310988.0, "CAL_GYRO0_ID": 1310989.0, "CAL_ACC0_XOFF": 0.2,
+        "SENS_BOARD_ROT": 6.0, "CAL_ACC0_ID": 1310988.0, "CAL_GYRO0_ID": 1310989.0, "CAL_ACC0_XOFF": 0.2,
         "CAL_ACC0_YOFF": -0.1, "CAL_ACC0_ZOFF": 0.3, "CAL_ACC0_XSCALE": 1.01, "CAL_ACC0_YSCALE": 0.98,
         "CAL_ACC0_ZSCALE": 1.003, "CAL_GYRO0_XOFF": 0.01, "TC_G_ENABLE": 1.0, "TC_G0_ID": 1310989.0, "TC_G0_TREF": 30.0,
         "TC_G0_TMIN": 20.0, "TC_G0_TMAX": 40.0, "TC_G0_X0_0": 1e-3, "TC_G0_X0_1": 0.0, "TC_G0_X0_2": 0.0,
