@@ -13,14 +13,13 @@ filter's own estimates. A reading of less weight counts with the covariance that
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from estimator.events import ACCEPTED
-from estimator.filter import RunInputs, outputs_for
+from estimator.filter import RunInputs
 from estimator.layout import CAPACITY
-from estimator.pieces import parts_of
+from estimator.pieces import parts_of, recorded
 from sensors.arrays import FloatArray
 
 PART = 4000  # IMU samples whose gains are in memory at one time
@@ -73,24 +72,14 @@ def _backward(
     part: RunInputs, i0: int, k0: int, row0: int, r: FloatArray, information: FloatArray, found: LevelScores
 ) -> None:
     """Carry r and the information to the start of a part, in place, and write down what it says."""
-    from estimator.compiled import CompiledRun
     from estimator.smoother_numba import backward_scores
 
-    outputs = outputs_for(part, 0)
-    engine = CompiledRun(part, outputs)
+    engine, outputs, record = recorded(part, 0)
     K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
-    record: dict[str, Any] = {
-        "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
-        "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
-        "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
-    }  # fmt: skip
-    engine.chunk(0, samples - 1, record)
-    step_of_event = record["step_of_event"][:K]
-    count = int(max(record["step_of_imu"][-1], step_of_event.max(initial=0)))
     used = outputs.status == ACCEPTED
     bias = np.zeros(CAPACITY)
     backward_scores(
-        record["steps"][:count], step_of_event, record["step_of_imu"], part.events.row, outputs.S_row, used,
+        record["steps"], record["step_of_event"], record["step_of_imu"], part.events.row, outputs.S_row, used,
         outputs.weight, outputs.white, outputs.S, record["U"], record["H"], record["turn"], engine.walk2, engine.rate,
         engine.states, part.model.translation, r, information, found.r[row0 : row0 + rows],
         found.q_accel[i0 : i0 + samples - 1], found.q_gyro[i0 : i0 + samples - 1], bias,

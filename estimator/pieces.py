@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from estimator.events import Events
-from estimator.filter import Engine, RunInputs, outputs_for, prepare, run
+from estimator.filter import Engine, RunInputs, RunOutputs, outputs_for, prepare, run
 from estimator.flight_model import FlightModel
 from estimator.imu import ImuTable
 from estimator.journal import Journal
+from estimator.layout import CAPACITY
 from sensors.arrays import FloatArray
 from sensors.recording import Recording
+
+if TYPE_CHECKING:
+    from estimator.compiled import CompiledRun
 
 PIECE = 60.0  # s
 
@@ -80,6 +85,24 @@ def part_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -
     rows = slice(i0, i1 + 1)
     table = ImuTable(imu.t[rows], imu.u[rows], imu.q_accel[i0:i1], imu.q_gyro[i0:i1], imu.row[rows])
     return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P, later=())
+
+
+def recorded(part: RunInputs, stride: int) -> tuple[CompiledRun, RunOutputs, dict[str, Any]]:
+    """A part run forwards, and what going through it backwards needs: all steps, where readings and samples are."""
+    from estimator.compiled import CompiledRun
+
+    outputs = outputs_for(part, stride)
+    engine = CompiledRun(part, outputs)
+    K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
+    record: dict[str, Any] = {
+        "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
+        "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
+        "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
+    }  # fmt: skip
+    engine.chunk(0, samples - 1, record)
+    steps = max(int(record["step_of_imu"][-1]), int(record["step_of_event"].max()))
+    record["steps"], record["step_of_event"] = record["steps"][:steps], record["step_of_event"][:K]
+    return engine, outputs, record
 
 
 def _events_between(events: Events, k0: int, k1: int) -> Events:

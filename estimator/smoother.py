@@ -15,17 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from estimator.events import ACCEPTED
-from estimator.filter import RunInputs, outputs_for
+from estimator.filter import RunInputs
 from estimator.flight_model import FlightModel
 from estimator.imu import at_instants
 from estimator.journal import Journal
 from estimator.layout import CAPACITY
-from estimator.pieces import parts_of
+from estimator.pieces import parts_of, recorded
 from sensors.arrays import FloatArray
 from sensors.motion import Motion
 from sensors.rotation import rotate_back
@@ -83,24 +82,14 @@ def smooth(journal: Journal, sigmas: bool = False, part: int | None = None) -> S
 
 def _smooth_part(part: RunInputs, r: FloatArray, information: FloatArray, sigmas: bool) -> FloatArray:
     """(samples, CAPACITY + 1) smoothed states of one part; r and information are carried to its start, in place."""
-    from estimator.compiled import CompiledRun
     from estimator.smoother_numba import backward, forward
 
-    outputs = outputs_for(part, 1)
-    engine = CompiledRun(part, outputs)
-    K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
-    record: dict[str, Any] = {
-        "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
-        "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
-        "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
-    }  # fmt: skip
-    engine.chunk(0, samples - 1, record)
-    count = max(int(record["step_of_imu"][-1]), int(record["step_of_event"].max()))
+    engine, outputs, record = recorded(part, 1)
     used = outputs.status == ACCEPTED
     scale = np.repeat(np.where(used, np.sqrt(outputs.weight), 0.0), np.diff(part.events.row))
     white = np.where(scale > 0.0, outputs.white, 0.0) * scale
-    steps, step_of_event, row = record["steps"][:count], record["step_of_event"][:K], part.events.row
-    r_after, x_smooth = np.zeros((count, CAPACITY)), np.zeros((samples, CAPACITY + 1))
+    steps, step_of_event, row = record["steps"], record["step_of_event"], part.events.row
+    r_after, x_smooth = np.zeros((len(steps), CAPACITY)), np.zeros((len(part.imu), CAPACITY + 1))
     backward(
         steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, engine.walk2,
         engine.rate, information, sigmas,
