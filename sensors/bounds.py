@@ -18,7 +18,25 @@ RATE = 2.0
 
 
 @dataclass(frozen=True)
-class Place:
+class _Bound:
+    """Three components that are near zero, to `sigma` each."""
+
+    sigma: float
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) sigma^2, in the unit of the components squared."""
+        return np.eye(3) * self.sigma**2
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """None: the place is the origin, and on average the body does not move."""
+        return None
+
+
+@dataclass(frozen=True)
+class Place(_Bound):
     """The body is near one place, the origin: a pseudo-reading 0 = p_n + n.
 
     What moves within a metre shows its tilt: an error d of the tilt moves the integrated body by g d t^2 / 2. It is a
@@ -31,19 +49,7 @@ class Place:
     sigma : standard deviation of each coordinate about the place [m]
     """
 
-    sigma: float
     name: str = "place"
-    size: int = 3
-
-    @property
-    def R(self) -> FloatArray:
-        """(3, 3) m^2."""
-        return np.eye(3) * self.sigma**2
-
-    @property
-    def bias(self) -> BiasProcess | None:
-        """None: the place is the origin."""
-        return None
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) position, NED [m]."""
@@ -55,7 +61,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Speed:
+class Speed(_Bound):
     """The velocity is bounded: a pseudo-reading 0 = v_n + n; see `Place`.
 
     Attributes
@@ -63,19 +69,7 @@ class Speed:
     sigma : standard deviation of each component of the velocity [m/s]
     """
 
-    sigma: float
     name: str = "speed"
-    size: int = 3
-
-    @property
-    def R(self) -> FloatArray:
-        """(3, 3) (m/s)^2."""
-        return np.eye(3) * self.sigma**2
-
-    @property
-    def bias(self) -> BiasProcess | None:
-        """None: on average the body does not move."""
-        return None
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) velocity, NED [m/s]."""
