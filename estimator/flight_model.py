@@ -143,7 +143,7 @@ class FlightModel:
         """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
         return None if sensor in ASSUMED else self.tail
 
-    def spread(self, sensor: str, nis: float) -> float:
+    def spread(self, sensor: str, nis: FloatArray | float) -> FloatArray:
         """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
 
         Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS)
@@ -151,8 +151,8 @@ class FlightModel:
         """
         tail = self.tail_of(sensor)
         if tail is not None:
-            return max(1.0, (tail + nis) / (tail + self.sensors[sensor].size))
-        return max(1.0, nis / self.robust_threshold(sensor))
+            return np.maximum(1.0, (tail + nis) / (tail + self.sensors[sensor].size))
+        return np.maximum(1.0, nis / self.robust_threshold(sensor))
 
 
 def _quantile(level: float | None, dof: int) -> float:

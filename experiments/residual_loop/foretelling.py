@@ -17,13 +17,13 @@ import numpy as np
 from estimator.events import WITHHELD
 from estimator.journal import StreamJournal
 from estimator.tails import deviance_of
+from experiments.measured.withheld import Window
 from experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from experiments.residual_loop.source import Fit, StreamResidual
 from sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.
 WINDOW, EVERY = 5.0, 7.5
-Window = tuple[float, float]
 #: An interval that is shorter lies in one or two windows: the readings around them do not tell its size [s].
 SHORTEST_ASKED = 2.0 * EVERY
 #: Level at which a model counts as the better one.
@@ -105,16 +105,12 @@ class Foretelling:
             _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
             e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
             nis = np.minimum(np.sum(e**2, axis=1), np.sum((e - d) ** 2, axis=1))
-            weight = self._weight(one.stream, nis, e.shape[1])
+            weight = 1.0 / self._passes.model.spread(one.stream, nis)
             number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
             _, place = np.unique(number, return_inverse=True)
             products.append(np.asarray(np.bincount(place, weight * np.sum(d * e, axis=1)), dtype=np.float64))
             squares.append(np.asarray(np.bincount(place, weight * np.sum(d * d, axis=1)), dtype=np.float64))
         return Share(np.concatenate([np.zeros(0), *products]), np.concatenate([np.zeros(0), *squares]))
-
-    def _weight(self, stream: str, nis: FloatArray, m: int) -> FloatArray:
-        tail = self._passes.model.tail_of(stream)
-        return np.ones(len(nis)) if tail is None else np.minimum(1.0, (tail + m) / (tail + nis))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings of each instrument less what the fit foretells of them, up to `WINDOW` seconds on.
