@@ -51,13 +51,19 @@ class Bar:
 def residuals_over_time(
     before: StreamResidual, after: StreamResidual, held_out: str, intervals: Sequence[Sequence[float]] = ()
 ) -> Figure:
-    """Residual of a stream over time, before and after; held-out stretches are shaded."""
+    """Residual of a stream over time, before and after; held-out stretches are shaded.
+
+    Parameters
+    ----------
+    held_out : which they are, in words; empty: none is shaded, since readings all over are withheld in turn
+    """
     figure, axes = new_figure(2, 1, 2.3, sharex=True, sharey=True)
     for one, r, colour, label in (
         (axes[0, 0], before, BEFORE, "plain model"),
         (axes[1, 0], after, AFTER, "with the effects found"),
     ):
-        _shade(one, r.t, r.held_out, BAND)
+        if held_out:
+            _shade(one, r.t, r.held_out, BAND)
         thin = _thin(len(r.t))
         for component in r.residual.T:
             one.plot(r.t[thin], component[thin], ".", ms=3.5, color=colour, alpha=0.7, lw=0)
@@ -70,7 +76,8 @@ def residuals_over_time(
             axis_label(f"{SENSORS.get(r.stream, r.stream)}\nresidual", stream_unit(r.stream, r.unit)), fontsize=9
         )
     _limit(axes[0, 0], np.concatenate([before.residual.ravel(), after.residual.ravel()]))
-    axes[1, 0].set_xlabel(_time_label(before.t, f"shaded: {held_out}, not used in the proof's fit"), fontsize=9)
+    note = f"shaded: {held_out}, not used in the proof's fit" if held_out else "no reading withheld"
+    axes[1, 0].set_xlabel(_time_label(before.t, note), fontsize=9)
     return figure
 
 

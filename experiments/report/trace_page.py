@@ -12,7 +12,7 @@ from experiments.report import trace_figures as figures
 from experiments.report import trace_words, verdict_words, words
 from experiments.report.page import Page
 from experiments.report.trace_figures import Bar
-from experiments.residual_loop.report import FORETOLD, held_out_part
+from experiments.residual_loop.report import held_out_part
 from experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
     verdict, words_of_part = part.trace.verdict, held_out_part(part)
     before, after = (_by_stream(part.source, fit) for fit in (part.trace.selection.plain, part.trace.final))
     streams = [_stream_of(part, finding) for finding in verdict.told]
-    made = {}
+    made, shaded = {}, "" if part.source.is_foretelling else words_of_part
     for stream in dict.fromkeys([verdict.proof.stream, *streams]):
         if stream not in before:
             continue
@@ -143,7 +143,7 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
         caption = f"Residual of the {words.SENSORS.get(stream, stream)}, each model fitted to all data." + (
             " Yellow: when the time-localised effect acts." if intervals else ""
         )
-        made[name] = figures.residuals_over_time(before[stream], after[stream], words_of_part, intervals), caption
+        made[name] = figures.residuals_over_time(before[stream], after[stream], shaded, intervals), caption
     proof = verdict.proof
     of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
     caption = "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval."
@@ -378,8 +378,7 @@ def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
         return
     held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
     page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")
-    asked = document["error"]["held_out_part"]
-    asked = "last third" if asked == FORETOLD else asked
+    asked = verdict_words.part_of_reference(document["error"])
     head = ["", "all data, before → after", f"{asked}, before → after"]
     page.table(head, [[name, change, held.get(name, "-")] for name, change in whole.items()], (1, 2))
     truth = document["error"]["truth"]

@@ -205,8 +205,9 @@ def headline_error(document: Mapping[str, Any]) -> str:
     if change_ is None:
         return f"{residual} {part}"
     name, before, after = change_
-    asked = "on the last third" if error["held_out_part"] == FORETOLD else part
-    state = f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} {asked}"
+    state = (
+        f"{name.removesuffix('_rms')} error {reference_change(name, before, after)} on the {part_of_reference(error)}"
+    )
     return state if after < before else f"{residual}, but {state}"
 
 
@@ -250,6 +251,13 @@ def _worse_reference(document: Mapping[str, Any]) -> str:
         return ""
     whose = reference_words(document["error"]["truth_held_out"].get("kind"))
     return f"{change_[0].removesuffix('_rms')} error against {whose}"
+
+
+def part_of_reference(error: Mapping[str, Any]) -> str:
+    """On which part of the data a reference is asked: what was held out, or where seconds were withheld all over, the
+    last third.
+    """
+    return "last third" if error["held_out_part"] == FORETOLD else str(error["held_out_part"])
 
 
 def _part_of_data(document: Mapping[str, Any]) -> str:
