@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: columns of a command
 NORTH, EAST, DOWN, YAW, LIFT = range(5)

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.errors import InputError
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.errors import InputError
 
 Kind = Literal["flight", "poses"]
 

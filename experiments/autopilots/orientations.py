@@ -6,9 +6,13 @@ Source: MAVLink common messages, `MAV_SENSOR_ORIENTATION`; PX4 `conversion/rotat
 from __future__ import annotations
 
 import numpy as np
-
-from sensors.arrays import FloatArray
-from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_from_rpy, rpy_from_quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.rotation import (
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_rpy,
+    rpy_from_quaternion,
+)
 
 #: Roll, pitch, yaw [deg] by number.
 _ANGLES = (

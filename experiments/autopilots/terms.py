@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 AXES = "XYZ"
 

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-
-from experiments.report.trace_words import size_words
-from experiments.report.verdict_words import told
+from sinan.experiments.report.trace_words import size_words
+from sinan.experiments.report.verdict_words import told
 
 #: An effect has changed where its parameters moved by so many sigma of their difference, each by itself.
 _CHANGED = 3.0

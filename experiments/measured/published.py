@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 
 @dataclass(frozen=True)
