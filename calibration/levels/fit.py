@@ -304,7 +304,7 @@ class Problem:
                 best[:] = [value, x.copy()]
             return -value, -gradient
 
-        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(theta),
+        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=[(None, None) if size.linear else (-4.0, 4.0) for size in self.sizes],
                  options={"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5})  # fmt: skip
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
