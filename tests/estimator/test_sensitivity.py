@@ -14,9 +14,9 @@ from sinan.estimator.evidence.sensitivity import (
     sensor_regressors,
 )
 from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
-from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
