@@ -115,7 +115,7 @@ class Effects(NamedTuple):
     Gz: FloatArray
     at: IntArray
     first: IntArray
-    count: IntArray
+    width: IntArray
 
 
 class Written(NamedTuple):
@@ -164,7 +164,7 @@ NO_WHITENED = Whitened(_NO_ROWS, np.zeros(1), _NOWHERE)
 class Rows(NamedTuple):
     """The rows of H of one reading: places and values of their non-zero elements, and how many there are."""
 
-    index: IntArray
+    column: IntArray
     value: FloatArray
     n: IntArray
 
@@ -537,7 +537,7 @@ def _apply_product(V, first, tiles, M, T):
 @njit(**_INLINE)
 def _put(H, row, index, value):
     n = H.n[row]
-    H.index[row, n] = index
+    H.column[row, n] = index
     H.value[row, n] = value
     H.n[row] = n + 1
 
@@ -633,8 +633,8 @@ def _add_form(m, readings, event, replaces, x, H, z_pred, J):
         if replaces:
             z_pred[i] = 0.0
             for k in range(H.n[i]):
-                if H.index[i, k] >= 9:
-                    z_pred[i] += H.value[i, k] * x[H.index[i, k] + 1]
+                if H.column[i, k] >= 9:
+                    z_pred[i] += H.value[i, k] * x[H.column[i, k] + 1]
         for j in range(9):
             z_pred[i] += D[row + i, j] * d[j]
         for j in range(6):
@@ -643,10 +643,10 @@ def _add_form(m, readings, event, replaces, x, H, z_pred, J):
             dense[6 + j] = D[row + i, 6] * J[j] + D[row + i, 7] * J[3 + j] + D[row + i, 8] * J[6 + j]
         kept = 0
         for k in range(H.n[i]):
-            if H.index[i, k] < 9:
-                dense[H.index[i, k]] += 0.0 if replaces else H.value[i, k]
+            if H.column[i, k] < 9:
+                dense[H.column[i, k]] += 0.0 if replaces else H.value[i, k]
             else:
-                kept_index[kept], kept_value[kept] = H.index[i, k], H.value[i, k]
+                kept_index[kept], kept_value[kept] = H.column[i, k], H.value[i, k]
                 kept += 1
         H.n[i] = 0
         for j in range(9):
@@ -727,13 +727,13 @@ def _factor(m, P, H, r, row, B, S, L):
     False where S is not positive.
     """
     for i in range(m):
-        _set_row(B, i, P, H.index[i, 0], H.value[i, 0])
+        _set_row(B, i, P, H.column[i, 0], H.value[i, 0])
         for k in range(1, H.n[i]):
-            _add_row(B, i, P, H.index[i, k], H.value[i, k])
+            _add_row(B, i, P, H.column[i, k], H.value[i, k])
         for j in range(i + 1):
             s = 0.0
             for k in range(H.n[j]):
-                s += H.value[j, k] * B[i, H.index[j, k]]
+                s += H.value[j, k] * B[i, H.column[j, k]]
             if i == j:
                 s += r[row + i]
             S[i, j] = s
@@ -801,7 +801,7 @@ def _sort_row(i, H, near, h, r):
     h[2 * i], h[2 * i + 1], r[2 * i], r[2 * i + 1] = 0.0, 0.0, np.uint64(0), np.uint64(0)
     others = 0
     for q in range(H.n[i]):
-        at = H.index[i, q]
+        at = H.column[i, q]
         if at == 2:
             near[4 * i] = H.value[i, q]
         elif 6 <= at <= 8:
@@ -828,7 +828,7 @@ def _add_others(i, V, tiles, H, W, row):
     """The elements of H_i beyond the two that `_put_HV` takes: an effect along a known motion fills the row."""
     others = 0
     for q in range(H.n[i]):
-        c = H.index[i, q]
+        c = H.column[i, q]
         if c == 2 or 6 <= c <= 8:
             continue
         others += 1
@@ -868,7 +868,7 @@ def _correct_V(m, V, effects, s, event, H, L, U, J, W, row, ready, states):
     rows of V that most readings need have constant places, which lets the loops fill vector registers.
     """
     tiles, G, g_at = effects.tiles, effects.Gz, effects.at[event]
-    first, count = effects.first[s], effects.count[s]
+    first, count = effects.first[s], effects.width[s]
     near, h, r, group = ready.near, ready.other, ready.place, ready.group
     for i in range(m):
         others = _sort_row(i, H, near, h, r)
@@ -963,7 +963,7 @@ def _keep_correction(trail, k, at, m, dx, U, H, L):
             trail.U[at + a, j] = U[a, j]
             trail.H[at + a, j] = 0.0
         for b in range(H.n[a]):
-            trail.H[at + a, H.index[a, b]] = H.value[a, b]
+            trail.H[at + a, H.column[a, b]] = H.value[a, b]
         for b in range(a):
             for j in range(CAP):
                 trail.H[at + a, j] -= L[a, b] * trail.H[at + b, j]
