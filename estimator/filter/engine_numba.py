@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+
 from sinan.estimator.filter.kernel_cache import options
 from sinan.sensors.arrays import FloatArray, IntArray
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.journal import Journal

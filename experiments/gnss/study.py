@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pymap3d
+
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.experiments.gnss.base import Differential, differential

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.sensitivity import (
     _inverse,
     candidate_streams,
@@ -28,7 +29,6 @@ from sinan.sensors.effects.transient import for_stream
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import right_jacobian
-
 from tests.estimator.analytic_flight import fly
 
 ROUNDING = 1e-9  # relative
