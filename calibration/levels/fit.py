@@ -304,8 +304,9 @@ class Problem:
                 best[:] = [value, x.copy()]
             return -value, -gradient
 
-        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=[(None, None) if size.linear else (-4.0, 4.0) for size in self.sizes],
-                 options={"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5})  # fmt: skip
+        bounds = [(None, None) if size.linear else (-4.0, 4.0) for size in self.sizes]
+        options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
+        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
 
