@@ -97,7 +97,8 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
     last = max(len(tau) - LEAST_TIMES, 0) if floor > 0.0 else 0
     first = next((k for k in range(last) if _foretold(tau[k:], deviation[k:], error[k:], ramp)), last)
     root, std = _fit_terms(tau[first:], deviation[first:], error[first:], ramp)
-    return AllanFit(tau, deviation, error, *map(float, root[:3]), std, float(root[3]), first)
+    N, B, w, R = (float(value) for value in root)
+    return AllanFit(tau, deviation, error, N, B, w, std, R, first)
 
 
 #: So many times stay in the fit at least; the shortest stays where the others foretell it within so many sigmas.

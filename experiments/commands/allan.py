@@ -108,7 +108,7 @@ def summary(told: dict[str, Any]) -> str:
     found = f"found by {rest['found_by']}" if rest["found_by"] else "taken to be at rest: no IMU tells"
     length = rest["to"] - rest["from"]
     lines = [f"{told['called']}: {length:.4g} s at rest, from {rest['from']:.4g} s on ({found})"]
-    cells = [("", "N /sqrt(Hz)", "B", "w /s/sqrt(Hz)", "R /s", "fitted from")]
+    cells: list[tuple[str, ...]] = [("", "N /sqrt(Hz)", "B", "w /s/sqrt(Hz)", "R /s", "fitted from")]
     for one in told["channels"]:
         name = " ".join(part for part in (SENSORS.get(one["sensor"], one["sensor"]), one["channel"]) if part)
         name += f" [{one['unit']}]" if one["unit"] else ""
