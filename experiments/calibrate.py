@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.calibration.poses.gyro import GyroCalibration, calibrate_gyro, read_turns
 from sinan.calibration.poses.triad import Axes, Calibration, calibrate_norm
 from sinan.estimator.evidence.whiteness import whiteness

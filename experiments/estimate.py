@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.flight_model import FlightModel

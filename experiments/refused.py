@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+
 from sinan.estimator.filter.events import ACCEPTED, GATED
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.report.words import SENSORS

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray, as_floats
 from sinan.sensors.lenses import LENSES, Lens
 from sinan.sensors.motion import Motion

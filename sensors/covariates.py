@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
 from sinan.sensors.errors import InputError

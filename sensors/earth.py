@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.constants import (
     EARTH_RATE,
     GRAVITY_EQUATOR,

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import EARTH_RATE, SPEED_OF_LIGHT, WGS84_GM
 from sinan.sensors.formats.rinex_navigation import Navigation, Table

@@ -6,6 +6,7 @@ from datetime import date as Date
 from datetime import datetime
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 
 NANOTESLA = 1e-9  # T

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.recording import Recording, Stream

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 
 #: Newton's method doubles its digits at each round: from the distorted place ten are enough but beside a fold.

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 
 #: columns of a command

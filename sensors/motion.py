@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.rotation import quaternion_interpolate, rotate, rotate_back
 

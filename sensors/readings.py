@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
+
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.barometer import Barometer

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.errors import InputError
 

@@ -11,6 +11,7 @@ below).
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 
 _SMALL_ANGLE = 1e-8  # rad; below it the series is exact to rounding

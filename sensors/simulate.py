@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from sinan.sensors.errors import InputError

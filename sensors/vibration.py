@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 
 WINDOW = 0.5  # s over which the variance is taken: EFFECTS, accel.vibration

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.calibration.cameras.views import View
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
 from sinan.sensors.arrays import FloatArray

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.calibration.cameras.camera import Pose
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
 from sinan.sensors.arrays import FloatArray

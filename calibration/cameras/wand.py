@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.calibration.cameras.camera import Form, damped_step
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
 from sinan.sensors.arrays import FloatArray, IntArray, as_floats

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
+
 from sinan.calibration.levels.noise_start import reading_noise
 from sinan.sensors.arrays import BoolArray, FloatArray, runs_of
 from sinan.sensors.errors import InputError

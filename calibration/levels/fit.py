@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from dataclasses import field as default
 
 import numpy as np
+
 from sinan.calibration.levels.noise_start import datum, imu_density, reading_noise, readings_of
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import first_state

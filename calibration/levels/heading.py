@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import collect

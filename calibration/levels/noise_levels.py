@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
 from sinan.calibration.levels.compass import DIRECTION_STD, LEAST_READINGS, compass_of
 from sinan.calibration.levels.noise_start import (
     READINGS,

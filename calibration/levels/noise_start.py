@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.calibration.levels.allan import white_density
 from sinan.calibration.poses.segments import still_rows
 from sinan.estimator.filter.events import height_of, position_of, ranges_of

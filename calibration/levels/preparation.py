@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.calibration.levels.compass import DIRECTION_STD, Compass, compass_of, corrected, direction_at
 from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading

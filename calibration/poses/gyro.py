@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.calibration.poses.least_squares import LeastSquaresFit, solve
 from sinan.calibration.poses.segments import Poses, find_poses
 from sinan.calibration.poses.triad import Calibration, calibrate_norm

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
 from sinan.calibration.poses.least_squares import LeastSquaresFit, solve
 from sinan.sensors.arrays import FloatArray, as_floats
 from sinan.sensors.errors import InputError

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import BLOCK_SIZES, StateLayout
 from sinan.sensors.arrays import FloatArray

@@ -27,6 +27,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_interpolate, skew

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.layout import CAPACITY

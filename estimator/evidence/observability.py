@@ -29,6 +29,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.evidence.error_integrals import MOVING, ErrorIntegrals, transitions
 from sinan.estimator.filter.error_dynamics import bias_rates
 from sinan.estimator.filter.flight_model import FlightModel

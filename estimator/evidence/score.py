@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special, stats
+
 from sinan.sensors.arrays import FloatArray
 
 #: A direction of beta is dropped where the data, taken together, leave it wider than this many plausible sizes: a

@@ -26,6 +26,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.compiled import TILE, Columns, CompiledRun
 from sinan.estimator.filter.effect_forms import (
     Along,

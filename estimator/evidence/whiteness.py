@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import stats
+
 from sinan.sensors.arrays import FloatArray
 
 MOST_LAGS = 20

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.error_dynamics import bias_rates
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for

@@ -16,6 +16,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import FORM_ONLY, StreamForm, collect, stamps

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
+
 from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
 from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED, NO_PREDICTION, WITHHELD
 from sinan.estimator.filter.inputs import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+
 from sinan.estimator.filter.kernel_cache import options
 
 CAP = 40  # = layout.CAPACITY

@@ -15,6 +15,7 @@ does so from the next step on).
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.strapdown import Step
 from sinan.sensors.arrays import FloatArray

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.sensors.arrays import FloatArray, IntArray

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray, edges_of_runs
 
 #: False-alarm rate per stream of calling a run of equal readings frozen.

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 from dataclasses import field as default
 
 import numpy as np
+
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.sensors.accelerometer import Accelerometer

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight_model import FlightModel, InStep
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.events import OUTSIDE, Events, collect, with_variances
 from sinan.estimator.filter.flight_model import FlightModel

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.estimator.filter.events import ACCEPTED, GATED, STATUS
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight_model import FlightModel

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import Events
 from sinan.estimator.filter.flight_model import FlightModel

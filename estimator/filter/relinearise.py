@@ -11,6 +11,7 @@ Source: B. M. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIA
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.estimator.filter.effect_forms import Terms, declared_terms, run_with_effects
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.flight_model import FlightModel

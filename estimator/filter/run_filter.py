@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED
 from sinan.estimator.filter.flight_model import FlightModel

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.imu import at_instants

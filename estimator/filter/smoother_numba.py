@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
 from sinan.estimator.filter.engine_numba import CAP, _decay_over, _right_jacobian, _turn
 from sinan.estimator.filter.kernel_cache import options
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import cross, matrix_from_quaternion, quaternion_exp, quaternion_multiply
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.sensors.arrays import FloatArray, IntArray
 

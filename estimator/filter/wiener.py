@@ -20,6 +20,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 

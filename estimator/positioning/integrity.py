@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 import pymap3d
+
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
 ALPHA = 1e-3  # false-alarm probability of one w-test

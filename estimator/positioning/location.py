@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.positioning.integrity import Integrity, check, worst_rows
 from sinan.estimator.positioning.point_positioning import CONVERGED, EARTH_RADIUS, Fixes, solve
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.positioning.small_systems import cholesky, inverse, substitute
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.errors import InputError

@@ -7,6 +7,7 @@ systems, which is ten times faster for thousands of systems of four to nine unkn
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray
 
 SMALLEST_PIVOT = 1e-13  # of the diagonal: below it a system counts as singular

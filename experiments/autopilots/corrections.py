@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.experiments.autopilots.findings import Findings
 from sinan.experiments.autopilots.terms import Terms
 from sinan.sensors.arrays import FloatArray

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 
 import numpy as np
+
 from sinan.experiments.autopilots.terms import Setting, Terms
 from sinan.sensors.errors import printable
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import FIRST, Choice

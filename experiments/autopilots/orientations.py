@@ -6,6 +6,7 @@ Source: MAVLink common messages, `MAV_SENSOR_ORIENTATION`; PX4 `conversion/rotat
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import (
     matrix_from_quaternion,

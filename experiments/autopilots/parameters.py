@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.autopilots.ardupilot import ardupilot_terms
 from sinan.experiments.autopilots.findings import Findings, findings_of
 from sinan.experiments.autopilots.px4 import px4_terms

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.autopilots.corrections import (
     CURRENT,
     SOFT_IRON,

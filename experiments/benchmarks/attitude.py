@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.smoother import smooth
 from sinan.experiments.datasets import resolve

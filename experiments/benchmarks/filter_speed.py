@@ -16,6 +16,7 @@ from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
+
 from sinan.estimator.evidence.sensitivity import accumulate, candidate_streams, pack
 from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
+
 from sinan.estimator.positioning.integrity import east_north_up
 from sinan.estimator.positioning.location import locate
 from sinan.estimator.positioning.point_positioning import solve

@@ -13,6 +13,7 @@ import resource
 from time import process_time
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.experiments.benchmarks.filter_speed import USED, repeated

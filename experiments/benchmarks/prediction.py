@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import Prepared, settled
 from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
 from sinan.experiments.benchmarks.replication import lasting

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, told
 from sinan.experiments.blind.grade import SIGMAS, Named, deviation, effects_of

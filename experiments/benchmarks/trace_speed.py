@@ -17,6 +17,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.datasets import resolve
 from sinan.experiments.report.files import write_json
 from sinan.experiments.residual_loop.report import report

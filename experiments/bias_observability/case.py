@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+
 from sinan.estimator.evidence.observability import Information, information
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight_model import FlightModel, flight_model

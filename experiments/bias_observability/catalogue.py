@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.evidence.observability import Information, first_state_information, information, posterior
 from sinan.experiments.bias_observability.case import Case
 from sinan.experiments.bias_observability.directions import HALVED

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.evidence.observability import Information
 from sinan.sensors.arrays import FloatArray
 

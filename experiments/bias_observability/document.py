@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.bias_observability.directions import (
     amount_of,
     block_of,

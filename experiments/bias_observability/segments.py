@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.manoeuvres import Manoeuvre
 from sinan.sensors.motion import Motion

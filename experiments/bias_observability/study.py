@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+
 from sinan.estimator.evidence.observability import Course, Information, first_state_information, posterior
 from sinan.experiments.bias_observability.case import Case
 from sinan.experiments.bias_observability.catalogue import Catalogue, fly_catalogue

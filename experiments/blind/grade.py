@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, Evidence, predicted_lambda, squared_correlation
 from sinan.experiments.blind.maker.make import ANSWER_FILE, answers_folder
 from sinan.experiments.datasets import resolve

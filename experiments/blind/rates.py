@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.blind.grade import SIGMAS, Grade
 
 #: What is asked of the tracer, in the words of the report.

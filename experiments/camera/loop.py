@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.calibration.cameras.camera import CameraFit, Form, blocks_of, compare, fit, form
 from sinan.calibration.cameras.views import View
 from sinan.sensors.arrays import FloatArray

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.calibration.cameras.camera import FORMS, CameraFit, Comparison, Form, compare, fit_without_misfits, form
 from sinan.calibration.cameras.views import View, Views
 from sinan.experiments.camera.loop import CameraTrace, document, trace

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+
 from sinan.experiments.labs import LABS
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.calibrate import as_json, calibrate_triad, summary, warnings_of
 from sinan.experiments.report.files import write_json
 from sinan.experiments.report.page import png

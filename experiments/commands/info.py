@@ -9,6 +9,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.words import reference_words, trace_call
 from sinan.sensors.arrays import FloatArray

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.relinearise import is_coarse
 from sinan.experiments.filter_consistency.scenarios import why_not

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.score import statistic_of
 from sinan.experiments.filter_consistency.scenarios import matched_scenarios
 from sinan.experiments.monte_carlo.study import averaged

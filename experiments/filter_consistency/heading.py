@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import prepare
 from sinan.experiments.monte_carlo.one_flight import Flight, fly, prepared, rng_of, scored

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.report.trace_words import size_words
 from sinan.experiments.report.verdict_words import told
 

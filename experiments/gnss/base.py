@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.positioning.location import Location, locate
 from sinan.sensors import dgps
 from sinan.sensors.arrays import BoolArray, FloatArray

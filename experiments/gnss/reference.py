@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pymap3d
+
 from sinan.estimator.positioning.integrity import east_north_up
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pymap3d
+
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.experiments.gnss.base import Differential, differential

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.labs.course_data import calibrated, numbers
 from sinan.experiments.report.figures import norm_before_after
 from sinan.experiments.report.page import Page

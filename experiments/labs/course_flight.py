@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion

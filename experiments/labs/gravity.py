@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
 from sinan.calibration.poses.triad import norm_residual
 from sinan.experiments.datasets import resolve
 from sinan.experiments.labs.course_data import calibrated, numbers

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.labs.course_flight import flown, rms
 from sinan.experiments.report.figures import lines
 from sinan.experiments.report.page import Page

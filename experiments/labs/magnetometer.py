@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+
 from sinan.calibration.poses.triad import norm_residual
 from sinan.experiments.labs.course_data import calibrated, numbers
 from sinan.experiments.report.figures import norm_before_after

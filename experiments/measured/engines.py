@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter

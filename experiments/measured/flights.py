@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.calibration.levels.noise_levels import OUTLIER_LEVEL
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.engine import run

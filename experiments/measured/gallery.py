@@ -12,6 +12,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.finding import Finding

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.datasets import resolve

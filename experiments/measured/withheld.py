@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.run_filter import run_filter

@@ -17,6 +17,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.monte_carlo.one_flight import Flight, cramer_rao, flight_from, fly
 from sinan.experiments.scenarios import load_scenario
 from sinan.experiments.workers.cluster import cluster

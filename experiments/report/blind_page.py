@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.experiments.blind.grade import Grade
 from sinan.experiments.blind.rates import clopper_pearson, shown

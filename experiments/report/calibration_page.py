@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
 from sinan.experiments.report import figures, words
 from sinan.experiments.report.page import Page
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+
 from sinan.calibration.cameras.camera import CameraFit
 from sinan.experiments.camera.loop import CameraTrace
 from sinan.experiments.camera.study import Study, lens_words, p_words, share, trace_words, value_words

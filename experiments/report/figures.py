@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report.words import bias_unit, component_name, stage_names
 from sinan.sensors.arrays import FloatArray

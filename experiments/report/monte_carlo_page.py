@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.report.figures import averages_with_intervals, lines
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.words import state_size

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
+
 from sinan.experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_in_words
 from sinan.experiments.bias_observability.document import NAMES, base_places
 from sinan.experiments.bias_observability.segments import MOST_SEGMENTS

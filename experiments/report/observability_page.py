@@ -22,6 +22,7 @@ from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
     from sinan.experiments.bias_observability.study import Study
 
 #: Flights that are named as showing a direction.

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+
 from sinan.experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
 from sinan.experiments.report.words import SENSORS, stream_unit
 from sinan.experiments.residual_loop.prove import Errors

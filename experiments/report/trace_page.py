@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
 from sinan.experiments.report.page import Page
@@ -16,6 +17,7 @@ from sinan.experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
     from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
     from sinan.experiments.residual_loop.traced import Part, Traced
     from sinan.experiments.residual_loop.trials import Finding

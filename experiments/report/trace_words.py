@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.report.words import SENSORS, number, p_value_words, per_unit, times, with_sigma
 from sinan.experiments.residual_loop.trials import (
     BESIDE_ERROR,

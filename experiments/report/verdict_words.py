@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.report.trace_words import (
     NOT_PREDICTING,
     REFUSED,

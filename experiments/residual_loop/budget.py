@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
 from sinan.sensors.arrays import FloatArray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.calibration.poses.gyro import GyroLog
 from sinan.calibration.poses.triad import norm_jacobian
 from sinan.experiments.residual_loop.bias_walk import estimated_walk, walk_covariance

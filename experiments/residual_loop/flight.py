@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.whiteness import whiteness

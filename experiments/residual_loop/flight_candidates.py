@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.filter.effect_forms import Along, Terms, is_lateness, with_covariates
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+
 from sinan.estimator.evidence.score import WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, reference_motion

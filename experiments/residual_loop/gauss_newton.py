@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
 from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+
 from sinan.estimator.evidence.score import CONFUSED
 from sinan.estimator.evidence.sensitivity import Sensitivity
 from sinan.estimator.filter.events import ACCEPTED

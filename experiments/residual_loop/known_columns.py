@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
+
 from sinan.experiments.residual_loop.source import Fit
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.residual_loop.flight_passes import Fitted
 from sinan.experiments.residual_loop.source import Part
 from sinan.experiments.residual_loop.term import Term

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
 from sinan.experiments.residual_loop import onsets
 from sinan.experiments.residual_loop.budget import Budget

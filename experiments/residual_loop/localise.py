@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.evidence.score import likelihood_ratio, log_p_value
 from sinan.estimator.evidence.whiteness import whiteness
 from sinan.sensors.arrays import FloatArray, IntArray

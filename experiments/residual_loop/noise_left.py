@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
 from sinan.sensors.bounds import ASSUMED
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+
 from sinan.estimator.evidence.score import CONFUSED, log_p_among, log_p_value
 from sinan.experiments.residual_loop.slow_noise import SlowNoise
 from sinan.experiments.residual_loop.source import LocalFinding

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+
 from sinan.calibration.poses.gyro import read_turns
 from sinan.calibration.poses.segments import find_poses
 from sinan.estimator.filter.faults import frozen_runs, stuck_runs

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Statistic, gain_of_ratio, log_p_value, statistic_of
 from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source
 from sinan.experiments.residual_loop.term import Term

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import stats
+
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.estimator.filter.faults import FROZEN_LEVEL, stuck_runs

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+
 from sinan.experiments.residual_loop.probes import goes_with_time, offsets, powers_from, probe
 from sinan.experiments.residual_loop.term import varies
 from sinan.sensors.arrays import FloatArray

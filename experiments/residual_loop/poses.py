@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian
 from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
 from sinan.experiments.residual_loop.linear_problem import Rows

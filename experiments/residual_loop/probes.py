@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.experiments.residual_loop.term import varies
 from sinan.sensors.arrays import FloatArray, zero_unless_finite

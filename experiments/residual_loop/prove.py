@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
 from sinan.experiments.residual_loop.foretelling import SHORTEST_ASKED
 from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams

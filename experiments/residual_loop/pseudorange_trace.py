@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Statistic
 from sinan.estimator.positioning.location import Location, locate
 from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, next_fault

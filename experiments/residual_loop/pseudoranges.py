@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
 from sinan.estimator.positioning.point_positioning import rectangle

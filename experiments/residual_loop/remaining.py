@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.evidence.score import Statistic, log_p_value, statistic_of
 from sinan.estimator.evidence.whiteness import autocorrelation, whiteness
 from sinan.estimator.filter.faults import FROZEN_LEVEL

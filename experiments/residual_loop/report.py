@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Statistic
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.judged import Judged

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
 from sinan.estimator.evidence.score import (
     Evidence,
     Statistic,

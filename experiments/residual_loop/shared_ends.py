@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+
 from sinan.estimator.evidence.score import log_p_of_deviance
 from sinan.experiments.residual_loop.options import Option
 from sinan.experiments.residual_loop.source import Fit, Source

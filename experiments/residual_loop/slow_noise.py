@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
+
 from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import BoolArray, FloatArray
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Evidence, Statistic
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.term import Term

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import FloatArray
 

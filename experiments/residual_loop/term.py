@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect, effect, effects_for
 from sinan.sensors.errors import InputError

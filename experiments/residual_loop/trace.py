@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+
 from sinan.estimator.evidence.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
 from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.prove import rolled_back

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+
 from sinan.estimator.evidence.score import (
     CONFUSED,
     Evidence,

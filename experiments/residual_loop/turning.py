@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.evidence.score import block_scatter, log_p_of_divided
 from sinan.estimator.evidence.sensitivity import driver_regressors
 from sinan.estimator.filter.effect_forms import Along, Terms

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
+
 from sinan.calibration.poses.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
 from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
 from sinan.experiments.residual_loop.directions import direction_covariance

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+
 from sinan.experiments.residual_loop.manoeuvre import separating_manoeuvre
 from sinan.experiments.residual_loop.prove import Change, Contribution, Proof, changes, prove
 from sinan.experiments.residual_loop.remaining import Remaining

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special, stats
+
 from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import BoolArray, FloatArray
 

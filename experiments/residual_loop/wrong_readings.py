@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy import stats
+
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter

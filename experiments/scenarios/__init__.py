@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.scenarios.loader import load_scenario, scenario_names
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.effects import CATALOGUE, Effect, effect

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+
 from sinan.sensors.earth import normal_gravity
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.header import HIGHEST, LOWEST, SENSOR_KEYS, scan_angles

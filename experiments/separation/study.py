@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.score import Evidence, squared_correlation, statistic_of
 from sinan.experiments.residual_loop.manoeuvre import CLASS_BOUND, TABLE
 from sinan.experiments.scenarios import load_scenario, scenario_names

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.model import SensorModel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.laser import Laser, ground_points
 from sinan.sensors.motion import Motion

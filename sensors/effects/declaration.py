@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray, zero_unless_finite
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion

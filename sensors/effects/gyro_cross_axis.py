@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.motion import Motion

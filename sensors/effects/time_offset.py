@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray, zero_unless_finite
 from sinan.sensors.effects.beams import beams_b
 from sinan.sensors.effects.declaration import Effect, Parameter

@@ -127,6 +127,7 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
 def _poses_of_matlab(path: Path) -> Recording:
     """Poses of the one variable whose name says what it is; readings as they are, row index as time."""
     import numpy as np
+
     from sinan.sensors.formats.matlab import read_matlab
     from sinan.sensors.formats.plausible import check_units
 

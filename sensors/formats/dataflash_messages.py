@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.packed import read_plain, require_columns, require_numbers

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.toml_table import Table
 from sinan.sensors.formats.units import UNITS

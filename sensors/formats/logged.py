@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.geodetic import to_ned

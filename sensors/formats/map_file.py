@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.columns import DELIMITERS, FileOptions
 from sinan.sensors.formats.header import read_header

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
 from sinan.sensors.errors import InputError

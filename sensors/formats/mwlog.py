@@ -9,6 +9,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.packed import require_numbers

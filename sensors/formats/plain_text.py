@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 import numpy as np
+
 from sinan.sensors.recording import Environment, Initial, Recording, SensorSpec
 
 #: First line of every `recording.toml` that is written here: such a folder may be replaced, on demand.

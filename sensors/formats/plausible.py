@@ -6,6 +6,7 @@ A reading is refused only where its unit is recognised; what is merely odd (a fa
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.constants import STANDARD_GRAVITY, ZERO_CELSIUS
 
 _DEGREE = np.pi / 180.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.allan import fit_allan, white_density
 from sinan.sensors.errors import InputError
 from sinan.sensors.noise import BiasProcess, random_walk, sample_std

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sinan.calibration.cameras.camera as calibration
 from scipy.stats import chi2
+
+import sinan.calibration.cameras.camera as calibration
 from sinan.calibration.cameras.camera import (
     FORMS,
     CameraFit,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+
 from sinan.calibration.cameras import hand_eye
 from sinan.calibration.cameras.camera import Pose
 from sinan.calibration.cameras.hand_eye import Mounting, from_poses, from_rates, rotation_between

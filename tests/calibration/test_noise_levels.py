@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.compass import compass_of, corrected, direction_at
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_levels import NoiseFit, _Problem, first_guess, fit_noise_levels, noise_levels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.calibration.poses.segments import find_poses
 from sinan.sensors.errors import InputError
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.open_source import triad_readings

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import chi2
+
 from sinan.calibration.cameras.camera import form
 from sinan.calibration.cameras.wand import WandFit, calibrate_wand, distances, essential, relative_pose
 from sinan.sensors.arrays import FloatArray

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import sinan.sensors.effects as effects
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.commands.effects import run

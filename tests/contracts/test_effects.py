@@ -6,6 +6,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, Effect, apply_effects, effects_for, sonar_beam_cone, step, transient

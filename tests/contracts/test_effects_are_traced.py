@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.residual_loop.flight import FlightSource

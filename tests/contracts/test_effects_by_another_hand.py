@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import quad
+
 from sinan.experiments.blind.maker.body import Body, Multirotor
 from sinan.experiments.blind.maker.catalogue import Hidden
 from sinan.experiments.blind.maker.curves import Curve, Sine

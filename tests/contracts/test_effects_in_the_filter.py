@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.effect_forms import with_covariates
 from sinan.estimator.filter.flight_model import FlightModel, flight_model

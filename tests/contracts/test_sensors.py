@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+
 from sinan.estimator.filter.flight_model import LEVEL_WINDOW
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.accelerometer import Accelerometer

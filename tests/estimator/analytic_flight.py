@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.barometer import Barometer
 from sinan.sensors.gps import Gps

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import EARTH_RATE, SPEED_OF_LIGHT
 from sinan.sensors.ephemeris import kepler_orbit

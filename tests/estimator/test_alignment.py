@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.consistency import chi_square, nees
 from sinan.estimator.filter.alignment import align, attitude_from_vectors, first_state
 from sinan.estimator.filter.engine import choose_engine
@@ -25,7 +26,6 @@ from sinan.sensors.rotation import (
     rpy_from_quaternion,
 )
 from sinan.sensors.simulate import simulate
-
 from tests.estimator.analytic_flight import FIELD, GRAVITY, fly
 
 MICRORADIAN = 1e-6

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.alignment import align
 from sinan.estimator.filter.effect_forms import Along, Terms
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
@@ -15,7 +16,6 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from sinan.sensors.recording import MAG, POSITION, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
-
 from tests.estimator.analytic_flight import SPECS, analytic_motion, fly
 
 DEGREE = np.pi / 180.0

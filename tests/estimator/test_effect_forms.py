@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.sensitivity import Sensitivity, candidate_streams, sensitivity_pass, sensor_regressors
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, stream_form, with_covariates
 from sinan.estimator.filter.flight_model import flight_model

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.error_dynamics import transition
@@ -16,7 +17,6 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.recording import SensorSpec
-
 from tests.estimator.analytic_flight import RATES, SPECS, fly
 
 AGREEMENT = 1e-9  # of sigma + |value|

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.relinearise import run_relinearised
@@ -14,7 +15,6 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Initial, Recording, Stream
-
 from tests.estimator.analytic_flight import fly
 
 STREAMS = ("imu", "mag", "baro", "laser", "gps")

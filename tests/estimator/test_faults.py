@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.faults import frozen_runs, saturated_runs
 from sinan.estimator.filter.flight_model import flight_model
@@ -16,7 +17,6 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import GYRO, Initial, Recording, SensorSpec, Stream
-
 from tests.estimator.analytic_flight import SPECS, fly
 
 BOUND = 5.0  # sigma that an error may reach at the end of a flight with a fault in it

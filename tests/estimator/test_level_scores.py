@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.sensors.recording import Recording, SensorSpec
-
 from tests.estimator.analytic_flight import SPECS, fly
 from tests.estimator.test_engines import COLOURED
 

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.error_integrals import ErrorIntegrals, transitions
 from sinan.estimator.evidence.observability import Information, first_state_information, information, posterior
 from sinan.estimator.filter.error_dynamics import transition

@@ -5,11 +5,11 @@ from __future__ import annotations
 import tracemalloc
 
 import numpy as np
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.benchmarks.long_log import long_recording, size_of
-
 from tests.estimator.analytic_flight import fly
 
 MEGABYTE = 2**20

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.estimator.evidence.consistency import nees
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.effect_forms import Along, Terms, linear_form, reference_motion
@@ -21,7 +22,6 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from sinan.sensors.recording import Stream
 from sinan.sensors.simulate import simulate
-
 from tests.estimator.analytic_flight import fly
 from tests.estimator.test_engines import AGREEMENT, difference
 

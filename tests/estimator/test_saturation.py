@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.faults import Note, stuck_runs
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.imu import ImuTable, beyond_the_range, imu_table

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.estimator.evidence.score import Evidence, log_bayes_factor, log_p_among, log_p_of_divided, log_p_value
 from sinan.sensors.arrays import FloatArray
 

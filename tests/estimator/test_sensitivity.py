@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.sensitivity import (
     _inverse,
     candidate_streams,
@@ -14,9 +15,9 @@ from sinan.estimator.evidence.sensitivity import (
     sensor_regressors,
 )
 from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
-from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
@@ -28,7 +29,6 @@ from sinan.sensors.effects.transient import for_stream
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import right_jacobian
-
 from tests.estimator.analytic_flight import fly
 
 ROUNDING = 1e-9  # relative

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.level_scores import level_scores
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.engine import run
@@ -15,7 +16,6 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
 from sinan.sensors.recording import Initial, Recording
 from sinan.sensors.window import between
-
 from tests.estimator.analytic_flight import fly
 
 #: The IMU is silent between the two, which is long enough for every turn [s].

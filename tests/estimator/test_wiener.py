@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.experiments.residual_loop.open_flight import flight_source

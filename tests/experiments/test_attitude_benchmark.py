@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.benchmarks import attitude
 from sinan.experiments.benchmarks.attitude import (
     FILTER,

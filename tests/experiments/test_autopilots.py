@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.findings import Findings, findings_of
 from sinan.experiments.autopilots.parameters import terms_for
@@ -29,8 +31,6 @@ from sinan.sensors.recording import MAG, Recording, Stream
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_rpy
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
-from typer.testing import CliRunner
-
 from tests.experiments.test_own_logs import FIELD, dataflash, ulog
 
 SINGLE = 3e-7  # a file has 32 bits a number

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from sinan.experiments.commands import cli
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.consistency import chi_square
 from sinan.experiments.bias_observability import segments
 from sinan.experiments.bias_observability.case import case_of_recording, case_of_scenario

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.experiments.residual_loop.bias_walk import estimated_walk, walk_covariance
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.experiments.blind import benchmark
 from sinan.experiments.blind.benchmark import REPORTS, graded, refused

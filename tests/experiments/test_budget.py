@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.flight import FlightSource

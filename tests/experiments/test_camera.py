@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import kstest
+from typer.testing import CliRunner
+
 from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import View, Views, read_corners, write_corners
 from sinan.experiments.camera.loop import CameraTrace, document, evidence, trace
@@ -19,8 +21,6 @@ from sinan.experiments.commands.cli import app
 from sinan.experiments.labs import run as run_lab
 from sinan.sensors.camera import Intrinsics
 from sinan.sensors.errors import InputError
-from typer.testing import CliRunner
-
 from tests.calibration.test_camera import LEFT, SIZE, simulated
 
 NOISE = 0.15

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sinan.experiments.commands.cli import app
-from sinan.sensors.formats.plain import write_recording
 from typer.testing import CliRunner
 
+from sinan.experiments.commands.cli import app
+from sinan.sensors.formats.plain import write_recording
 from tests.estimator.test_camera_filter import SIZES, flown
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.commands.cli import _spread
 from sinan.experiments.scenarios import simulate_to_folder

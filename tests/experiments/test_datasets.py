@@ -11,6 +11,7 @@ from threading import Thread
 
 import numpy as np
 import pytest
+
 from sinan.experiments.datasets import DataFile, Dataset, called, convert, dataset_names, load_dataset, resolve
 from sinan.experiments.datasets import fetch as fetch_module
 from sinan.experiments.datasets.fetch import fetch

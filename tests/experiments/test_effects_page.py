@@ -6,13 +6,14 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments import effects_page
 from sinan.experiments.commands.cli import app
 from sinan.experiments.commands.effects import run
 from sinan.experiments.scenarios import scenario_names
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.errors import InputError
-from typer.testing import CliRunner
 
 HEAVY = ("numba", "scipy", "pandas", "matplotlib")
 

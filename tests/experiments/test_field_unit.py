@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.report.words import per_unit, unit_words

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.experiments.commands.estimate import run as estimate
 from sinan.experiments.filter_consistency import errors, flights, heading
 from sinan.experiments.filter_consistency.__main__ import main

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments.commands.batch import run as command
 from sinan.experiments.commands.cli import app
 from sinan.experiments.fleet import batch
@@ -19,8 +21,6 @@ from sinan.experiments.fleet.ranking import fleet
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of
-from typer.testing import CliRunner
-
 from tests.experiments.test_monte_carlo import cluster  # noqa: F401
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_ulog as px4

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.blind.maker.make import make_one

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pymap3d
 import pytest
+
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
@@ -21,7 +22,6 @@ from sinan.sensors.constants import EARTH_RATE
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
-
 from tests.estimator import gnss_simulation as simulation
 
 ESBJERG = "gnss/esbjerg_static_2020/"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.flight_passes import FlightPasses

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.experiments.benchmarks import halves, prediction, replication
 from sinan.experiments.benchmarks.halves import Halves, halved, parsed

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments.commands.cli import app
 from sinan.experiments.commands.info import gaps, run
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.plain import read_recording, write_recording
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
-from typer.testing import CliRunner
-
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_formats_logs as logs
 

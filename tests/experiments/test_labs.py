@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.labs import LABS, run
 from sinan.experiments.labs.course_flight import flown, rms
 from sinan.experiments.labs.scan_height import FLOWN, flight

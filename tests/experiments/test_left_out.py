@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.experiments.residual_loop.left_out import gains_left_out, log_p_left_out
 from sinan.sensors.arrays import FloatArray, IntArray
 

@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from sinan.experiments.commands.cli import app
 from sinan.experiments.datasets import convert
 from sinan.experiments.monte_carlo.study import run
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import read_recording
-
 from tests.killing import ROOT, is_write, killed, no_file_beyond
 
 #: A moment of flight, with all its streams.

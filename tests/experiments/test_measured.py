@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.preparation import prepared, settled
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.experiments.measured import flights

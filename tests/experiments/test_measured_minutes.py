@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
@@ -64,7 +66,6 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.vibration import vibration_power
 from sinan.sensors.window import between
-from typer.testing import CliRunner
 
 SEED, LENGTH = 3, 72.0
 #: What the log's own motion makes of an effect, over what it is: the share that its errors may spoil.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.datasets import resolve

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.monte_carlo.one_flight import Flight, fly, noiseless, rng_of
 from sinan.experiments.monte_carlo.study import Kept, MonteCarlo, averaged, digest_of, label, outside, run
 from sinan.experiments.scenarios import load_scenario

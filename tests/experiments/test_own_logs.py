@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pymap3d
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments.commands.cli import app
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
-from typer.testing import CliRunner
-
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_rosbag as ros
 from tests.sensors import test_ulog as px4

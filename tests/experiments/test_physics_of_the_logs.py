@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.datasets import dataset_names, load_dataset, resolve
 from sinan.experiments.measured.logs import COMPASSES, FLIGHTS
 from sinan.experiments.measured.reference import without_jumps

@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import Evidence
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.residual_loop import prove

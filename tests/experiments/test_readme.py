@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer.main
+
 from sinan.experiments.commands.cli import app
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.open_source import triad_readings

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
 from sinan.experiments.residual_loop.remaining import _bursts, patches, remaining
 from sinan.experiments.residual_loop.source import Fit, StreamResidual
@@ -17,7 +18,6 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, Effect, effect
 from sinan.sensors.effects.streams import STREAMS
 from sinan.sensors.motion import Motion
-
 from tests.estimator.analytic_flight import analytic_motion
 
 ALPHA = 0.01  # level of each test

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.experiments.calibrate import as_json, calibrate_triad
 from sinan.experiments.calibrate import summary as calibration_summary
 from sinan.experiments.calibrate import warnings_of as calibration_warnings

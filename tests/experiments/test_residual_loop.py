@@ -9,6 +9,7 @@ import jsonschema
 import numpy as np
 import pytest
 from scipy import stats
+
 from sinan.estimator.evidence.score import log_p_of_deviance
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource

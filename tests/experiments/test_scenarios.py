@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.experiments.scenarios import (
     interval_note,
     load_scenario,

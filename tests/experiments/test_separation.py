@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from sinan.estimator.evidence.score import squared_correlation
 from sinan.experiments.residual_loop.manoeuvre import (
     CLASS_BOUND,

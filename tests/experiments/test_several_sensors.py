@@ -10,6 +10,8 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from sinan.experiments.commands import calibrate as calibrate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.commands.cli import app
@@ -24,8 +26,6 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import Recording
 from sinan.sensors.simulate import simulate
-from typer.testing import CliRunner
-
 from tests.experiments.test_residual_loop import SCHEMA
 from tests.experiments.test_verdict import RULES
 

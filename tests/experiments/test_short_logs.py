@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.preparation import prepared
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.calibrate import calibrate_turns

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import CONFUSED
 from sinan.experiments.residual_loop.slow_noise import _TIME_CONSTANTS, _VARIANCES, SlowNoise
 from sinan.experiments.residual_loop.sudden import jumps

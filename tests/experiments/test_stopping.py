@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.experiments.workers.processes import MOST_RESTARTS, in_processes
 from sinan.experiments.workers.stopping import Stopped, going_on, listening

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.scenarios import load_scenario, parse_effect

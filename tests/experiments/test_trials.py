@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+
 from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.experiments.residual_loop.options import not_slow_noise, option_of
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source

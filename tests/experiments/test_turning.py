@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.flight_passes import Fitted
 from sinan.experiments.residual_loop.onsets import Rows

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.calibration.poses.gyro import read_turns
 from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
 from sinan.experiments.residual_loop.report import report
@@ -19,7 +20,6 @@ from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.trials import Finding
 from sinan.experiments.residual_loop.turns import GyroTurns
 from sinan.sensors.arrays import FloatArray
-
 from tests.calibration.test_gyro import turned_log
 
 OFFSET = np.array([0.004, -0.003, 0.005])

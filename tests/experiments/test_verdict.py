@@ -13,6 +13,7 @@ import jsonschema
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
 from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
@@ -29,7 +30,6 @@ from sinan.experiments.scenarios import parse_effect
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.simulate import simulate
-
 from tests.experiments.test_report import a_document
 from tests.experiments.test_residual_loop import poses
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.calibration.levels.preparation import prepared
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.commands import (

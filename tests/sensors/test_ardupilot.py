@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of, open_log
 from sinan.sensors.formats.choice import Choice

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.sensors.atmosphere import height_from_pressure, pressure_from_height, speed_of_sound
 
 #: Geopotential height [m] and pressure [Pa]: ISO 2533:1975, table 5

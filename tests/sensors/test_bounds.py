@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.motion import Motion
 

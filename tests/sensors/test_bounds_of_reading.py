@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+
 from sinan.sensors.errors import InputError, printable
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.columns import FileOptions, read_columns
@@ -23,7 +24,6 @@ from sinan.sensors.formats.plain import read_recording
 from sinan.sensors.formats.rinex import read_observations
 from sinan.sensors.formats.toml_table import load_toml
 from sinan.sensors.recording import ACCEL, Recording, Stream
-
 from tests.estimator import gnss_simulation as simulation
 
 MIB = 2**20

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.camera import LOOKS_AHEAD, M2, Camera, Intrinsics
 from sinan.sensors.lenses import LENSES, bend, straighten

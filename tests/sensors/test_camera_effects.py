@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
 from sinan.sensors.effects import CATALOGUE, effect, effects_for

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.recording import Recording, Stream

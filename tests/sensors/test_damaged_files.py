@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+
 from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
@@ -31,7 +32,6 @@ from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.plain import read_recording, write_recording
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
-
 from tests.estimator import gnss_simulation as simulation
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_formats_logs as logs

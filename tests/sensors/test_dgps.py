@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.positioning.location import locate
 from sinan.sensors import dgps
 from sinan.sensors.errors import InputError
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
-
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE, CENTIMETRE = 1e-3, 1e-2

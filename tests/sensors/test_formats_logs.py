@@ -11,6 +11,7 @@ import pytest
 import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sinan.experiments.datasets import resolve
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording

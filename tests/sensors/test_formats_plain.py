@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.plain import read_recording, write_recording

@@ -6,6 +6,7 @@ from datetime import date
 
 import numpy as np
 import pytest
+
 from sinan.sensors.geomagnetism import decimal_year, declination, earth_field
 
 NANOTESLA = 1e-9  # T

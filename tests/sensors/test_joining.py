@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.errors import InputError
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Initial, SensorSpec
-
 from tests.estimator.analytic_flight import fly
 
 

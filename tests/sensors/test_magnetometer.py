@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
 from sinan.estimator.filter.alignment import attitude_from_vectors
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray

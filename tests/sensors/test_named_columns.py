@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.named_columns import Meaning, meaning

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import chi2
+
 from sinan.sensors.noise import BiasProcess, colour, density_of, random_walk, sample_std
 
 FALSE_ALARM = 1e-3

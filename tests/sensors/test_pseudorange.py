@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sinan.sensors.constants import SPEED_OF_LIGHT, WGS84_GM
 from sinan.sensors.effects import (
     effect,
@@ -21,7 +22,6 @@ from sinan.sensors.formats.rinex import read_navigation
 from sinan.sensors.formats.rinex_text import WEEK, gps_seconds
 from sinan.sensors.motion import Motion
 from sinan.sensors.pseudorange import circumstances, full_size, pseudoranges
-
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.sensors.effects import effect
 from sinan.sensors.effects.pseudorange_ionosphere import klobuchar
 from sinan.sensors.effects.pseudorange_troposphere import zenith_delay

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import SPEED_OF_LIGHT, WGS84_A
 from sinan.sensors.effects.pseudorange_troposphere import zenith_delay
@@ -30,7 +31,6 @@ from sinan.sensors.pseudorange import (
     pseudoranges,
     sum_of,
 )
-
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import (
     cross,

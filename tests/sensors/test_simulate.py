@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+
 from sinan.experiments.scenarios import load_scenario, scenario_names
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, effect

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion

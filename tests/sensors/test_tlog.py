@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of, open_log
 from sinan.sensors.formats.choice import Choice

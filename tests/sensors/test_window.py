@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Initial, Recording, SensorSpec, Stream, Truth
 from sinan.sensors.window import WHOLE, between, span_words, window

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.curves import Curve
 from sinan.experiments.blind.maker.turning import cross_rows, exp_rotation, mat_vec, vee
 from sinan.sensors.arrays import FloatArray

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Motion
 from sinan.experiments.blind.maker.catalogue import HAND, needed
 from sinan.experiments.blind.maker.curves import Curve, Sine

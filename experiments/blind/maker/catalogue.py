@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.turning import random_direction
 from sinan.sensors.arrays import FloatArray
 

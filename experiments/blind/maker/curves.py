@@ -11,6 +11,7 @@ from math import comb
 
 import numpy as np
 from numpy.polynomial import Polynomial
+
 from sinan.sensors.arrays import FloatArray
 
 #: s(x) = 126 x^5 - 420 x^6 + 540 x^7 - 315 x^8 + 70 x^9: from 0 to 1 with four derivatives zero at both ends.

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.catalogue import (
     CATALOGUE,

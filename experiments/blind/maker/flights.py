@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Hand, Multirotor
 from sinan.experiments.blind.maker.catalogue import log_uniform
 from sinan.experiments.blind.maker.curves import STEP_ACCELERATION, STEP_SPEED, Curve, Rise, Sine

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.scene import Surroundings
 from sinan.experiments.blind.maker.turning import cross_rows, exp_rotation, rot_z

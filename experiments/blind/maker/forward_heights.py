@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import lfilter
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.forward import Forward, Seen, diagonal, warm
 from sinan.experiments.blind.maker.scene import Surroundings

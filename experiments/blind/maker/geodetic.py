@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import WGS84_A, WGS84_INVERSE_FLATTENING
 

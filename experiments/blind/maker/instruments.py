@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from sinan.experiments.blind.maker.catalogue import log_uniform
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import SensorSpec

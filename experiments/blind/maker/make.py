@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+
 from sinan.experiments.blind.maker.calibration_recording import make_hand, make_poses, make_turns
 from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, KINDS, MAG, TURNS
 from sinan.experiments.blind.maker.drawing import CLASSES, Made, Order, draw_order

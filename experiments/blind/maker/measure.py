@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.catalogue import LOCAL_KINDS, OUTLIER_SIZE, Hidden
 from sinan.experiments.blind.maker.forward import VECTOR_EFFECTS, Seen

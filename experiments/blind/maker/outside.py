@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, MAG, TURNS, log_uniform
 from sinan.experiments.blind.maker.forward import Seen

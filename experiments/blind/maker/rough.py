@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sinan.experiments.blind.maker.catalogue import log_uniform
 from sinan.experiments.blind.maker.instruments import Instrument
 from sinan.sensors.arrays import BoolArray, FloatArray

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body, Motion
 from sinan.experiments.blind.maker.curves import Curve
 from sinan.sensors.arrays import FloatArray

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.curves import Curve, Sine
 from sinan.experiments.blind.maker.turning import exp_rotation, random_rotation

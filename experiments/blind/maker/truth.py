@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.experiments.blind.maker.catalogue import Hidden
 from sinan.experiments.blind.maker.measure import STAMP_DECIMALS, Reported
 from sinan.experiments.blind.maker.outside import Outside

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.blind.benchmark import kept_in, refused
 from sinan.experiments.blind.examine import examined
 from sinan.experiments.blind.grade import REFUSED

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sinan.experiments.blind.grade import deviation, effects_of, is_same, names_of
 from sinan.experiments.blind.maker.catalogue import Hidden
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.blind.maker.catalogue import Hidden
 from sinan.experiments.blind.measured.minute import Minute, put

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import Prepared, settled
 from sinan.estimator.filter.events import height_of, position_of
 from sinan.experiments.blind.maker.catalogue import CATALOGUE, LOCAL_KINDS, Hidden, log_uniform

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.experiments.blind.grade import REFUSED, SIGMAS
 from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, detectable

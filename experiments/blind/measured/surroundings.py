@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import savgol_filter
+
 from sinan.calibration.levels.preparation import Prepared
 from sinan.estimator.filter.smoother import estimated_motion
 from sinan.experiments.blind.maker.body import Body
