@@ -17,8 +17,8 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
-from sinan.experiments.refused import doubted_shares
 from sinan.experiments.measured.reference import Mounted, covered, described, errors_of, states_at
+from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file
 from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth

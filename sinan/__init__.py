@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sinan.sensors.accelerometer import Accelerometer as Accelerometer
     from sinan.sensors.barometer import Barometer as Barometer
     from sinan.sensors.camera import Camera as Camera
-    from sinan.sensors.effects import CATALOGUE as effects
+    from sinan.sensors.effects import CATALOGUE as effects  # noqa: F401
     from sinan.sensors.effects.declaration import Effect as Effect
     from sinan.sensors.effects.own import effect as effect
     from sinan.sensors.errors import InputError as InputError

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.flight_model import FlightModel
@@ -26,6 +27,7 @@ from sinan.sensors.recording import Recording
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
     from sinan.sensors.arrays import FloatArray
 
 
@@ -86,6 +88,7 @@ class Estimate(Answer):
         a row a component; columns `sensor`, `unit`, `value`, `sigma`, `truth`, and `off` = (value - truth) / sigma
         """
         import pandas as pd
+
         from sinan.experiments.report.words import bias_rows
 
         rows = bias_rows(self.document)
@@ -198,7 +201,7 @@ def estimate(
     Examples
     --------
     >>> import sinan
-    >>> result = sinan.estimate(sinan.simulate("figure_eight", seed=1))
+    >>> result = sinan.estimate(sinan.simulate("hover", seed=1))
     >>> bool((result.biases()["off"].abs() < 4.0).all())
     True
     >>> axes = result.plot_biases()

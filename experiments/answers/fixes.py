@@ -30,7 +30,7 @@ class Positions(Answer):
     document: dict[str, Any]
 
     def fixes(self) -> pd.DataFrame:
-        """A row an epoch: GPS week and time [s], ECEF [m], geodetic [deg, m], clocks [m], satellites, DOP, integrity."""
+        """A row an epoch: GPS week, time [s], ECEF [m], geodetic [deg, m], clocks [m], satellites, DOP, integrity."""
         import pandas as pd
 
         head, rows = solution_table(self.location)

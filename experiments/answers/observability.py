@@ -99,7 +99,7 @@ def observability(flown: Recording | Scenario | str | Path) -> Observability:
     >>> import sinan
     >>> found = sinan.observability("hover")
     >>> states = found.states()
-    >>> states.loc["b_gyro_x", "left"] < 0.1 < states.loc["b_gps_north", "left"]
+    >>> bool(states.loc["b_gyro_x", "left"] < 0.1 < states.loc["b_gps_north", "left"])
     True
     """
     if isinstance(flown, Recording):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine_filterpy import Moment, ReadableFilter, Update
 from sinan.estimator.filter.events import STATUS
@@ -70,7 +71,7 @@ class Step:
 
     @property
     def nis(self) -> float | None:
-        """nu' S^-1 nu of an update, chi-square with m degrees of freedom if all is well; None: nothing was predicted."""
+        """nu' S^-1 nu of an update, chi-square with m degrees of freedom if all is well; None: no prediction."""
         if self.innovation is None or self.S is None:
             return None
         return float(self.innovation @ np.linalg.solve(self.S, self.innovation))

@@ -110,8 +110,8 @@ class Trace(Answer):
     def plot_candidates(self) -> list[Axes]:
         """How strongly the data speak for each candidate. One axes."""
         from sinan.experiments.report import screen
-        from sinan.experiments.report.trace_page import evidence
         from sinan.experiments.report.trace_figures import evidence_bars
+        from sinan.experiments.report.trace_page import evidence
 
         return screen.axes(lambda: evidence_bars(evidence(self.traced), self.document["p_value_needed"]))
 

@@ -58,9 +58,9 @@ def _said(log: Log) -> dict[str, Any]:
 
 
 def _traced(log: Log, path: str) -> Answer:
-    from sinan.experiments.autopilots.parameters import facts_beside
     from sinan.experiments.answers.asked import Asked
     from sinan.experiments.answers.traces import in_its_terms, trace
+    from sinan.experiments.autopilots.parameters import facts_beside
     from sinan.experiments.datasets import called, resolve
 
     recording = resolve(path)

@@ -13,6 +13,7 @@ from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
     from sinan.experiments.calibrate import Calibrated
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.refused import refused
 from sinan.experiments.report.words import (

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sinan.experiments.report.figures import AFTER, BAND, BEFORE, blank, new_figure
 from sinan.experiments.report.words import SENSORS
 from sinan.sensors.recording import POSITION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
     from sinan.estimator.filter.journal import Journal
     from sinan.sensors.arrays import FloatArray
     from sinan.sensors.recording import Stream

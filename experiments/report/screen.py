@@ -1,5 +1,4 @@
-"""Figures for the screen: the same as those of the pages, known to pyplot, so that a notebook or `plt.show` shows them.
-"""
+"""Figures for the screen: those of the pages, known to pyplot, so that a notebook or `plt.show` shows them."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ import pytest
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
-from sinan.experiments.commands.gnss import summary
 from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.study import run
+from sinan.experiments.report.gnss_words import summary
 from sinan.experiments.residual_loop import pseudoranges as source
 from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.sensors.constants import EARTH_RATE
