@@ -235,7 +235,7 @@ def test_a_file_without_a_place_is_refused_before_the_work(poses: Path, tmp_path
 def test_a_sensor_named_for_a_flight_is_remarked_upon(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def stop(*arguments: object) -> None:
+    def stop(*arguments: object, **named: object) -> None:
         raise InputError("test", "enough", "nothing")
 
     simulate_to_folder("hover", tmp_path / "flight", seed=3)
