@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from sinan.calibration.levels.assumptions import as_rows
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.flight_model import FlightModel
@@ -223,6 +224,7 @@ def estimate(
     document["called"], document["window"] = asked.name_of(recording), asked.window
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
+    document["assumptions"] = as_rows(model.assumptions)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
     document["warnings"] = warnings_of(document, asked.call_of(recording))

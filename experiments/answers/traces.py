@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.refused import doubted_shares, refused
 from sinan.experiments.report.verdict_words import Log, trace_summary, worded
@@ -178,9 +180,15 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     document = worded(report(traced), asked.name_of(recording), log)
     document["window"] = asked.window
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["choice"], document["magnetic_field"] = asdict(asked.choice), _field_of(traced)
     return document
+
+
+def _assumptions(source: Source) -> tuple[Assumption, ...]:
+    """What the model of a flight takes without being told; of poses nothing."""
+    return source.model.assumptions if isinstance(source, FlightSource) else ()
 
 
 def _field_of(traced: Traced) -> list[float] | None:
