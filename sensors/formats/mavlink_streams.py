@@ -56,8 +56,23 @@ Reader = Callable[[Telemetry, Clock], Stream | None]
 _Source = tuple[str, int | None]
 
 
+#: What finds each stream, by its name; `attitude` is the autopilot's own. Of the messages, with a choice of sensors, the
+#: autopilot's parameters, and notes to which is added what was chosen, and what is not read.
+FINDERS: Mapping[str, Callable[[Telemetry, Choice, Mapping[str, float], list[str]], Reader | None]] = {
+    "imu": lambda log, choice, parameters, notes: _imu(log, choice.imu, notes),
+    "mag": lambda log, choice, parameters, notes: _mag(log, choice.mag),
+    "baro": lambda log, choice, parameters, notes: _baro(log, choice.baro),
+    "gps": lambda log, choice, parameters, notes: _gps(log, choice.gps, notes),
+    "laser": lambda log, choice, parameters, notes: _range(log, _LASER),
+    "sonar": lambda log, choice, parameters, notes: _range(log, _ULTRASOUND),
+    "power": lambda log, choice, parameters, notes: _power(log),
+    "motors": lambda log, choice, parameters, notes: _motors(log, parameters, notes),
+    "attitude": lambda log, choice, parameters, notes: _attitude(log),
+}
+
+
 def readers_of(log: Telemetry, choice: Choice, parameters: Mapping[str, float], notes: list[str]) -> dict[str, Reader]:
-    """What reads each stream that messages hold, by its name; `attitude` is the autopilot's own.
+    """What reads each stream that messages hold, by its name in `FINDERS`.
 
     Parameters
     ----------
@@ -69,11 +84,7 @@ def readers_of(log: Telemetry, choice: Choice, parameters: Mapping[str, float], 
     ------
     InputError : a sensor that is asked for and is not there
     """
-    found = {
-        "imu": _imu(log, choice.imu, notes), "mag": _mag(log, choice.mag), "baro": _baro(log, choice.baro),
-        "gps": _gps(log, choice.gps, notes), "laser": _range(log, _LASER), "sonar": _range(log, _ULTRASOUND),
-        "power": _power(log), "motors": _motors(log, parameters, notes), "attitude": _attitude(log),
-    }  # fmt: skip
+    found = {name: find(log, choice, parameters, notes) for name, find in FINDERS.items()}
     return {name: reader for name, reader in found.items() if reader is not None}
 
 
