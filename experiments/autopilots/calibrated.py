@@ -16,12 +16,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calibration.triad import Calibration
-from experiments.autopilots.corrections import stretch_then_turn
-from experiments.autopilots.orientations import from_degrees, rotation_of
-from experiments.autopilots.terms import AXES, Terms
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
+from sinan.calibration.poses.triad import Calibration
+from sinan.experiments.autopilots.corrections import stretch_then_turn
+from sinan.experiments.autopilots.orientations import from_degrees, rotation_of
+from sinan.experiments.autopilots.terms import AXES, Terms
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 
 #: Where a calibration is named in place of an effect.
 LABEL = {"accel": "accelerometer calibration", "mag": "compass calibration"}

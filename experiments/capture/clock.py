@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sensors.formats.mavlink_streams import LONGEST_ON, OWN_CLOCKS, WRAP
+from sinan.sensors.formats.mavlink_streams import LONGEST_ON, OWN_CLOCKS, WRAP
 
 #: How long messages are gathered before the offset is taken of them, and before a doubt is decided [s].
 SETTLING, DOUBT = 0.5, 1.0

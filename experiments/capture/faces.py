@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.triad import ellipsoid_start
-from sensors.arrays import FloatArray
+from sinan.calibration.poses.triad import ellipsoid_start
+from sinan.sensors.arrays import FloatArray
 
 #: Specific force at rest, over gravity, of each face.
 FACES = {
@@ -83,7 +83,9 @@ class FaceWatch:
             if len(mine):
                 first, second = np.roll(up, 1), np.roll(up, 2)
                 angle = np.arctan2(mine @ second, mine @ first)
-                seen[face, np.unique((np.floor((angle + np.pi) / (2.0 * np.pi) * SECTORS)).astype(int) % SECTORS)] = True
+                seen[face, np.unique((np.floor((angle + np.pi) / (2.0 * np.pi) * SECTORS)).astype(int) % SECTORS)] = (
+                    True
+                )
         self.seen = seen
         for name, row in zip(_NAMES, seen, strict=True):
             if np.all(row) and name not in self._done:

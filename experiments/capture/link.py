@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from typing import Any
 
-from sensors.errors import InputError
+from sinan.sensors.errors import InputError
 
 FORMS = "udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]"
 _SERIAL = "pip install '.[mavlink]' in the clone"

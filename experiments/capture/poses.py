@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: Readings that are averaged: the course's.
 READINGS = 100
@@ -107,7 +107,9 @@ class PoseWatch:
         if accel > _SCATTER:
             return f"it reads {accel:.2f} m/s^2 to and fro, where {_SCATTER} is still"
         if gyro > _RATE_SCATTER:
-            return f"it turns to and fro by {np.degrees(gyro):.1f} deg/s, where {np.degrees(_RATE_SCATTER):.1f} is still"
+            return (
+                f"it turns to and fro by {np.degrees(gyro):.1f} deg/s, where {np.degrees(_RATE_SCATTER):.1f} is still"
+            )
         held = np.array([reading[:3] for _, reading in self._held])
         drift = float(np.linalg.norm(newest[:, :3].mean(axis=0) - held.mean(axis=0)))
         return f"it turns: the reading has moved by {drift:.2f} m/s^2" if drift > _DRIFT else ""
@@ -128,7 +130,9 @@ class PoseWatch:
         name = _NAMES[int(np.argmin(angle))]
         if np.min(angle) > _NEAR:
             self.state = "between two poses"
-            self._say(f"refused: {np.min(angle):.0f} deg from {name}, the nearest pose; wanted: {'; '.join(self.wanted)}")
+            self._say(
+                f"refused: {np.min(angle):.0f} deg from {name}, the nearest pose; wanted: {'; '.join(self.wanted)}"
+            )
             return None
         if name in self.taken:
             self.state = "shown before"

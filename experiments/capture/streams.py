@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.capture.clock import Message
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import Choice
-from sensors.formats.growing import GrowingRecording
-from sensors.formats.mavlink_frames import Telemetry, telemetry_of
-from sensors.formats.mavlink_streams import FINDERS, Reader, parameters_of
-from sensors.recording import Stream
+from sinan.experiments.capture.clock import Message
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.growing import GrowingRecording
+from sinan.sensors.formats.mavlink_frames import Telemetry, telemetry_of
+from sinan.sensors.formats.mavlink_streams import FINDERS, Reader, parameters_of
+from sinan.sensors.recording import Stream
 
 #: How long a stream is looked at before it is decided which message it is read from, and which columns it has [s].
 SETTLING = 0.7

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sensors.errors import InputError
-from sensors.formats.mavlink_frames import PIP
-from sensors.formats.mavlink_streams import AUTOPILOTS
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.mavlink_frames import PIP
+from sinan.sensors.formats.mavlink_streams import AUTOPILOTS
 
 #: This side: a ground station's numbers, whose heartbeat keeps a vehicle sending.
 _SYSTEM, _COMPONENT = 255, 190

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.errors import InputError
-from sensors.files import cannot_write, write_text
-from sensors.formats.plain import COVARIATES, HEADER_FILE, require_free
-from sensors.formats.plain_text import growing_header
-from sensors.recording import REQUIRED_COLUMNS, Environment, Kind, Stream
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import cannot_write, write_text
+from sinan.sensors.formats.plain import COVARIATES, HEADER_FILE, require_free
+from sinan.sensors.formats.plain_text import growing_header
+from sinan.sensors.recording import REQUIRED_COLUMNS, Environment, Kind, Stream
 
 
 class GrowingRecording:

@@ -13,10 +13,10 @@ from types import TracebackType
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.files import cannot_write
-from sensors.formats.packed import require_numbers
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import cannot_write
+from sinan.sensors.formats.packed import require_numbers
 
 MAGIC = b"MWLOGV01"
 #: magic, seconds since 1970, signals a record, type of a signal, bytes a record

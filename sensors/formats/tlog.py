@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import recording_of
-from sensors.formats.mavlink_frames import Telemetry, read_telemetry
-from sensors.formats.mavlink_streams import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import recording_of
+from sinan.sensors.formats.mavlink_frames import Telemetry, read_telemetry
+from sinan.sensors.formats.mavlink_streams import (
     AUTOPILOTS,
     IMU_MESSAGES,
     LONGEST_ON,
@@ -27,7 +27,7 @@ from sensors.formats.mavlink_streams import (
     parameters_of,
     readers_of,
 )
-from sensors.recording import Recording
+from sinan.sensors.recording import Recording
 
 
 def read_tlog(path: Path, choice: Choice = FIRST) -> Recording:
