@@ -1,8 +1,8 @@
 """When a reading was taken: the vehicle's own clock, brought to one that begins with the capture.
 
-t = own + offset, where the offset is that of the fastest message of the first moment; what has no clock is stamped by its
-arrival less the least delay. The vehicle's clock may begin anew (the autopilot was started again) or jump: then so does
-the offset, and t goes on. A message that is merely late keeps its own time.
+t = own + offset, where the offset is that of the fastest message of the first moment; what has no clock is stamped by
+its arrival less the least delay. The vehicle's clock may begin anew (the autopilot was started again) or jump: then so
+does the offset, and t goes on. A message that is merely late keeps its own time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 from sinan.sensors.formats.mavlink_streams import LONGEST_ON, OWN_CLOCKS, WRAP
 
 #: How long messages are gathered before the offset is taken of them, and before a doubt is decided [s].
-SETTLING, DOUBT = 0.5, 1.0
+SETTLING, DOUBT = 0.3, 1.0
 #: A clock that runs ahead of its messages by so much, or back against its own by so much, has jumped; behind by more
 #: it has either jumped or the messages were held up [s].
 AHEAD, BACK, LATE = 1.0, 0.5, 3.0

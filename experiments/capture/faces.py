@@ -1,7 +1,7 @@
 """The six faces of a magnetometer: on each, a full turn about the vertical; how much of it is there.
 
-The course's lab lays a board on six faces and turns it round on each. Here a face is known by the accelerometer, and the
-turn on it by the direction of the field about the vertical, in eight sectors.
+The course's lab lays a board on six faces and turns it round on each. Here a face is known by the accelerometer, and
+the turn on it by the direction of the field about the vertical, in eight sectors.
 """
 
 from __future__ import annotations

@@ -40,6 +40,7 @@ class Link(ABC):
     def send(self, data: bytes) -> None:
         """Send, if there is a way; what is lost is asked for again."""
 
+    @abstractmethod
     def close(self) -> None:
         """End it."""
 

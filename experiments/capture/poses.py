@@ -1,8 +1,8 @@
 """The ten poses of an accelerometer: which is shown, whether it is still, and which are still wanted.
 
-The course's lab has a board shown in ten poses, each the mean of 100 readings at rest, further apart than a threshold; a
-radio's switch starts it and an LED tells of each pose. Here a pose counts when it is held still, nearest to one that is
-still wanted; one that moves or was shown before is refused.
+The course's lab has a board shown in ten poses, each the mean of 100 readings at rest, further apart than a threshold;
+a radio's switch starts it and an LED tells of each pose. Here a pose counts when it is held still, nearest to one that
+is still wanted; one that moves or was shown before is refused.
 """
 
 from __future__ import annotations

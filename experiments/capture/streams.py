@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,12 +19,14 @@ from sinan.sensors.formats.mavlink_streams import FINDERS, Reader, parameters_of
 from sinan.sensors.recording import Stream
 
 #: How long a stream is looked at before it is decided which message it is read from, and which columns it has [s].
-SETTLING = 0.7
+SETTLING = 0.5
 #: What has come meanwhile is kept for so long [s].
-_KEPT = 1.2
+_KEPT = 2.5
 #: A time of the day for frames that a telemetry log would stamp: any of this century [us].
 _EPOCH = 1_700_000_000_000_000
 _BATTERY = "BATTERY_STATUS"
+#: Why a stream may be missing though its messages come.
+WHY = {"gps": "no fix in three dimensions", "mag": "the field is zero"}
 
 
 class _Stamps:
@@ -134,9 +136,3 @@ def _part(messages: Sequence[Message]) -> Telemetry:
     """Frames as a piece of a telemetry log."""
     stamped = (round(_EPOCH + 1e6 * one.arrived).to_bytes(8, "big") + one.frame for one in messages)
     return telemetry_of(b"".join(stamped), Path("the link"))
-
-
-def expected(name: str) -> Mapping[str, str]:
-    """Why a stream may be missing though its messages come."""
-    return {"gps": "no fix in three dimensions", "mag": "the field is zero", "motors": "no SERVOn_FUNCTION is a motor's",
-            "power": "neither current nor voltage is told"}  # fmt: skip

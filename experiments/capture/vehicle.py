@@ -170,6 +170,7 @@ class Vehicle:
 
     def _send(self, message: Any) -> None:
         self._out.append(bytes(message.pack(self._mav)))
+        self._mav.seq = (self._mav.seq + 1) % 256
 
     def _ask_for_messages(self, now: float) -> None:
         assert self.who is not None

@@ -56,8 +56,8 @@ Reader = Callable[[Telemetry, Clock], Stream | None]
 _Source = tuple[str, int | None]
 
 
-#: What finds each stream, by its name; `attitude` is the autopilot's own. Of the messages, with a choice of sensors, the
-#: autopilot's parameters, and notes to which is added what was chosen, and what is not read.
+#: What finds each stream, by its name; `attitude` is the autopilot's own. Of the messages, with a choice of sensors,
+#: the autopilot's parameters, and notes to which is added what was chosen, and what is not read.
 FINDERS: Mapping[str, Callable[[Telemetry, Choice, Mapping[str, float], list[str]], Reader | None]] = {
     "imu": lambda log, choice, parameters, notes: _imu(log, choice.imu, notes),
     "mag": lambda log, choice, parameters, notes: _mag(log, choice.mag),
