@@ -113,6 +113,7 @@ def _table(session: Session, rates: dict[str, float]) -> Table:
     lines = []
     watch = session.poses or session.faces
     lines += [watch.line] if watch is not None else []
+    lines += session.faces.drawing if session.faces is not None else []
     lines += [f"lost: {share_lost(session)}"] if session.vehicle.lost else []
     lines += [f"missing: {text}" for text in session.missing(time.monotonic())]
     table.caption = Text(printable("\n".join(lines), keep="\n"))

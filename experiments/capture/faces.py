@@ -57,6 +57,12 @@ class FaceWatch:
         share = f"{np.sum(self.seen)} of {self.seen.size} directions, {self.state}"
         return share + (f"; wanted, turned round: {'; '.join(self.wanted)}" if self.wanted else "")
 
+    @property
+    def drawing(self) -> list[str]:
+        """A line a face, a mark a heading: # was shown, . is wanted."""
+        marks = ["".join(".#"[int(one)] for one in row) for row in self.seen]
+        return [f"{name:18} {row}" for name, row in zip(_NAMES, marks, strict=True)]
+
     def add(self, accel: FloatArray, mag: FloatArray) -> None:
         """One reading of the field, any unit, with the specific force beside it [m/s^2]."""
         size = float(np.linalg.norm(accel))

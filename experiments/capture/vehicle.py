@@ -178,7 +178,7 @@ class Vehicle:
             slow = self.rate(one.name, now) < _TOO_SLOW * one.rate
             if not slow or now - one.asked < (_AGAIN if one.tries < _TRIES else _LATER):
                 continue
-            if one.tries >= _TRIES and not self._accepted:  # it does not know how to set an interval
+            if one.tries >= _TRIES - 1 and not self._accepted:  # it does not know how to set an interval
                 self._ask_for_group(one)
             self._send(self._mav.command_long_encode(
                 *self.who, _SET_MESSAGE_INTERVAL, 0, self._ids[one.name], round(1e6 / one.rate), 0, 0, 0, 0, 0
@@ -189,7 +189,8 @@ class Vehicle:
         assert self.who is not None
         for group, names in _GROUPS.items():
             if one.name in names:
-                self._send(self._mav.request_data_stream_encode(*self.who, group, round(one.rate), 1))
+                rate = max(other.rate for other in self.wanted.values() if other.name in names)
+                self._send(self._mav.request_data_stream_encode(*self.who, group, round(rate), 1))
 
     def _ask_for_parameters(self, now: float, known: Sequence[str]) -> None:
         assert self.who is not None

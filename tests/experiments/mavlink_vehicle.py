@@ -110,6 +110,7 @@ class Simulated:
         self.begun = time.monotonic()
         self.noise = random.Random(5)
         self.shown_since: float | None = None
+        self.asked: float | None = None
         self.jumps = list(plan.get("clock", []))
         self.clock = plan.get("boot", 100.0)  # own clock at the beginning
         self.autopilot = {"ardupilot": ARDUPILOT, "px4": PX4}[plan.get("autopilot", "ardupilot")]
@@ -118,10 +119,15 @@ class Simulated:
     def elapsed(self) -> float:
         return time.monotonic() - self.begun
 
+    @property
+    def known_for(self) -> float:
+        """Since it was asked for something [s]: the plan's times begin then."""
+        return 0.0 if self.asked is None else time.monotonic() - self.asked
+
     def run(self) -> None:
         while self.elapsed < self.plan["seconds"]:
             now = self.elapsed
-            while self.jumps and now >= self.jumps[0]["at"]:
+            while self.jumps and self.known_for >= self.jumps[0]["at"]:
                 self.restart(self.jumps.pop(0))
             for name in [name for name, rate in self.rates.items() if now >= self.next.get(name, 0.0)]:
                 self.next[name] = max(self.next.get(name, now) + 1.0 / self.rates[name], now - 0.5)
@@ -136,32 +142,32 @@ class Simulated:
             self.rates = {"HEARTBEAT": 4.0}
         self.clock = jump["to"] - self.elapsed
 
-    def quiet(self, now: float) -> bool:
-        return any(a <= now < b for a, b in self.plan.get("held", []))
+    def quiet(self) -> bool:
+        return any(a <= self.known_for < b for a, b in self.plan.get("held", []))
 
-    def put(self, message: Any, now: float) -> None:
-        self.way.send(bytes(message.pack(self.link)), self.quiet(now))
+    def put(self, message: Any) -> None:
+        self.way.send(bytes(message.pack(self.link)), self.quiet())
         self.link.seq = (self.link.seq + 1) % 256
 
     def tell(self, name: str, now: float) -> None:
         own = now + self.clock
         if name == "HEARTBEAT":
-            self.put(mavlink.MAVLink_heartbeat_message(2, self.autopilot, 0, 0, 4, 3), now)
+            self.put(mavlink.MAVLink_heartbeat_message(2, self.autopilot, 0, 0, 4, 3))
         elif name in ("RAW_IMU", "HIGHRES_IMU"):
-            self.put(self.imu(name, own), now)
+            self.put(self.imu(name, own))
         elif name == "SCALED_PRESSURE":
-            self.put(mavlink.MAVLink_scaled_pressure_message(round(1e3 * own), 950.0, 0.0, 2350), now)
+            self.put(mavlink.MAVLink_scaled_pressure_message(round(1e3 * own), 950.0, 0.0, 2350))
         elif name == "GPS_RAW_INT":
             fields = (round(1e6 * own), 3, 473_977_000, 85_456_000, 488_000, 75, 120, 0, 0, 14, 536_000, 900, 1500, 300)
-            self.put(mavlink.MAVLink_gps_raw_int_message(*fields), now)
+            self.put(mavlink.MAVLink_gps_raw_int_message(*fields))
         elif name == "BATTERY_STATUS":
             for battery, current in ((0, 1250), (1, 350)):
                 cells = [4000, 4100, *[65535] * 8]
                 fields = (battery, 0, 0, 2000, cells, current, -1, -1, 80)
-                self.put(mavlink.MAVLink_battery_status_message(*fields), now)
+                self.put(mavlink.MAVLink_battery_status_message(*fields))
         elif name == "ATTITUDE":
             rpy = [math.radians(a) for a in self.angles()]
-            self.put(mavlink.MAVLink_attitude_message(round(1e3 * own), *rpy, 0.0, 0.0, 0.0), now)
+            self.put(mavlink.MAVLink_attitude_message(round(1e3 * own), *rpy, 0.0, 0.0, 0.0))
 
     def angles(self) -> tuple[float, float, float]:
         """Roll, pitch, yaw [deg] of what is shown now; between two poses a turn from one to the next."""
@@ -169,7 +175,7 @@ class Simulated:
             return 0.0, 0.0, 0.0
         shown, hold, turn = self.plan["shown"], self.plan["hold"], self.plan.get("turn", 0.15)
         k, t = divmod(time.monotonic() - self.shown_since, hold + turn)
-        first, second = (shown[min(int(k) + j, len(shown) - 1)] for j in (0, 1))
+        first, second = (shown[(int(k) + j) % len(shown)] for j in (0, 1))
         round_ = 360.0 * t / hold if self.plan.get("round") else 0.0
         if t < hold:
             return first[0], first[1], first[2] + round_
@@ -209,6 +215,7 @@ class Simulated:
     def hear(self, data: bytes) -> None:
         for message in self.link.parse_buffer(data) or []:
             name, now = message.get_type(), self.elapsed
+            self.asked = self.asked or time.monotonic()
             if name == "COMMAND_LONG" and message.command == 511 and not self.plan.get("old"):
                 self.interval(int(message.param1), message.param2, now)
             elif name == "REQUEST_DATA_STREAM" and message.req_stream_id == 1:
@@ -224,11 +231,11 @@ class Simulated:
         known = kind is not None and kind.msgname in self.plan["sends"]
         if known and kind is not None:
             self.rates[kind.msgname] = min(1e6 / interval, self.plan.get("most", 400.0))
-        self.put(mavlink.MAVLink_command_ack_message(511, 0 if known else 2), now)
+        self.put(mavlink.MAVLink_command_ack_message(511, 0 if known else 2))
 
     def told(self, name: str, now: float) -> None:
         fields = name.encode(), self.parameters[name], 9, len(self.parameters), 0
-        self.put(mavlink.MAVLink_param_value_message(*fields), now)
+        self.put(mavlink.MAVLink_param_value_message(*fields))
 
 
 if __name__ == "__main__":
