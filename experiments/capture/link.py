@@ -75,10 +75,14 @@ class UdpLink(Link):
         try:
             family, _, _, _, address = socket.getaddrinfo(*place, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
-            self._peer: Any = None if listens else address
+        except OSError as error:
+            raise InputError("--link", f"{name}: {error.strerror or error}", "an address that is known") from None
+        self._peer: Any = None if listens else address
+        try:
             if listens:
                 self._socket.bind(address)
         except OSError as error:
+            self._socket.close()
             raise InputError("--link", f"{name}: {error.strerror or error}", "an address that is free") from None
 
     def receive(self, wait: float) -> list[bytes]:

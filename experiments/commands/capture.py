@@ -96,7 +96,8 @@ def _calibration(session: Session, results: Results) -> list[str]:
     if watch is not None and not session.complete:
         return [f"not calibrated, ended too early: {watch.line}"]
     recording = read_recording(session.recording.folder)
-    done = calibrate_sensor(recording, sensor, results.axes, session.asked.gravity)
+    axes = results.axes or ("triangular" if sensor == "mag" else "none")  # what autopilots have parameters for
+    done = calibrate_sensor(recording, sensor, axes, session.asked.gravity)
     if done.readings is not None:
         done.document["read_in"] = recording.environment.field_unit if sensor == "mag" else done.readings.unit
     lines = [summary(sensor, done.document)]

@@ -499,7 +499,9 @@ def capture(
     faces: Annotated[
         Turned | None, typer.Option(help="six faces, turned round on each: calibrate and print parameters")
     ] = None,
-    axes: Annotated[AxesForm | None, typer.Option(help="form of T, as `sinan calibrate` has it")] = None,
+    axes: Annotated[
+        AxesForm | None, typer.Option(help="form of T; default: none of an accelerometer, triangular of a compass")
+    ] = None,
     gravity: Gravity = None,
     imu: Imu = 0,
     mag: Mag = 0,
