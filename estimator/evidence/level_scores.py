@@ -72,18 +72,14 @@ def _backward(
     part: RunInputs, i0: int, k0: int, row0: int, r: FloatArray, information: FloatArray, found: LevelScores
 ) -> None:
     """Carry r and the information to the start of a part, in place, and write down what it says."""
-    from sinan.estimator.filter.smoother_numba import backward_scores
+    from sinan.estimator.filter.smoother_numba import By, backward_scores
 
-    engine, outputs, record = recorded(part, 0)
-    K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
-    used = outputs.status == ACCEPTED
-    bias = np.zeros(CAPACITY)
-    backward_scores(
-        record["steps"], record["step_of_event"], record["step_of_imu"], part.events.row, outputs.S_row, used,
-        outputs.weight, outputs.white, outputs.S, record["U"], record["H"], record["turn"], engine.walk2, engine.rate,
-        engine.states, part.model.translation, r, information, found.r[row0 : row0 + rows],
-        found.q_accel[i0 : i0 + samples - 1], found.q_gyro[i0 : i0 + samples - 1], bias,
-    )  # fmt: skip
+    engine, trail = recorded(part, 0)
+    outputs, row = engine.outputs, part.events.row
+    K, intervals = len(part.events), slice(i0, i0 + len(part.imu) - 1)
+    used, bias = outputs.status == ACCEPTED, np.zeros(CAPACITY)
+    by = By(found.r[row0 : row0 + int(row[-1])], found.q_accel[intervals], found.q_gyro[intervals], bias)
+    backward_scores(trail, row, engine.written, used, engine.world, r, information, by)
     found.bias[:] += bias[: len(found.bias)]
     found.loglik[k0 : k0 + K] = np.where(used, outputs.loglik, 0.0)
     found.nis[k0 : k0 + K] = np.where(used, outputs.nis, 0.0)
