@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sinan.sensors.errors import printable
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Group
 
     from sinan.experiments.capture.session import Session
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 _DRAWN, _LINE = 0.25, 5.0
 #: Rates of streams are those of the last seconds [s].
 _SPAN = 3.0
-_LAST_EVENTS = 6
 
 
 class Rates:
@@ -97,12 +96,14 @@ class _Drawn:
             self._update(_table(session, self._rates.now(session.recording.rows)), refresh=True)
 
 
-def _table(session: Session, rates: dict[str, float]) -> Table:
+def _table(session: Session, rates: dict[str, float]) -> Group:
     """Streams, rates, rows, how old the newest is; beneath, what is missing and what is wanted."""
+    from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=f"{session.vehicle.title}, {session.elapsed:.0f} s; Ctrl-C ends it well", title_justify="left")
+    title = f"{session.vehicle.title}, {session.elapsed:.0f} s; Ctrl-C ends it well"
+    table = Table()
     table.add_column("stream")
     for name in ("rate [1/s]", "rows", "newest [s ago]"):
         table.add_column(name, justify="right")
@@ -116,6 +117,4 @@ def _table(session: Session, rates: dict[str, float]) -> Table:
     lines += session.faces.drawing if session.faces is not None else []
     lines += [f"lost: {share_lost(session)}"] if session.vehicle.lost else []
     lines += [f"missing: {text}" for text in session.missing(time.monotonic())]
-    table.caption = Text(printable("\n".join(lines), keep="\n"))
-    table.caption_justify = "left"
-    return table
+    return Group(Text(title, style="bold"), table, Text(printable("\n".join(lines), keep="\n")))

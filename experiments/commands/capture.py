@@ -13,6 +13,7 @@ from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.autopilots.calibrated import calibration_terms
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.parameters import lines_of
+from sinan.experiments.autopilots.terms import Terms
 from sinan.experiments.calibrate import Calibrated, summary
 from sinan.experiments.capture.display import share_lost, shown
 from sinan.experiments.capture.link import open_link
@@ -100,28 +101,29 @@ def _calibration(session: Session, results: Results) -> list[str]:
     done = calibrate_sensor(recording, sensor, axes, session.asked.gravity)
     if done.readings is not None:
         done.document["read_in"] = recording.environment.field_unit if sensor == "mag" else done.readings.unit
-    lines = [summary(sensor, done.document)]
+    terms = _parameters(session, done)
+    lines = [summary(sensor, done.document), *([terms] if isinstance(terms, str) else lines_of(terms))]
+    if results.params is not None and not isinstance(terms, str):
+        write_text(results.params, as_file(terms, f"{made()}: {sensor} calibrated"))
     if results.json is not None:
         write_json(results.json, done.document)
     if results.html is not None:
         from sinan.experiments.report.calibration_page import calibration_page
 
-        calibration_page(results.html, recording.name, [done], {})
-    return lines + _parameters(session, done, results.params)
+        settings = () if isinstance(terms, str) else terms.settings
+        calibration_page(results.html, recording.name, [done], {}, settings)
+    return lines
 
 
-def _parameters(session: Session, done: Calibrated, out: Path | None) -> list[str]:
-    """The parameters to type in, with those that the autopilot has now taken into account."""
+def _parameters(session: Session, done: Calibrated) -> Terms | str:
+    """The parameters to type in, with those that the autopilot has now taken into account; or why there are none."""
     name = AUTOPILOTS.get(session.vehicle.autopilot, "").lower()
     if not name:
-        return ["whose autopilot it is was not said: no parameters"]
+        return "whose autopilot it is was not said: no parameters"
     choice = session.asked.choice
     number = choice.imu if done.sensor == "accel" else choice.mag
     assert isinstance(done.result, Calibration)
     try:
-        terms = calibration_terms(name, done.sensor, done.result, session.streams.parameters, number)
+        return calibration_terms(name, done.sensor, done.result, session.streams.parameters, number)
     except InputError as error:
-        return [f"no parameters: {error}"]
-    if out is not None:
-        write_text(out, as_file(terms, f"{made()}: {done.document['sensor']} calibrated"))
-    return lines_of(terms)
+        return f"no parameters: {error}"
