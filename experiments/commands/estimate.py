@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from sinan.calibration.levels.assumptions import as_rows
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.journal import Journal
@@ -67,6 +68,7 @@ def run(
     document["called"], document["window"] = called(input, recording, span), None if span == WHOLE else list(span)
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
+    document["assumptions"] = as_rows(model.assumptions)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
     document["warnings"] = warnings_of(document, trace_call(input, map_file, span=span, choice=choice))

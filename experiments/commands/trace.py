@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.commands.refused import doubted_shares, refused
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import note, tell_notes, working
@@ -91,9 +93,15 @@ def document_of(
     document = worded(report(traced), name, Log(input, map_file, choice))
     document["window"] = None if span == WHOLE else list(span)
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["choice"], document["magnetic_field"] = asdict(choice), _field_of(traced)
     return document
+
+
+def _assumptions(source: Source) -> tuple[Assumption, ...]:
+    """What the model of a flight takes without being told; of poses nothing."""
+    return source.model.assumptions if isinstance(source, FlightSource) else ()
 
 
 def _field_of(traced: Traced) -> list[float] | None:
