@@ -17,6 +17,7 @@ from experiments.measured.reference import reference_of
 from experiments.refused import refused
 from experiments.report.console import tell_notes, working
 from experiments.report.files import write_json
+from experiments.report.made import checksums
 from experiments.report.words import (
     SENSORS,
     bias_rows,
@@ -29,6 +30,7 @@ from experiments.report.words import (
     with_sigma,
 )
 from experiments.residual_loop.open_source import require_kind
+from experiments.review.unseen import not_seen
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
 from sensors.window import WHOLE, Span
@@ -69,13 +71,19 @@ def run(
     document["noise"] = list(ready.notes)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
-    document["warnings"] = warnings_of(document, trace_call(input, map_file, span=span, choice=choice))
+    document["call"] = trace_call(input, map_file, span=span, choice=choice)
+    document["warnings"] = warnings_of(document, document["call"])
+    document["not_seen"] = not_seen(recording)
+    document["logs"] = checksums([input]) if json is not None or html is not None else []
     if json is not None:
         write_json(json, document)
     if html is not None:
         from experiments.report.estimate_page import estimate_page
+        from experiments.review.of_commands import review_of_estimate
 
-        estimate_page(html, document["called"], document, bias_courses(journal, target))
+        with working("drawing"):
+            review = review_of_estimate(recording, journal, target, [input])
+            estimate_page(html, document["called"], document, bias_courses(journal, target), review)
     return summary(document["called"], document)
 
 

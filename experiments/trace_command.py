@@ -12,12 +12,14 @@ from experiments.datasets import called, resolve
 from experiments.refused import doubted_shares, refused
 from experiments.report.console import note, tell_notes, working
 from experiments.report.files import write_json
+from experiments.report.made import checksums
 from experiments.report.verdict_words import Log, trace_summary, worded
 from experiments.residual_loop.flight import FlightSource
 from experiments.residual_loop.report import report
 from experiments.residual_loop.run import trace_recording
 from experiments.residual_loop.source import Source
 from experiments.residual_loop.traced import Traced
+from experiments.review.unseen import not_seen
 from sensors.errors import InputError
 from sensors.formats.choice import FIRST, Choice
 from sensors.joining import joined
@@ -44,13 +46,15 @@ def run(
     """
     recording, traced, document = trace_log(inputs, sensor, alpha, gravity, map_file, span, choice)
     document["autopilot"], said_of_autopilot = in_its_terms(document, recording, inputs)
+    document["logs"] = checksums(inputs) if json is not None or html is not None else []
     if json is not None:
         write_json(json, document)
     if html is not None:
         from experiments.report.trace_page import trace_page
+        from experiments.review.of_commands import review_of_trace
 
         with working("drawing"):
-            trace_page(html, traced, document)
+            trace_page(html, traced, document, review=review_of_trace(recording, traced, document, inputs))
     said = [f"warning: {warning}" for warning in document["warnings"]]
     notes = [f"  note: {note}" for note in document["notes"]]
     return "\n".join([*said, trace_summary(document), *notes, *said_of_autopilot])
@@ -93,6 +97,7 @@ def document_of(
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["choice"], document["magnetic_field"] = asdict(choice), _field_of(traced)
+    document["not_seen"] = not_seen(recording, document)
     return document
 
 

@@ -62,6 +62,7 @@ def _traced(log: Log, path: str) -> Answer:
     from experiments.datasets import resolve
     from experiments.report.trace_page import trace_page
     from experiments.residual_loop.run import trace_recording
+    from experiments.review.of_commands import review_of_trace
     from experiments.trace_command import document_of, in_its_terms
 
     recording = resolve(path)
@@ -70,9 +71,10 @@ def _traced(log: Log, path: str) -> Answer:
     said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
     document = document_of(recording, traced, [log.path])
     document["autopilot"] = in_its_terms(document, recording, [path])[0]
+    document["logs"] = [{"log": log.path, "sha256": log.digest}]
     with TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
-        trace_page(page, traced, document)
+        trace_page(page, traced, document, review=review_of_trace(recording, traced, document, [path]))
         return Answer({**document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
 
 

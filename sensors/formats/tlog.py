@@ -136,6 +136,11 @@ class _Clock:
         return None
 
 
+def arrival_clock(log: Telemetry, name: str) -> FloatArray:
+    """(n,) when the messages of a kind were sent, on the clock of `read_tlog` before its first sample [s]."""
+    return _Clock(log).of(name)
+
+
 def _imus(log: Telemetry) -> dict[int, tuple[str, int | None]]:
     """The messages of each IMU by its number: name, and the identity that `HIGHRES_IMU` gives it."""
     found: dict[int, tuple[str, int | None]] = {}

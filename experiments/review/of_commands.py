@@ -1,0 +1,61 @@
+"""The review of what a command has done: of a trace, of an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from estimator.journal import Journal
+from experiments.measured.reference import Mounted, reference_of
+from experiments.report.words import SENSORS
+from experiments.residual_loop.flight import FlightSource
+from experiments.residual_loop.traced import Traced
+from experiments.review.curves import Event, Review
+from experiments.review.events import fault_events, found_events, gap_events, logged_events, stretch_events
+from experiments.review.flight import Flown, flight_review
+from experiments.review.readings import readings_review
+from sensors.recording import Recording
+
+
+def review_of_estimate(
+    recording: Recording, journal: Journal, target: Mounted | None, inputs: Sequence[str]
+) -> Review:
+    """States and innovations of a run of the filter.
+
+    Parameters
+    ----------
+    recording : as it was read
+    target : what it is compared with
+    inputs : the logs as they were named
+    """
+    events = [*logged_events(recording, inputs), *gap_events(recording), *fault_events(journal.notes)]
+    flown = Flown(recording, journal.imu_t, journal.imu_x, journal, journal.model.translation, target, tuple(events))
+    return flight_review(flown)
+
+
+def review_of_trace(
+    recording: Recording, traced: Traced, document: Mapping[str, Any], inputs: Sequence[str]
+) -> Review:
+    """States and innovations with what was found in the model; of poses the readings.
+
+    Parameters
+    ----------
+    recording : as it was read
+    document : the report
+    inputs : the logs as they were named
+    """
+    part = traced.parts[0]
+    if not isinstance(part.source, FlightSource):
+        review = readings_review(recording)
+        return replace(review, events=tuple(found_events(document, review.span[1])))
+    journal = part.source.journal(part.trace.final)
+    t, x = part.source.states(part.trace.final)
+    set_aside = [Event("refused", at, at, f"{SENSORS.get(name, name)} reading left out as wrong")
+                 for name, stamps in part.source.left_out.items() for at in stamps.tolist()]  # fmt: skip
+    events = [
+        *logged_events(recording, inputs), *stretch_events(part.source.stretches),
+        *found_events(document, float(t[-1])), *gap_events(recording), *fault_events(journal.notes), *set_aside,
+    ]  # fmt: skip
+    flown = Flown(recording, t, x, journal, part.source.model.translation, reference_of(recording), tuple(events))
+    return flight_review(flown)
