@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.report.made import digest_of
-from sensors.errors import InputError
-from sensors.formats import describes_itself
+from sinan.experiments.report.made import digest_of
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import describes_itself
 
 _NAME_KEPT = 60  # letters of a log's name in that of its page
 
@@ -78,4 +78,3 @@ def _inside(folder: Path, out: Path) -> Iterator[Path]:
             yield path
         elif path.is_dir():
             yield from _inside(path, out)
-

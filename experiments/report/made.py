@@ -25,7 +25,7 @@ def sinan_version() -> str:
 def command() -> str:
     """The command as it is typed."""
     name, *arguments = sys.argv
-    is_module = Path(name).parts[-2:] == ("experiments", "__main__.py")
+    is_module = Path(name).name == "__main__.py"  # python -m sinan
     program = "sinan" if is_module else Path(name).name
     return os.fsencode(shlex.join([program, *arguments])).decode("utf-8", "replace")
 
@@ -55,7 +55,7 @@ def digest_of(path: Path) -> str:
 
 def checksums(inputs: Sequence[str]) -> list[dict[str, str | None]]:
     """Each log as it was named, with its SHA-256; None: it cannot be read twice, as a pipe cannot."""
-    from experiments.datasets.inputs import locate
+    from sinan.experiments.datasets.inputs import locate
 
     found: list[dict[str, str | None]] = []
     for text in inputs:

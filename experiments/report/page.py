@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from experiments.report.made import command, now, sinan_version
-from sensors.files import write_text
+from sinan.experiments.report.made import command, now, sinan_version
+from sinan.sensors.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.review.curves import Review
+    from sinan.experiments.review.curves import Review
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7b; --line: #d9e0e7; --accent: #0b6e99; --paper: #fbfcfd; }
@@ -113,7 +113,7 @@ class Page:
 
     def review(self, review: Review) -> None:
         """A log over time, to zoom and to read out; without a script, drawings."""
-        from experiments.report import review_part
+        from sinan.experiments.report import review_part
 
         self._parts.append(review_part.review_html(review))
         self._style, self._script = _STYLE + review_part.style(), review_part.script()

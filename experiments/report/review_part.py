@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.report.words import counted
-from experiments.review.curves import BOUND, DOTS, Curve, Event, Panel, Plan, Review, thinned
-from sensors.arrays import FloatArray
+from sinan.experiments.report.words import counted
+from sinan.experiments.review.curves import BOUND, DOTS, Curve, Event, Panel, Plan, Review, thinned
+from sinan.sensors.arrays import FloatArray
 
 _HERE = Path(__file__).parent
 #: Units of a drawing, whatever its size on the screen.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: A step of a clock that is so many times its median, and this share of the log, breaks a curve.
 _BREAK, _BREAK_SHARE = 5.0, 0.002

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from estimator.faults import Note
-from experiments.report.words import SENSORS
-from experiments.review.curves import Event
-from sensors.recording import COVARIATE_STREAMS, Recording
+from sinan.estimator.filter.faults import Note
+from sinan.experiments.report.words import SENSORS
+from sinan.experiments.review.curves import Event
+from sinan.sensors.recording import COVARIATE_STREAMS, Recording
 
 #: A gap is a step in which so many readings are missing at the median rate, and that lasts so long [s].
 _MISSING, _LEAST = 3.5, 0.1
@@ -61,7 +61,7 @@ def found_events(document: Mapping[str, Any], end: float) -> list[Event]:
 
 def logged_events(recording: Recording, inputs: Sequence[str]) -> list[Event]:
     """What the log itself says: when it was armed, in which mode it flew. Of several logs together nothing is said."""
-    from sensors.formats.happenings import happenings_of
+    from sinan.sensors.formats.happenings import happenings_of
 
     path = Path(inputs[0]) if len(inputs) == 1 else None
     if path is None or recording.log_start is None or not path.is_file():

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.events import GATED
-from estimator.journal import Journal
-from experiments.measured.reference import Mounted
-from experiments.report.words import SENSORS, reference_words
-from experiments.review.curves import BOUND, COMPARED, DOTS, Curve, Event, Panel, Plan, Review, Section, broken
-from experiments.review.curves import vector_curves as vector
-from experiments.review.readings import readings_section, vibration_section
-from sensors.arrays import FloatArray
-from sensors.bounds import ASSUMED
-from sensors.recording import POSITION, QUATERNION, VELOCITY, Recording
-from sensors.rotation import rpy_from_quaternion
+from sinan.estimator.filter.events import GATED
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.measured.reference import Mounted
+from sinan.experiments.report.words import SENSORS, reference_words
+from sinan.experiments.review.curves import BOUND, COMPARED, DOTS, Curve, Event, Panel, Plan, Review, Section, broken
+from sinan.experiments.review.curves import vector_curves as vector
+from sinan.experiments.review.readings import readings_section, vibration_section
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.bounds import ASSUMED
+from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording
+from sinan.sensors.rotation import rpy_from_quaternion
 
 #: A normal innovation is outside in one case of twenty.
 BOUND_SIGMA = 1.96
@@ -187,5 +187,3 @@ def refused_events(journal: Journal) -> tuple[Event, ...]:
         found += [Event("refused", float(t), float(t), f"{SENSORS.get(sensor, sensor)} reading refused")
                   for t in one.t[one.status == GATED]]  # fmt: skip
     return tuple(found)
-
-

@@ -6,21 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from estimator.journal import Journal
-from experiments.measured.reference import Mounted, reference_of
-from experiments.report.words import SENSORS
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.traced import Traced
-from experiments.review.curves import Event, Review
-from experiments.review.events import fault_events, found_events, gap_events, logged_events, stretch_events
-from experiments.review.flight import Flown, flight_review
-from experiments.review.readings import readings_review
-from sensors.recording import Recording
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.measured.reference import Mounted, reference_of
+from sinan.experiments.report.words import SENSORS
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.review.curves import Event, Review
+from sinan.experiments.review.events import fault_events, found_events, gap_events, logged_events, stretch_events
+from sinan.experiments.review.flight import Flown, flight_review
+from sinan.experiments.review.readings import readings_review
+from sinan.sensors.recording import Recording
 
 
-def review_of_estimate(
-    recording: Recording, journal: Journal, target: Mounted | None, inputs: Sequence[str]
-) -> Review:
+def review_of_estimate(recording: Recording, journal: Journal, target: Mounted | None, inputs: Sequence[str]) -> Review:
     """States and innovations of a run of the filter.
 
     Parameters
@@ -34,9 +32,7 @@ def review_of_estimate(
     return flight_review(flown)
 
 
-def review_of_trace(
-    recording: Recording, traced: Traced, document: Mapping[str, Any], inputs: Sequence[str]
-) -> Review:
+def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str, Any], inputs: Sequence[str]) -> Review:
     """States and innovations with what was found in the model; of poses the readings.
 
     Parameters

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from experiments.review.curves import Curve, Panel, Review, Section, broken, vector_curves
-from experiments.review.spectrum import amplitude_density
-from sensors.arrays import FloatArray
-from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
-from sensors.vibration import CORNER, WINDOW, vibration_power
+from sinan.experiments.review.curves import Curve, Panel, Review, Section, broken, vector_curves
+from sinan.experiments.review.spectrum import amplitude_density
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.vibration import CORNER, WINDOW, vibration_power
 
 _XYZ = ("x", "y", "z")
 #: Columns with a panel of their own, beside the three-axis ones: stream, how its columns begin, title, unit.
@@ -47,7 +47,9 @@ def readings_review(recording: Recording) -> Review:
 
 def readings_section(recording: Recording) -> Section:
     """Readings as they are in the log."""
-    return Section("What the instruments read", tuple(_panels(recording)), "As it is in the log, without any correction.")
+    return Section(
+        "What the instruments read", tuple(_panels(recording)), "As it is in the log, without any correction."
+    )
 
 
 def _panels(recording: Recording) -> Iterator[Panel]:
@@ -66,7 +68,7 @@ def _panels(recording: Recording) -> Iterator[Panel]:
         if name not in streams:
             continue
         columns = [c for c in streams[name].columns if c == begins or c.startswith(f"{begins}_")][:_MOST]
-        if columns and (name, begins) != ("baro", "pressure") or (columns and "height" not in streams[name]):
+        if (columns and (name, begins) != ("baro", "pressure")) or (columns and "height" not in streams[name]):
             said = [c.removeprefix(f"{begins}_") if len(columns) > 1 else c for c in columns]
             curves = vector_curves(streams[name].t, streams[name].array(columns), said)
             yield Panel(title, unit, curves, axis)

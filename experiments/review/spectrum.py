@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: Samples of a segment at most; segments overlap by half, and are weighted by Hann's window.
 _SEGMENT = 1024

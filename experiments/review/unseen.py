@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.report.words import SENSORS
-from sensors.recording import Recording
+from sinan.experiments.report.words import SENSORS
+from sinan.sensors.recording import Recording
 
 _MOST_NAMES = 12
 
@@ -18,7 +18,7 @@ def not_seen(recording: Recording, document: Mapping[str, Any] | None = None) ->
     ----------
     document : the report of a trace; None: nothing was traced
     """
-    from experiments.info_command import could_see
+    from sinan.experiments.commands.info import could_see
 
     _, missing = could_see(recording)
     found = [f"{_listed(names)}: would need {what}" for what, names in missing.items()]

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, edges_of_runs
-from sensors.formats import what_is
+from sinan.sensors.arrays import BoolArray, FloatArray, edges_of_runs
+from sinan.sensors.formats import what_is
 
 _MICROSECOND = 1e-6
 #: `vehicle_status.arming_state` of an armed vehicle, of every firmware.
@@ -68,7 +68,7 @@ def happenings_of(path: Path) -> list[Happening]:
 
 
 def _of_ulog(path: Path) -> list[Happening]:
-    from sensors.formats.ulog_messages import read_topics
+    from sinan.sensors.formats.ulog_messages import read_topics
 
     topics = read_topics(path)
     found: list[Happening] = []
@@ -81,7 +81,7 @@ def _of_ulog(path: Path) -> list[Happening]:
 
 
 def _of_dataflash(path: Path) -> list[Happening]:
-    from sensors.formats.dataflash_messages import read_messages
+    from sinan.sensors.formats.dataflash_messages import read_messages
 
     log = read_messages(path)
     found: list[Happening] = []
@@ -99,8 +99,8 @@ def _of_dataflash(path: Path) -> list[Happening]:
 
 
 def _of_tlog(path: Path) -> list[Happening]:
-    from sensors.formats.mavlink_frames import read_telemetry
-    from sensors.formats.tlog import arrival_clock
+    from sinan.sensors.formats.mavlink_frames import read_telemetry
+    from sinan.sensors.formats.tlog import arrival_clock
 
     log = read_telemetry(path)
     if not log.has("HEARTBEAT", "base_mode"):
