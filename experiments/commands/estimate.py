@@ -11,6 +11,7 @@ import numpy as np
 from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.journal import Journal
+from sinan.experiments.commands.info import could_see
 from sinan.experiments.commands.refused import refused
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.estimate import bias_courses, estimated, score
@@ -73,17 +74,18 @@ def run(
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
     document["call"] = trace_call(input, map_file, span=span, choice=choice)
     document["warnings"] = warnings_of(document, document["call"])
-    document["not_seen"] = not_seen(recording)
+    document["not_seen"] = not_seen(could_see(recording)[1])
     document["logs"] = checksums([input]) if json is not None or html is not None else []
     if json is not None:
         write_json(json, document)
     if html is not None:
         from sinan.experiments.report.estimate_page import estimate_page
+        from sinan.experiments.review.drawing import drawn
         from sinan.experiments.review.of_commands import review_of_estimate
 
         with working("drawing"):
             review = review_of_estimate(recording, journal, target, [input])
-            estimate_page(html, document["called"], document, bias_courses(journal, target), review)
+            estimate_page(html, document["called"], document, bias_courses(journal, target), drawn(review))
     return summary(document["called"], document)
 
 

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from sinan.experiments.commands.info import could_see
 from sinan.experiments.commands.refused import doubted_shares, refused
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import note, tell_notes, working
@@ -51,10 +52,11 @@ def run(
         write_json(json, document)
     if html is not None:
         from sinan.experiments.report.trace_page import trace_page
+        from sinan.experiments.review.drawing import drawn
         from sinan.experiments.review.of_commands import review_of_trace
 
         with working("drawing"):
-            trace_page(html, traced, document, review=review_of_trace(recording, traced, document, inputs))
+            trace_page(html, traced, document, review=drawn(review_of_trace(recording, traced, document, inputs)))
     said = [f"warning: {warning}" for warning in document["warnings"]]
     notes = [f"  note: {note}" for note in document["notes"]]
     return "\n".join([*said, trace_summary(document), *notes, *said_of_autopilot])
@@ -97,7 +99,7 @@ def document_of(
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
     document["choice"], document["magnetic_field"] = asdict(choice), _field_of(traced)
-    document["not_seen"] = not_seen(recording, document)
+    document["not_seen"] = not_seen(could_see(recording)[1], document)
     return document
 
 

@@ -63,6 +63,7 @@ def _traced(log: Log, path: str) -> Answer:
     from sinan.experiments.datasets import resolve
     from sinan.experiments.report.trace_page import trace_page
     from sinan.experiments.residual_loop.run import trace_recording
+    from sinan.experiments.review.drawing import drawn
     from sinan.experiments.review.of_commands import review_of_trace
 
     recording = resolve(path)
@@ -74,7 +75,7 @@ def _traced(log: Log, path: str) -> Answer:
     document["logs"] = [{"log": log.path, "sha256": log.digest}]
     with TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
-        trace_page(page, traced, document, review=review_of_trace(recording, traced, document, [path]))
+        trace_page(page, traced, document, review=drawn(review_of_trace(recording, traced, document, [path])))
         return Answer({**document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
 
 

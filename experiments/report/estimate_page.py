@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
-from sinan.experiments.report.page import Page
+from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,
@@ -20,16 +20,13 @@ from sinan.experiments.report.words import (
     with_sigma,
 )
 
-if TYPE_CHECKING:
-    from sinan.experiments.review.curves import Review
-
 
 def estimate_page(
     path: Path,
     name: str,
     document: Mapping[str, Any],
     courses: Sequence[BiasCourse],
-    review: Review | None = None,
+    review: Drawn | None = None,
 ) -> None:
     """Write the page.
 
@@ -99,7 +96,7 @@ def estimate_page(
     page.table(head, rows, numeric=(1, 2, 4))
     if review is not None:
         page.heading("The log over time")
-        page.review(review)
+        page.part(review)
     page.write(path)
 
 

@@ -8,6 +8,7 @@ import html
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +20,6 @@ from sinan.sensors.files import write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sinan.experiments.review.curves import Review
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7b; --line: #d9e0e7; --accent: #0b6e99; --paper: #fbfcfd; }
@@ -34,15 +34,15 @@ summary { cursor: pointer; color: var(--accent); margin: .8rem 0; }
 p.note, figcaption { color: var(--soft); font-size: .92rem; }
 .numbers { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0; }
 .number { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem 1rem; background: #fff;
-  min-width: 11rem; flex: 1 1 13rem; max-width: 28rem; }
-.number b { display: block; font-size: 1.35rem; }
+  min-width: 11rem; flex: 1 1 15rem; max-width: 28rem; }
+.number b { display: block; font-size: 1.25rem; }
 .number span { color: var(--soft); font-size: .88rem; }
 figure { margin: 1rem 0; } figure img { width: 100%; height: auto; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; min-width: 50%; font-size: .92rem; }
 ul.plain { margin: .3rem 0; padding-left: 1.2rem; }
-.verdict { display: inline-block; font-weight: 700; padding: .1rem .7rem; border-radius: 1rem; border: 2px solid #5b6b7b;
-  background: #eef2f5; margin: 0 0 .6rem; }
+.verdict { display: inline-block; font-weight: 700; padding: .1rem .7rem; border-radius: 1rem; margin: 0 0 .6rem;
+  border: 2px solid #5b6b7b; background: #eef2f5; }
 .verdict.effects { border-color: #0b6e99; background: #e3f1f7; }
 .verdict.no_effect { border-color: #4d7c0f; background: #eef6e2; }
 .verdict.ambiguous { border-color: #a8650a; background: #fdf3dd; }
@@ -58,7 +58,7 @@ code { background: #eef2f5; padding: .1rem .3rem; border-radius: .25rem; overflo
 h1, p, li, figcaption, footer { overflow-wrap: anywhere; }
 @media (max-width: 600px) {
   body { padding: 1.2rem .8rem 3rem; } h1 { font-size: 1.35rem; }
-  figure .wide img { width: 40rem; } .number { flex: 1 1 100%; }
+  figure .wide img { width: 40rem; } td:first-child { min-width: 8rem; } .number { flex: 1 1 100%; }
   dl.facts { grid-template-columns: minmax(0, 1fr); } dl.facts dd { margin-bottom: .3rem; }
 }
 @media print {
@@ -67,6 +67,21 @@ h1, p, li, figcaption, footer { overflow-wrap: anywhere; }
   .wide { overflow: visible; } details::details-content { content-visibility: visible; display: block; }
 }
 """
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Part of a page that was drawn elsewhere.
+
+    Attributes
+    ----------
+    html : with all that comes out of a log escaped
+    style, script : of it
+    """
+
+    html: str
+    style: str
+    script: str
 
 
 class Page:
@@ -111,12 +126,10 @@ class Page:
         """A list."""
         self._parts.append(f'<ul class="plain">{"".join(f"<li>{_marked(text)}</li>" for text in texts)}</ul>')
 
-    def review(self, review: Review) -> None:
-        """A log over time, to zoom and to read out; without a script, drawings."""
-        from sinan.experiments.report import review_part
-
-        self._parts.append(review_part.review_html(review))
-        self._style, self._script = _STYLE + review_part.style(), review_part.script()
+    def part(self, part: Drawn) -> None:
+        """A part that brings its own style and script; a page has one."""
+        self._parts.append(part.html)
+        self._style, self._script = _STYLE + part.style, part.script
 
     def heading(self, text: str) -> None:
         """A section."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
-from sinan.experiments.report.page import Page
+from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
 from sinan.experiments.residual_loop.term import Term
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from sinan.experiments.residual_loop.traced import Part, Traced
     from sinan.experiments.residual_loop.trials import Finding
     from sinan.experiments.residual_loop.verdict import Named
-    from sinan.experiments.review.curves import Review
 
 #: Candidates that the chart and the table show unfolded.
 _SHOWN = 12
@@ -53,7 +53,7 @@ def trace_page(
     traced: Traced,
     document: Mapping[str, Any],
     hidden: Mapping[str, Sequence[float]] | None = None,
-    review: Review | None = None,
+    review: Drawn | None = None,
 ) -> None:
     """Write the page of a trace.
 
@@ -80,7 +80,7 @@ def trace_page(
     _reference_table(page, document)
     if review is not None:
         page.heading("The log over time")
-        page.review(review)
+        page.part(review)
     if "candidates" in made:
         page.heading("Evidence for every candidate")
         page.figure(*made["candidates"])
@@ -96,7 +96,7 @@ def _head(document: Mapping[str, Any]) -> Page:
     page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
     page.text(f"What to do next: {document['next']}.")
     if document.get("autopilot"):
-        _autopilot(page, document["autopilot"])
+        _autopilot(page, document["autopilot"], document.get("logs", []))
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
     page.rests_on(document.get("logs", []), [("family-wise error", f"{document['alpha']:g}")])
@@ -109,11 +109,12 @@ def _head(document: Mapping[str, Any]) -> Page:
     return page
 
 
-def _autopilot(page: Page, terms: Mapping[str, Any]) -> None:
+def _autopilot(page: Page, terms: Mapping[str, Any], logs: Sequence[Mapping[str, str]]) -> None:
     """The parameters to type in, and what has none."""
     page.subheading("In the flight controller's parameters")
     if terms["parameters"]:
-        page.text("Set these, or load the file that `sinan params` writes; then fly and trace again.")
+        log = f" {shlex.quote(logs[0]['log'])} --out FILE" if len(logs) == 1 else ""
+        page.text(f"Set these, or load the file that `sinan params{log}` writes; then fly and trace again.")
         rows = [
             [
                 one["name"],

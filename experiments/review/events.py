@@ -1,4 +1,4 @@
-"""What happened during a log, for the common axis of its page: gaps, stretches, faults, what was found, what it says."""
+"""What happened during a log, for the common axis of its page: gaps, stretches, faults, what was found, arming."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ def _plan(flown: Flown) -> Plan | None:
 def _motion(flown: Flown) -> Iterator[Panel]:
     if not flown.translation:
         return
-    yield Panel("Height", "m", tuple(_heights(flown)), note="Above the origin of the recording. Barometer and ranges are "
-                "shifted to the filter's median.")  # fmt: skip
+    note = "Above the origin of the recording. Barometer and ranges are shifted to the filter's median."
+    yield Panel("Height", "m", tuple(_heights(flown)), note=note)
     velocity = vector(flown.t, flown.x[:, 3:6], _NED)
     gps = flown.recording.streams.get("gps")
     if gps is not None and gps.has(VELOCITY):
@@ -142,9 +142,8 @@ def _attitude(flown: Flown) -> Iterator[Panel]:
         names = ("roll", "pitch", "yaw")
         curves = [Curve(names[k], *_unwound(flown.t, rpy[:, k]), colour=k) for k in which]
         if known is not None and theirs is not None:
-            said = f"{_REFERENCE} " if len(which) > 1 else _REFERENCE
-            curves += [Curve(f"{said}{names[k] if len(which) > 1 else ''}", *_unwound(known[0], theirs[:, k]), COMPARED, k)
-                       for k in which]  # fmt: skip
+            for k in which:
+                curves.append(Curve(f"{_REFERENCE} {names[k]}", *_unwound(known[0], theirs[:, k]), COMPARED, k))
         yield Panel(title, "deg", tuple(curves))
 
 

@@ -17,8 +17,8 @@ _XYZ = ("x", "y", "z")
 _SINGLE = (
     ("baro", "height", "Barometer", "m"), ("baro", "pressure", "Pressure", "Pa"), ("sonar", "range", "Sonar", "m"),
     ("laser", "range", "Laser", "m"), ("power", "current", "Current", "A"), ("power", "voltage", "Voltage", "V"),
-    ("motors", "motor", "Motors", ""), ("air", "airspeed", "Airspeed", "m/s"), ("imu", "temperature", "Temperature", "deg C"),
-    ("gps", "satellites", "Satellites", ""),
+    ("motors", "motor", "Motors", ""), ("air", "airspeed", "Airspeed", "m/s"),
+    ("imu", "temperature", "Temperature", "deg C"),    ("gps", "satellites", "Satellites", ""),
 )  # fmt: skip
 #: Curves of a panel at most: colours, and eyes, can tell so many.
 _MOST = 6
@@ -65,13 +65,12 @@ def _panels(recording: Recording) -> Iterator[Panel]:
         if stream is not None and stream.has(columns):
             yield Panel(title, unit, _three(stream, columns, factor, columns is MAG), axis)
     for name, begins, title, unit in _SINGLE:
-        if name not in streams:
+        if name not in streams or (begins == "pressure" and "height" in streams[name]):
             continue
-        columns = [c for c in streams[name].columns if c == begins or c.startswith(f"{begins}_")][:_MOST]
-        if (columns and (name, begins) != ("baro", "pressure")) or (columns and "height" not in streams[name]):
-            said = [c.removeprefix(f"{begins}_") if len(columns) > 1 else c for c in columns]
-            curves = vector_curves(streams[name].t, streams[name].array(columns), said)
-            yield Panel(title, unit, curves, axis)
+        wanted = [c for c in streams[name].columns if c == begins or c.startswith(f"{begins}_")][:_MOST]
+        if wanted:
+            said = [c.removeprefix(f"{begins}_") if len(wanted) > 1 else c for c in wanted]
+            yield Panel(title, unit, vector_curves(streams[name].t, streams[name].array(wanted), said), axis)
 
 
 def _three(stream: Stream, columns: tuple[str, ...], factor: float, norm: bool) -> tuple[Curve, ...]:
@@ -95,11 +94,10 @@ def vibration_section(recording: Recording) -> Section:
             continue
         found = amplitude_density(imu.t, factor * imu.array(columns))
         if found is not None and np.any(found[1] > 0.0):
-            frequency, density = found
-            floor = float(np.max(density)) * 10.0**-_DECADES
-            decades = np.log10(np.maximum(density, floor))
-            panels.append(Panel(title, unit, vector_curves(np.log10(frequency), decades, _XYZ), "frequency",
-                                logarithmic=True))  # fmt: skip
+            decades, rows = np.log10(found[0]), np.maximum(found[1], float(np.max(found[1])) * 10.0**-_DECADES)
+            parts = enumerate(zip(_XYZ, rows.T, strict=True))
+            curves = tuple(Curve(name, decades, np.log10(row), colour=k) for k, (name, row) in parts)
+            panels.append(Panel(title, unit, curves, "frequency", logarithmic=True))
     if any(panel.logarithmic for panel in panels):
         notes.append("A spectrum ends at half the rate of the log; what shakes faster appears folded into it.")
     return Section("Vibration and spectrum", tuple(panels), " ".join(notes))

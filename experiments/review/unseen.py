@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sinan.experiments.report.words import SENSORS
-from sinan.sensors.recording import Recording
 
 _MOST_NAMES = 12
 
 
-def not_seen(recording: Recording, document: Mapping[str, Any] | None = None) -> list[str]:
+def not_seen(missing: Mapping[str, Sequence[str]], document: Mapping[str, Any] | None = None) -> list[str]:
     """A sentence for each reason.
 
     Parameters
     ----------
+    missing : what is not in the log, with the effects that need it
     document : the report of a trace; None: nothing was traced
     """
-    from sinan.experiments.commands.info import could_see
-
-    _, missing = could_see(recording)
     found = [f"{_listed(names)}: would need {what}" for what, names in missing.items()]
     if document is None:
         return found
@@ -31,6 +28,6 @@ def not_seen(recording: Recording, document: Mapping[str, Any] | None = None) ->
                     for one in document["left_out"]]  # fmt: skip
 
 
-def _listed(names: list[str]) -> str:
+def _listed(names: Sequence[str]) -> str:
     more = len(names) - _MOST_NAMES
     return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -52,8 +52,8 @@
       return [a, Math.min(curve.x.length, place(curve.x, to - this.origin) + 1)];
     }
     values(view) {
-      let low = Infinity, high = -Infinity, whole = view[0] <= this.span[0] && view[1] >= this.span[1];
-      const all = [];
+      let low = Infinity, high = -Infinity;
+      const whole = view[0] <= this.span[0] && view[1] >= this.span[1], all = [], bounds = [];
       for (const c of this.curves) {
         const [a, b] = this.within(c, view);
         for (let k = a; k < b; k++) {
@@ -61,11 +61,12 @@
           const v = c.low + c.scale * c.y[k];
           if (v < low) low = v;
           if (v > high) high = v;
-          if (whole && this.robust) all.push(Math.abs(v));
+          if (whole && this.robust) (c.kind === "bound" ? bounds : all).push(Math.abs(v));
         }
       }
       if (all.length) {
-        const reach = 1.6 * all.sort((p, q) => p - q)[Math.floor(0.995 * (all.length - 1))];
+        const at = (values, share) => values.length ? values.sort((p, q) => p - q)[Math.floor(share * (values.length - 1))] : 0;
+        const reach = 1.5 * Math.max(at(all, 0.97), at(bounds, 0.5));
         low = Math.max(low, -reach); high = Math.min(high, reach);
       }
       if (low === Infinity) return [0, 1];
@@ -105,7 +106,7 @@
       this.label(view, low, high);
     }
     label(view, low, high) {
-      const y = this.log ? decades(low, high, 4) : ticks(low, high, 5), lines = this.svg.querySelector(".lines");
+      const y = this.log ? decades(low, high, 6) : ticks(low, high, 5), lines = this.svg.querySelector(".lines");
       lines.innerHTML = y.map(([v]) => `<path class="grid" d="M0 ${n(H - (v - low) / (high - low) * H)}H${W}"/>`).join("");
       labels(this.figure.querySelector(".ys"), y, v => 100 - (v - low) / (high - low) * 100, "top");
       along(this.figure, view, this.log);
@@ -128,6 +129,7 @@
   const labels = (into, found, where, edge) => {
     for (const old of [...into.querySelectorAll("span:not(.unit)")]) old.remove();
     for (const [v, text] of found) {
+      if (edge === "left" && where(v) > 96.5) continue;
       const one = make("span", null, text);
       one.style[edge] = `${where(v)}%`;
       into.insertBefore(one, into.querySelector(".unit"));

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from math import ceil, floor, log10
 from pathlib import Path
 
 import numpy as np
 
+from sinan.experiments.report.page import Drawn
 from sinan.experiments.report.words import counted
 from sinan.experiments.review.curves import BOUND, DOTS, Curve, Event, Panel, Plan, Review, thinned
 from sinan.sensors.arrays import FloatArray
@@ -28,25 +29,24 @@ _DATA, _LEAST, _MOST = 1_100_000, 200, 3000
 _BYTES_A_PIECE = 4 * 2 * 4 / 3 * 1.15
 #: A number that stands for NaN, and the one that stands for the largest value of a curve.
 _GONE, _LARGEST = 65535, 65534
-#: Beyond this share of the values, and so much room, a panel that is robust does not reach in its first view.
-_INSIDE, _ROOM = 0.995, 1.6
+#: A panel that is robust reaches in its first view so many times as far as this share of its readings, or as its bounds
+#: do in the middle.
+_INSIDE, _ROOM = 0.97, 1.5
 _MARGIN = 0.06
 _PLAN_POINTS = 2500
 #: Rows of the table of events.
 _TOLD = 60
 #: Kinds of events that are marked in every panel.
 _MARKED = ("found", "faults", "gaps, IMU")
+#: Further to the right is the unit.
+_ENDS = 0.965
 _AXES = {"time": "s", "reading": "", "frequency": "Hz"}
 
 
-def script() -> str:
-    """What zooms and reads out, as it is put into a page."""
-    return (_HERE / "review.js").read_text(encoding="utf-8")
-
-
-def style() -> str:
-    """How it looks."""
-    return (_HERE / "review.css").read_text(encoding="utf-8")
+def drawn(review: Review) -> Drawn:
+    """The review for a page: drawings, how they look, and what zooms and reads them out."""
+    style, script = ((_HERE / f"review.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
+    return Drawn(review_html(review), style, script)
 
 
 def review_html(review: Review) -> str:
@@ -143,9 +143,9 @@ def _panel(review: Review, panel: Panel, number: int) -> str:
     x_span, y_span = _span(review, panel), values_span(panel)
     along, up = _scale(x_span, WIDTH), _scale(y_span, HEIGHT, down=True)
     marks = [e for e in review.events if e.kind in _MARKED] if panel.axis != "frequency" else []
-    y_ticks = decades(*y_span, 4) if panel.logarithmic else ticks(*y_span, 5)
+    y_ticks = decades(*y_span, 6) if panel.logarithmic else ticks(*y_span, 5)
     x_ticks = decades(*x_span, 6) if panel.logarithmic else ticks(*x_span, 6)
-    lines = "".join(f'<path class="grid" d="M0 {_n(up(v))}H{_n(WIDTH)}"/>' for v, _ in y_ticks)
+    lines = "".join(f'<path class="grid" d="M0 {_n(float(up(v)))}H{_n(WIDTH)}"/>' for v, _ in y_ticks)
     bands = "".join(_band(e, along, HEIGHT) for e in marks)
     paths = "".join(
         f'<path class="{curve.kind} c{curve.colour}" d="{_path(curve, along, up)}"/>' for curve in panel.curves
@@ -196,17 +196,24 @@ def described(panel: Panel, x_span: tuple[float, float]) -> str:
 
 def values_span(panel: Panel) -> tuple[float, float]:
     """Lowest and highest value of the first view, with some room."""
-    values = np.concatenate([c.y[np.isfinite(c.y)] for c in panel.curves] or [np.zeros(0)])
+    values = _finite(c for c in panel.curves)
     if not len(values):
         return 0.0, 1.0
     low, high = float(np.min(values)), float(np.max(values))
     if panel.robust:
-        reach = _ROOM * float(np.quantile(np.abs(values), _INSIDE))
+        bounds, others = (_finite(c for c in panel.curves if (c.kind == BOUND) == which) for which in (True, False))
+        reach = _ROOM * float(np.quantile(np.abs(others), _INSIDE)) if len(others) else 0.0
+        reach = max(reach, _ROOM * float(np.median(np.abs(bounds)))) if len(bounds) else reach
         low, high = max(low, -reach), min(high, reach)
     if not high > low:
         room = abs(high) * 0.1 or 1.0
         return low - room, high + room
     return low - _MARGIN * (high - low), high + _MARGIN * (high - low)
+
+
+def _finite(curves: Iterable[Curve]) -> FloatArray:
+    """All values of curves that are numbers."""
+    return np.concatenate([np.zeros(0), *(c.y[np.isfinite(c.y)] for c in curves)])
 
 
 def _path(curve: Curve, along: _Scale, up: _Scale) -> str:
@@ -250,7 +257,7 @@ def _labels(at: Sequence[tuple[float, str]], scale: _Scale, size: float, edge: s
     return "".join(
         f'<span style="{edge}:{_n(100.0 * float(scale(value)) / size)}%">{text}</span>'
         for value, text in at
-        if -1e-9 <= float(scale(value)) / size <= 1.0 + 1e-9
+        if -1e-9 <= float(scale(value)) / size <= (_ENDS if edge == "left" else 1.0 + 1e-9)
     )
 
 
@@ -344,7 +351,8 @@ def _events_table(review: Review) -> str:
     more = f'<p class="note">And {counted(len(rows) - _TOLD, "more event")}.</p>' if len(rows) > _TOLD else ""
     return (
         f"<details><summary>{counted(len(rows), 'event')} in words</summary>"
-        '<div class="wide"><table><thead><tr><th scope="col" class="n">from / s</th><th scope="col" class="n">to / s</th>'
+        '<div class="wide"><table><thead><tr><th scope="col" class="n">from / s</th>'
+        '<th scope="col" class="n">to / s</th>'
         f'<th scope="col">what</th></tr></thead><tbody>{cells}</tbody></table></div>{more}</details>'
     )
 
@@ -398,13 +406,15 @@ def _plan(plan: Plan) -> str:
     keys += f'<span class="key"><i class="compared c5"></i>{escape(plan.reference)}</span>' if compared else ""
     said = f"Path from above: {right - left:.3g} m from west to east, {top - bottom:.3g} m from south to north"
     return (
-        f'<figure class="panel plan"><figcaption><b>Path from above</b> <i>m, north is up</i> <span class="keys">{keys} '
+        '<figure class="panel plan"><figcaption><b>Path from above</b> <i>m, north is up</i> '
+        f'<span class="keys">{keys} '
         '<span class="key"><i class="ring"></i>begins</span> <span class="key"><i class="square"></i>ends</span></span>'
         f'</figcaption><div class="frame" style="max-width:{_n(min(36.0, 26.0 * WIDTH / tall))}rem"><div class="plot">'
         f'<div class="ys" aria-hidden="true">{_labels(y_ticks, up, tall, "top")}</div>'
         f'<svg class="area" viewBox="0 0 {WIDTH:g} {_n(tall)}" role="img" aria-label="{escape(said)}">{grid}'
         f'<path class="compared c5" d="{"M" + compared if compared else ""}"/><path class="dots c1" d="{dots}"/>'
-        f'<path class="line c0" d="{line}"/><path class="line zoomed" d=""/>{ends}<circle class="here" r="0"/></svg></div>'
+        f'<path class="line c0" d="{line}"/><path class="line zoomed" d=""/>{ends}'
+        '<circle class="here" r="0"/></svg></div>'
         f'<div class="xs" aria-hidden="true">{_labels(x_ticks, along, WIDTH, "left")}<span class="unit">m</span></div>'
         "</div></figure>"
     )
