@@ -78,7 +78,7 @@ def trace_log(
     tell_notes(recording)
     if recording.kind == "flight" and sensor is not None:
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
-    with working(_what(recording), flies=recording.kind == "flight"):
+    with working(what_is_done(recording), flies=recording.kind == "flight"):
         traced = trace_recording(recording, sensor, alpha, gravity)
     return recording, traced, document_of(recording, traced, inputs, map_file, span, choice)
 
@@ -144,7 +144,7 @@ def _not_believed(source: Source) -> list[str]:
         return []
 
 
-def _what(recording: Recording) -> str:
+def what_is_done(recording: Recording) -> str:
     """What is being done: how long the flight is tells how long that takes."""
     if recording.kind != "flight" or "imu" not in recording.streams:
         return "tracing"
