@@ -203,28 +203,22 @@ class Queue:
     def _do(self, job: Job) -> None:
         """One log, in a process that leads a session of its own and ends when this one does."""
         words = [sys.executable, "-m", "sinan.experiments.serve.one_job", str(job.log), job.name, str(job.page.parent)]
-        process = subprocess.Popen(
+        late, answer = Event(), dict[str, Any]()
+        with subprocess.Popen(
             words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
             cwd=job.folder, env=_environment(),
-        )  # fmt: skip
-        job.process = process
-        late = Event()
-        watch = Timer(self.limits.seconds, _end_late, (process, late))
-        watch.daemon = True
-        watch.start()
-        answer: dict[str, Any] = {}
-        try:
-            if self._closed or self.get(job.number) is None:  # removed before it had begun
+        ) as process:  # fmt: skip
+            job.process = process
+            watch = Timer(self.limits.seconds, _end_late, (process, late))
+            watch.daemon = True
+            watch.start()
+            try:
+                if self._closed or self.get(job.number) is None:  # removed before it had begun
+                    _kill(process)
+                answer = _heard(process, job)
+            finally:
+                watch.cancel()
                 _kill(process)
-            assert process.stdout is not None
-            while line := process.stdout.readline(_LONGEST_LINE):
-                said = _said(line)
-                job.stage = str(said.get("stage", job.stage))
-                answer = said if "answer" in said else answer
-            process.wait()
-        finally:
-            watch.cancel()
-            _kill(process)
         if late.is_set():
             why = f"stopped after {self.limits.seconds:.0f} s, the longest that a log may take (--time)"
             self._end(job, FAILED, {"why": why})
@@ -247,6 +241,18 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([own, *filter(None, [os.environ.get("PYTHONPATH")])])}
 
 
+def _heard(process: subprocess.Popen[bytes], job: Job) -> dict[str, Any]:
+    """What a process answers in the end; until then, how far it is."""
+    assert process.stdout is not None
+    answer: dict[str, Any] = {}
+    while line := process.stdout.readline(_LONGEST_LINE):
+        said = _said(line)
+        job.stage = str(said.get("stage", job.stage))
+        answer = said if "answer" in said else answer
+    process.wait()
+    return answer
+
+
 def _said(line: bytes) -> dict[str, Any]:
     """What a process says in a line of JSON; empty: something else."""
     try:
@@ -262,8 +268,8 @@ def _end_late(process: subprocess.Popen[bytes], late: Event) -> None:
 
 
 def _kill(process: subprocess.Popen[bytes] | None) -> None:
-    """End a process and all that it has started, at once."""
-    if process is None:
+    """End a process and all that it has started, at once; nothing where it has ended by itself."""
+    if process is None or process.poll() is not None:
         return
     with suppress(OSError):
         if hasattr(os, "killpg"):

@@ -121,12 +121,8 @@ class _Handler(BaseHTTPRequestHandler):
         if not length.isdecimal() or "Transfer-Encoding" in self.headers:
             self._refuse(HTTPStatus.LENGTH_REQUIRED, "a log whose size is not said")
             return
-        name = parse_qs(parts.query).get("name", [""])[0]
-        name = (
-            "".join(c for c in name if c.isprintable()).replace("\\", "/").rsplit("/", 1)[-1][-_LONGEST_NAME:] or "log"
-        )
         try:
-            job = self.server.queue.new(name, int(length))
+            job = self.server.queue.new(_name_in(parts.query), int(length))
         except Refused as error:
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, str(error))
             return
