@@ -110,7 +110,8 @@ def _data(review: Review, pieces: int) -> str:
         curves = []
         for curve in panel.curves:
             x, y = thinned(curve.x, curve.y, pieces)
-            curves.append({"x": packed.clock(x - _origin(review, panel)), **packed.values(y), "kind": curve.kind})
+            curves.append({"x": packed.clock(x - _origin(review, panel)), **packed.values(y), "kind": curve.kind,
+                           "pairs": len(x) < len(curve.x)})  # fmt: skip
         panels.append({"axis": panel.axis, "log": panel.logarithmic, "robust": panel.robust, "curves": curves,
                        "span": list(_span(review, panel)), "origin": _origin(review, panel)})  # fmt: skip
     document: dict[str, object] = {"panels": panels}
@@ -221,6 +222,9 @@ def _path(curve: Curve, along: _Scale, up: _Scale) -> str:
     x, y = thinned(curve.x, curve.y, _DRAWN)
     u, v = along(x), np.clip(up(y), -HEIGHT, 2.0 * HEIGHT)
     good = np.isfinite(v)
+    if curve.kind == DOTS and len(x) < len(curve.x):  # too many for single ones: from the least to the largest
+        pairs = list(_rounded(u, v))
+        return "".join(f"M{a} {b}V{c}" for (a, b), (_, c) in zip(pairs[::2], pairs[1::2], strict=False))
     if curve.kind == DOTS:
         return "".join(f"M{a} {b}h0" for a, b in _rounded(u[good], v[good]))
     starts = good & ~np.concatenate([[False], good[:-1]])

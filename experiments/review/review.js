@@ -41,7 +41,7 @@
       this.span = data.span; this.origin = data.origin;
       this.svg = figure.querySelector("svg.area");
       this.paths = [...this.svg.querySelectorAll(":scope > path")];
-      this.curves = data.curves.map(c => ({ kind: c.kind, x: clocks[c.x], low: c.low, scale: c.scale,
+      this.curves = data.curves.map(c => ({ kind: c.kind, x: clocks[c.x], low: c.low, scale: c.scale, pairs: c.pairs,
         y: new Uint16Array(bytes(c.y)) }));
       this.keys = new Map([...figure.querySelectorAll(".key[data-curve]")]
         .map(key => [Number(key.dataset.curve), make("output", key)]));
@@ -78,15 +78,16 @@
       this.stale = false;
       const [low, high] = this.values(view), fx = W / (view[1] - view[0]), fy = H / (high - low);
       this.curves.forEach((c, number) => {
-        const [a, b] = this.within(c, view), parts = [], most = 1600;
-        const each = Math.max(1, Math.ceil((b - a) / most));
+        const parts = [], most = 1600, dots = c.kind === "dots";
+        let [a, b] = this.within(c, view), each = Math.max(1, Math.ceil((b - a) / most));
+        if (dots && c.pairs) { a -= a % 2; each = Math.max(2, each + each % 2); }
         let up = true;
         const point = k => {
           const gone = c.y[k] === GONE;
           if (!gone) {
             const u = n((c.x[k] + this.origin - view[0]) * fx);
             const v = n(Math.max(-H, Math.min(2 * H, H - (c.low + c.scale * c.y[k] - low) * fy)));
-            parts.push(c.kind === "dots" ? `M${u} ${v}h0` : `${up ? "M" : "L"}${u} ${v}`);
+            parts.push(dots ? `M${u} ${v}h0` : `${up ? "M" : "L"}${u} ${v}`);
           }
           up = gone;
         };
@@ -97,6 +98,11 @@
             if (c.y[j] === GONE) { gap = j; continue; }
             if (least < 0 || c.y[j] < c.y[least]) least = j;
             if (most_ < 0 || c.y[j] > c.y[most_]) most_ = j;
+          }
+          if (dots && least >= 0) {
+            point(least);
+            parts.push(`V${n(H - (c.low + c.scale * c.y[most_] - low) * fy)}`);
+            continue;
           }
           for (const j of least < most_ ? [least, most_] : [most_, least]) if (j >= 0) point(j);
           if (gap >= 0) up = true;

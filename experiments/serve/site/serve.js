@@ -5,7 +5,8 @@
   const input = document.getElementById("file"), limit = Number(about.dataset.limit);
   const headers = { "X-Sinan": about.content };
   const sending = new Map();
-  let timer = null, shown = "";
+  const state = document.getElementById("status");
+  let timer = null;
 
   const make = (name, into, text, kind) => {
     const one = document.createElement(name);
@@ -14,14 +15,20 @@
     into.appendChild(one);
     return one;
   };
-  const megabytes = size => `${(size / 2 ** 20).toFixed(size < 2 ** 20 ? 2 : 1)} MB`;
+  const told = size => size < 2 ** 20 ? `${Math.ceil(size / 1024)} kB` : `${(size / 2 ** 20).toFixed(1)} MB`;
   const complain = text => { problem.textContent = text; problem.hidden = !text; };
+  const remove = async job => {
+    if (job.request) job.request.abort();
+    else await fetch(`/jobs/${job.id}`, { method: "DELETE", headers });
+    look();
+  };
 
-  const drawn = (job, into) => {
-    const item = make("li", into);
+  // the entry of a job in the list; made anew only where more than its clock has changed
+  const items = new Map();
+  const entry = job => {
+    const item = document.createElement("li"), end = job.state === "done" || job.state === "failed" ? "remove" : "stop";
     item.dataset.state = job.state;
     make("b", item, job.name);
-    const end = { done: "remove", failed: "remove" }[job.state] || "stop";
     if (job.state === "done") {
       const line = make("p", item);
       make("span", line, job.verdict.replace("_", " "), `verdict ${job.verdict}`);
@@ -30,30 +37,30 @@
       make("a", links, "Read the page").href = `/jobs/${job.id}/page`;
       make("a", links, "numbers (JSON)").href = `/jobs/${job.id}/report.json`;
     } else if (job.state === "failed") make("p", item, job.why, "bad");
-    else {
-      const bar = make("progress", item);
-      if (job.share !== undefined) { bar.max = 1; bar.value = job.share; }
-      bar.setAttribute("aria-label", `progress of ${job.name}`);
-    }
-    const told = { waiting: "waits for its turn", running: `${job.stage}, ${Math.round(job.seconds)} s`,
-      sending: "is being copied", done: `${Math.round(job.seconds)} s`, failed: `${Math.round(job.seconds)} s` }[job.state];
-    const foot = make("p", item, `${megabytes(job.size)}, ${told} `, "soft");
+    else if (job.state !== "waiting") make("progress", item).setAttribute("aria-label", `progress of ${job.name}`);
+    const foot = make("p", item, "", "soft");
+    make("span", foot);
     const stop = make("button", foot, end);
     stop.type = "button";
     stop.setAttribute("aria-label", `${end} ${job.name}`);
-    stop.onclick = async () => {
-      if (job.request) job.request.abort();
-      else await fetch(`/jobs/${job.id}`, { method: "DELETE", headers });
-      look();
-    };
+    stop.onclick = () => remove(job);
+    return item;
   };
   const draw = jobs => {
-    const all = [...jobs, ...sending.values()], now = JSON.stringify(all.map(({ request, ...rest }) => rest));
+    const all = [...jobs, ...sending.values()].reverse(), done = jobs.filter(job => job.state === "done" || job.state === "failed");
     document.getElementById("none").hidden = all.length > 0;
-    if (now === shown) return;
-    shown = now;
-    list.replaceChildren();
-    for (const job of all.reverse()) drawn(job, list);
+    const text = all.length ? `${done.length} of ${all.length} done` : "";
+    if (state.textContent !== text) state.textContent = text;
+    for (const job of all) {
+      const { seconds, request, share, ...rest } = job, key = JSON.stringify(rest), own = request || job.id;
+      if (items.get(own)?.key !== key) items.set(own, { key, item: entry(job) });
+      const { item } = items.get(own), bar = item.querySelector("progress");
+      if (bar && share !== undefined) bar.value = share;
+      const how = { waiting: "waits for its turn", sending: "is being copied", running: `${job.stage}, ${Math.round(seconds)} s` };
+      item.querySelector("p.soft span").textContent = `${told(job.size)}, ${how[job.state] || `${Math.round(seconds)} s`} `;
+    }
+    const wanted = all.map(job => items.get(job.request || job.id).item);
+    if (wanted.length !== list.children.length || wanted.some((item, k) => list.children[k] !== item)) list.replaceChildren(...wanted);
   };
   const look = async () => {
     clearTimeout(timer);
@@ -64,7 +71,7 @@
     if (sending.size || jobs.some(job => job.state === "waiting" || job.state === "running")) timer = setTimeout(look, 700);
   };
   const send = file => {
-    if (file.size > limit) return complain(`${file.name}: ${megabytes(file.size)}; at most ${megabytes(limit)} are taken (--size).`);
+    if (file.size > limit) return complain(`${file.name}: ${told(file.size)}; at most ${told(limit)} are taken (--size).`);
     if (file.size === 0) return complain(`${file.name}: an empty file.`);
     const request = new XMLHttpRequest(), job = { name: file.name, size: file.size, state: "sending", share: 0, request };
     sending.set(request, job);
