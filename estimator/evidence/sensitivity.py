@@ -147,6 +147,8 @@ def accumulate(
     blocks: int, keep_rows: int, stride: int,
 ) -> tuple[Journal, Sensitivity]:  # fmt: skip
     """Run block by block, 0 for one without information; `order` (p,) is the packed column of each of the answer's."""
+    from sinan.estimator.filter.engine_numba import Whitened
+
     outputs = outputs_for(inputs, stride)
     engine = CompiledRun(inputs, outputs, columns)
     t, last = inputs.imu.t, len(inputs.imu) - 1
@@ -167,7 +169,7 @@ def accumulate(
     for block, (i0, i1) in enumerate(chunks):
         if i0 in firsts:
             engine.start(i0, *firsts[i0])
-        count = engine.chunk(i0, i1, rows=W, white=white, rows_event=event)
+        count = engine.chunk(i0, i1, whitened=Whitened(W, white, event))
         part = W[:count, :packed]
         if blocks:
             information[block] = (part.T @ part).take(order, axis=0).take(order, axis=1)

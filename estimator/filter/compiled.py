@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,19 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from sinan.estimator.filter.engine_numba import (
+        Effects,
+        Imu,
+        Readings,
+        Sensors,
+        State,
+        Trail,
+        Whitened,
+        World,
+        Written,
+    )
 
 TILE = 16  # = engine_numba.TILE
 
@@ -85,6 +98,8 @@ class CompiledRun:
     columns : candidate effects
     x, P : (CAPACITY + 1,), (1, CAPACITY^2) state and covariance as the kernels hold them
     V : (tiles, 16 CAPACITY) sensitivities of the state error
+    clock : (1,) s, the time of the state
+    world, written : environment and process, and the outputs, as the kernels take them
     """
 
     inputs: RunInputs
@@ -94,6 +109,13 @@ class CompiledRun:
     P: FloatArray = field(init=False)
     V: FloatArray = field(init=False)
     clock: FloatArray = field(init=False)
+    world: World = field(init=False)
+    written: Written = field(init=False)
+    _imu: Imu = field(init=False)
+    _readings: Readings = field(init=False)
+    _sensors: Sensors = field(init=False)
+    _state: State = field(init=False)
+    _effects: Effects = field(init=False)
 
     def __post_init__(self) -> None:
         inputs = self.inputs
@@ -115,58 +137,62 @@ class CompiledRun:
             self.outputs.x_imu[row], self.outputs.var_imu[row] = self.x, self.P[0, :: CAPACITY + 1]
 
     def _pack(self) -> None:
-        model, names = self.inputs.model, self.inputs.events.sensors
-        sizes = [model.sensors[name].size for name in names]
-        self.size = np.array(sizes, dtype=np.int64)
-        self.kind = np.array([KIND[name] for name in names], dtype=np.int64)
-        blocks = [BIAS_BLOCK.get(name, f"b_{name}") for name in names]
-        self.bias = np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64)
-        beams, self.beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
-        for s, name in enumerate(names):
-            sensor = model.sensors[name]
-            if KIND[name] == 4:
-                self.beam_start[s] = sum(len(b) for b in beams)
-                beams.append(getattr(sensor, "beams_b", np.array([[0.0, 0.0, 1.0]])))
-        self.beams = np.ascontiguousarray(np.concatenate(beams))
-        self.gate = np.array([model.threshold(name) for name in names])
-        self.robust = np.array([model.robust_threshold(name) for name in names])
-        self.tail = np.array([model.tail_of(name) or 0.0 for name in names])
-        self.colour = np.array([_first_colour(model, name) for name in names], dtype=np.int64)
-        self.field = model.layout.start("field") if model.layout.has("field") else -1
-        self.walk2, self.rate = np.zeros(CAPACITY), np.zeros(CAPACITY)
-        n = model.layout.n
-        self.walk2[:n], self.rate[:n] = bias_rates(model)
-        self.states = 8 * -(-n // 8)
-
-    def chunk(self, i0: int, i1: int, record: dict[str, Any] | None = None, rows: FloatArray | None = None,
-              white: FloatArray | None = None, rows_event: IntArray | None = None) -> int:  # fmt: skip
-        """Run from IMU sample i0 to i1; the last sample of all takes its readings along. Returns the rows of W."""
-        from sinan.estimator.filter.engine_numba import run_chunk
+        """The records of the kernels, as far as they are the same for every chunk."""
+        from sinan.estimator.filter import engine_numba as kernels
 
         inputs, out, c, model = self.inputs, self.outputs, self.columns, self.inputs.model
         assert c is not None
-        events, imu = inputs.events, inputs.imu
-        k0, k1 = inputs.events_of(i0, i1)
-        none, none2, index = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
-        record = record or {}
-        status, event, count = run_chunk(
-            self.clock, imu.t, imu.u, imu.q_accel, imu.q_gyro, i0, i1, k0, k1,
-            events.t, events.sensor, events.row, out.S_row, out.status,
-            events.z, events.has_form, events.D, events.ref,
-            self.kind, self.size, self.bias, self.colour, self.field, self.beam_start, self.beams,
-            events.r, self.gate, self.robust, self.tail,
-            model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged, self.states,
-            self.walk2, self.rate,
-            self.x, self.P,
-            out.nu, out.white, out.S, out.nis, out.loglik, out.weight, out.x_event, out.var_event,
-            out.stride, out.x_imu, out.var_imu,
-            bool(record), record.get("steps", none2), record.get("step_of_event", index),
-            record.get("step_of_imu", index), record.get("U", none2), record.get("H", none2), record.get("turn", none2),
-            self.V, c.tiles, c.Ga, c.Gg, c.a_tiles, c.g_first, c.g_tiles, c.Gz, c.at, c.first, c.count,
-            none2 if rows is None else rows, none if white is None else white, index if rows_event is None else
-            rows_event,
+        events, imu, n = inputs.events, inputs.imu, model.layout.n
+        walk2, rate = np.zeros(CAPACITY), np.zeros(CAPACITY)
+        walk2[:n], rate[:n] = bias_rates(model)
+        self.world = kernels.World(
+            model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged,
+            model.layout.start("field") if model.layout.has("field") else -1, 8 * -(-n // 8), walk2, rate,
         )  # fmt: skip
-        raise_for(int(status), int(event), inputs)
+        self._imu = kernels.Imu(imu.t, imu.u, imu.q_accel, imu.q_gyro)
+        self._readings = kernels.Readings(events.t, events.sensor, events.row, events.z, events.r, events.D, events.ref)
+        self._sensors = self._sensors_of(model)
+        self._state = kernels.State(self.clock, self.x, self.P, self.V)
+        self._effects = kernels.Effects(
+            c.tiles, c.a_tiles, c.g_first, c.g_tiles, c.Ga, c.Gg, c.Gz, c.at, c.first, c.count
+        )
+        self.written = kernels.Written(
+            out.S_row, out.status, out.nu, out.white, out.S, out.nis, out.loglik, out.weight, out.x_event,
+            out.var_event, out.stride, out.x_imu, out.var_imu,
+        )  # fmt: skip
+
+    def _sensors_of(self, model: FlightModel) -> Sensors:
+        from sinan.estimator.filter.engine_numba import Sensors
+
+        names = self.inputs.events.sensors
+        blocks = [BIAS_BLOCK.get(name, f"b_{name}") for name in names]
+        beams, beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
+        for s, name in enumerate(names):
+            if KIND[name] == 4:
+                beam_start[s] = sum(len(b) for b in beams)
+                beams.append(getattr(model.sensors[name], "beams_b", np.array([[0.0, 0.0, 1.0]])))
+        return Sensors(
+            kind=np.array([KIND[name] for name in names], dtype=np.int64),
+            size=np.array([model.sensors[name].size for name in names], dtype=np.int64),
+            bias=np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64),
+            colour=np.array([_first_colour(model, name) for name in names], dtype=np.int64),
+            form=self.inputs.events.has_form,
+            beam_start=beam_start,
+            beams=np.ascontiguousarray(np.concatenate(beams)),
+            gate=np.array([model.threshold(name) for name in names]),
+            robust=np.array([model.robust_threshold(name) for name in names]),
+            tail=np.array([model.tail_of(name) or 0.0 for name in names]),
+        )
+
+    def chunk(self, i0: int, i1: int, trail: Trail | None = None, whitened: Whitened | None = None) -> int:
+        """Run from IMU sample i0 to i1; the last sample of all takes its readings along. Returns the rows of W."""
+        from sinan.estimator.filter.engine_numba import NO_TRAIL, NO_WHITENED, run_chunk
+
+        status, event, count = run_chunk(
+            i0, i1, *self.inputs.events_of(i0, i1), self._imu, self._readings, self._sensors, self.world, self._state,
+            self._effects, self.written, trail or NO_TRAIL, whitened or NO_WHITENED,
+        )  # fmt: skip
+        raise_for(int(status), int(event), self.inputs)
         return int(count)
 
     def all(self) -> tuple[FloatArray, FloatArray]:

@@ -19,12 +19,13 @@ is the same sum as (j, i), and the prediction mirrors one triangle.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from sinan.estimator.filter.kernel_cache import options
+from sinan.sensors.arrays import FloatArray, IntArray
 
 CAP = 40  # = layout.CAPACITY
 TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
@@ -36,6 +37,148 @@ ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
 
 _OPTIONS = options()
+
+
+# What the kernels take. The records stand in the kernels' own file: numba compiles anew when that changes.
+
+
+class Imu(NamedTuple):
+    """(N,) s, (N, 6) force and rate, (N - 1,) the variance rates of the intervals: see `imu.ImuTable`."""
+
+    t: FloatArray
+    u: FloatArray
+    q_accel: FloatArray
+    q_gyro: FloatArray
+
+
+class Readings(NamedTuple):
+    """The readings in order, K of them, and the rows of their components: see `events.Events`."""
+
+    t: FloatArray
+    sensor: IntArray
+    row: IntArray
+    z: FloatArray
+    r: FloatArray
+    D: FloatArray
+    ref: FloatArray
+
+
+class Sensors(NamedTuple):
+    """One element a sensor: its equations, components, first states of bias and colour (-1: none), whether effects are
+    in its readings (`Events.has_form`), its first row in `beams`, and how its doubtful readings are treated.
+    """
+
+    kind: IntArray
+    size: IntArray
+    bias: IntArray
+    colour: IntArray
+    form: IntArray
+    beam_start: IntArray
+    beams: FloatArray
+    gate: FloatArray
+    robust: FloatArray
+    tail: FloatArray
+
+
+class World(NamedTuple):
+    """Environment and process: `field` is the first state of the field's error (-1: none), `states` a multiple of 8."""
+
+    g: FloatArray
+    m_n: FloatArray
+    w_ie: FloatArray
+    ground_down: float
+    translation: bool
+    averaged: bool
+    field: int
+    states: int
+    walk2: FloatArray
+    rate: FloatArray
+
+
+class State(NamedTuple):
+    """(1,) s, (CAP + 1,), (1, CAP^2) and (tiles, TILE CAP): time, nominal state, covariance, sensitivities."""
+
+    clock: FloatArray
+    x: FloatArray
+    P: FloatArray
+    V: FloatArray
+
+
+class Effects(NamedTuple):
+    """Candidate effects as columns of V: see `compiled.Columns`."""
+
+    tiles: int
+    a_tiles: int
+    g_first: int
+    g_tiles: int
+    Ga: FloatArray
+    Gg: FloatArray
+    Gz: FloatArray
+    at: IntArray
+    first: IntArray
+    width: IntArray
+
+
+class Written(NamedTuple):
+    """What is written of every reading and of every `stride`-th IMU sample: see `inputs.RunOutputs`."""
+
+    S_row: IntArray
+    status: IntArray
+    nu: FloatArray
+    white: FloatArray
+    S: FloatArray
+    nis: FloatArray
+    loglik: FloatArray
+    weight: FloatArray
+    x_event: FloatArray
+    var_event: FloatArray
+    stride: int
+    x_imu: FloatArray
+    var_imu: FloatArray
+
+
+class Trail(NamedTuple):
+    """What going backwards needs: steps (s, 58), steps before each reading and sample, L^-1 H P, L^-1 H, the turns."""
+
+    kept: bool
+    steps: FloatArray
+    step_of_event: IntArray
+    step_of_imu: IntArray
+    U: FloatArray
+    H: FloatArray
+    turn: FloatArray
+
+
+class Whitened(NamedTuple):
+    """L^-1 S_beta, L^-1 nu and the reading of every row that was used; of one row: not asked for."""
+
+    W: FloatArray
+    white: FloatArray
+    event: IntArray
+
+
+_NO_ROWS, _NOWHERE = np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
+NO_TRAIL = Trail(False, _NO_ROWS, _NOWHERE, _NOWHERE, _NO_ROWS, _NO_ROWS, _NO_ROWS)
+NO_WHITENED = Whitened(_NO_ROWS, np.zeros(1), _NOWHERE)
+
+
+class Rows(NamedTuple):
+    """The rows of H of one reading: places and values of their non-zero elements, and how many there are."""
+
+    column: IntArray
+    value: FloatArray
+    n: IntArray
+
+
+class Sorted(NamedTuple):
+    """The same rows as `_correct_V` takes them, see `_sort_row`, and three rows of W for one tile."""
+
+    near: FloatArray
+    other: FloatArray
+    place: IntArray
+    group: FloatArray
+
+
 _INLINE: dict[str, Any] = {**_OPTIONS, "forceinline": True}  # arrays as arguments cost more than many a body here
 
 
@@ -113,13 +256,14 @@ def _cross_times(ax, ay, az, C, scale, out, at):
 
 
 @njit(**_INLINE)
-def _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c):
+def _strapdown(x, u0, u1, h, world, C0, C1, J, c):
     """One step of the nominal state over h, and the coefficients of its error dynamics.
 
     phi = h (w_0 + w_1) / 2 + h^2 / 12 w_0 x w_1,  q_1 = q_0 exp(phi),  C_1 f_1 with q_1
     v_1 = v_0 + h / 2 (C_0 f_0 + C_1 f_1) + h g,  p_1 = p_0 + h / 2 (v_0 + v_1)
     c: R (0), h J_r (9), A_0 (18), A_1 (27), B_0 (36), B_1 (45), h / 2 (54); see `error_dynamics`.
     """
+    g, w_ie = world.g, world.w_ie
     fx0, fy0, fz0 = u0[0] - x[10], u0[1] - x[11], u0[2] - x[12]
     fx1, fy1, fz1 = u1[0] - x[10], u1[1] - x[11], u1[2] - x[12]
     wx0, wy0, wz0 = u0[3] - x[13], u0[4] - x[14], u0[5] - x[15]
@@ -141,7 +285,7 @@ def _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c):
             c[3 * i + j] = C1[i] * C0[j] + C1[3 + i] * C0[3 + j] + C1[6 + i] * C0[6 + j]
     half = 0.5 * h
     c[54] = half
-    if translation:
+    if world.translation:
         ax0, ay0, az0 = (
             C0[0] * fx0 + C0[1] * fy0 + C0[2] * fz0,
             C0[3] * fx0 + C0[4] * fy0 + C0[5] * fz0,
@@ -219,8 +363,9 @@ _propagate_P, _propagate_top, _propagate_tile = _propagation(CAP), _propagation(
 
 
 @njit(**_INLINE)
-def _decay_over(h, states, rate, walk2, phi, q):
+def _decay_over(h, states, world, phi, q):
     """phi = exp(-h rate) and the variance q that the process adds to each bias over h; a walk has rate 0."""
+    rate, walk2 = world.rate, world.walk2
     for j in range(15, states):
         if rate[j] == 0.0:
             phi[j], q[j] = 1.0, walk2[j] * h
@@ -233,8 +378,9 @@ def _decay_over(h, states, rate, walk2, phi, q):
 
 
 @njit(**_INLINE)
-def _predict(P, c, top, h, q_accel, q_gyro, walk2, states, phi, q):
+def _predict(P, c, top, h, q_accel, q_gyro, world, phi, q):
     """P <- Phi P Phi' + Q, both triangles equal."""
+    walk2, states = world.walk2, world.states
     _propagate_P(P, 0, c)
     for i in range(9):
         for j in range(15):
@@ -280,8 +426,9 @@ def _decay_V(V, first, last, states, phi):
 
 
 @njit(**_INLINE)
-def _predict_V(V, c, tiles, Ga, Gg, at, a_tiles, g_first, g_tiles, u00, u01, u10, u11, work):
+def _predict_V(V, c, tiles, effects, at, u00, u01, u10, u11, work):
     """V <- Phi V - B G, tile by tile; at the step's ends the regressor is u00 G_k + u01 G_k+1, u10 G_k + u11 G_k+1."""
+    Ga, Gg, a_tiles, g_first, g_tiles = effects.Ga, effects.Gg, effects.a_tiles, effects.g_first, effects.g_tiles
     for j in range(9):  # what the accelerometer's effects add to the velocity
         work[j] = u00 * c[36 + j] + u10 * c[45 + j]
         work[9 + j] = u01 * c[36 + j] + u11 * c[45 + j]
@@ -389,82 +536,85 @@ def _apply_product(V, first, tiles, M, T):
 
 
 @njit(**_INLINE)
-def _put(H_index, H_value, H_n, row, index, value):
-    n = H_n[row]
-    H_index[row, n] = index
-    H_value[row, n] = value
-    H_n[row] = n + 1
+def _put(H, row, index, value):
+    n = H.n[row]
+    H.column[row, n] = index
+    H.value[row, n] = value
+    H.n[row] = n + 1
 
 
 @njit(**_INLINE)
-def _measure(kind, m, bias, colour, field, x, C, m_n, g, ground_down, beams, first_beam, H_index, H_value, H_n, z_pred):
+def _measure(s, m, sensors, world, x, C, H, z_pred):
     """Prediction of one reading and the non-zero elements of its H; False where there is no prediction."""
+    kind, bias, colour, field = sensors.kind[s], sensors.bias[s], sensors.colour[s], world.field
     for i in range(m):
-        H_n[i] = 0
+        H.n[i] = 0
     if kind == GPS:
         for i in range(m):
             z_pred[i] = x[i]
-            _put(H_index, H_value, H_n, i, i, 1.0)
+            _put(H, i, i, 1.0)
     elif kind == SPEED:
         for i in range(m):
             z_pred[i] = x[3 + i]
-            _put(H_index, H_value, H_n, i, 3 + i, 1.0)
+            _put(H, i, 3 + i, 1.0)
     elif kind == BASE:
         for i in range(m):
             z_pred[i] = 0.0
     elif kind == BARO:
         z_pred[0] = -x[2]
-        _put(H_index, H_value, H_n, 0, 2, -1.0)
+        _put(H, 0, 2, -1.0)
     elif kind == RANGE:
         for i in range(m):
-            b0, b1, b2 = beams[first_beam + i, 0], beams[first_beam + i, 1], beams[first_beam + i, 2]
+            at = sensors.beam_start[s] + i
+            b0, b1, b2 = sensors.beams[at, 0], sensors.beams[at, 1], sensors.beams[at, 2]
             down = C[6] * b0 + C[7] * b1 + C[8] * b2
             if not down > 0.0:
                 return False
-            r = (ground_down - x[2]) / down
+            r = (world.ground_down - x[2]) / down
             z_pred[i] = r
-            _put(H_index, H_value, H_n, i, 2, -1.0 / down)
-            _put(H_index, H_value, H_n, i, 6, r / down * (C[7] * b2 - C[8] * b1))
-            _put(H_index, H_value, H_n, i, 7, r / down * (C[8] * b0 - C[6] * b2))
-            _put(H_index, H_value, H_n, i, 8, r / down * (C[6] * b1 - C[7] * b0))
+            _put(H, i, 2, -1.0 / down)
+            _put(H, i, 6, r / down * (C[7] * b2 - C[8] * b1))
+            _put(H, i, 7, r / down * (C[8] * b0 - C[6] * b2))
+            _put(H, i, 8, r / down * (C[6] * b1 - C[7] * b0))
     else:
-        s, a, b, c = 1.0, m_n[0], m_n[1], m_n[2]
+        sign, a, b, c = 1.0, world.m_n[0], world.m_n[1], world.m_n[2]
         if kind == LEVEL:
-            s, a, b, c = -1.0, g[0], g[1], g[2]
+            sign, a, b, c = -1.0, world.g[0], world.g[1], world.g[2]
         elif field >= 0:
             a, b, c = a + x[field + 1], b + x[field + 2], c + x[field + 3]
         for i in range(3):
-            z_pred[i] = s * (C[i] * a + C[3 + i] * b + C[6 + i] * c)
-        _put(H_index, H_value, H_n, 0, 7, -z_pred[2])
-        _put(H_index, H_value, H_n, 0, 8, z_pred[1])
-        _put(H_index, H_value, H_n, 1, 6, z_pred[2])
-        _put(H_index, H_value, H_n, 1, 8, -z_pred[0])
-        _put(H_index, H_value, H_n, 2, 6, -z_pred[1])
-        _put(H_index, H_value, H_n, 2, 7, z_pred[0])
+            z_pred[i] = sign * (C[i] * a + C[3 + i] * b + C[6 + i] * c)
+        _put(H, 0, 7, -z_pred[2])
+        _put(H, 0, 8, z_pred[1])
+        _put(H, 1, 6, z_pred[2])
+        _put(H, 1, 8, -z_pred[0])
+        _put(H, 2, 6, -z_pred[1])
+        _put(H, 2, 7, z_pred[0])
         if kind == MAG and field >= 0:
             for i in range(3):
                 for j in range(3):
-                    _put(H_index, H_value, H_n, i, field + j, C[3 * j + i])
+                    _put(H, i, field + j, C[3 * j + i])
     if bias >= 0:
         single = kind in (BARO, RANGE)
         for i in range(m if single else 3):
             at = bias if single else bias + i
             z_pred[i] += x[at + 1]
-            _put(H_index, H_value, H_n, i, at, 1.0)
+            _put(H, i, at, 1.0)
     if colour >= 0:
         for i in range(m):
             at = colour if kind == RANGE else colour + i
             z_pred[i] += x[at + 1]
-            _put(H_index, H_value, H_n, i, at, 1.0)
+            _put(H, i, at, 1.0)
     return True
 
 
 @njit(**_INLINE)
-def _add_form(m, row, D, ref, event, replaces, x, H_index, H_value, H_n, z_pred, J):
+def _add_form(m, readings, event, replaces, x, H, z_pred, J):
     """z_pred += D (x (-) x_ref), H += D J_r^-1 on position, velocity and attitude: an effect along a known motion.
 
     Where it replaces the model's own prediction, only the bias stays of that: linear about the reference.
     """
+    D, ref, row = readings.D, readings.ref, readings.row[event]
     d = np.empty(9)
     for i in range(6):
         d[i] = x[i] - ref[event, i]
@@ -483,9 +633,9 @@ def _add_form(m, row, D, ref, event, replaces, x, H_index, H_value, H_n, z_pred,
     for i in range(m):
         if replaces:
             z_pred[i] = 0.0
-            for k in range(H_n[i]):
-                if H_index[i, k] >= 9:
-                    z_pred[i] += H_value[i, k] * x[H_index[i, k] + 1]
+            for k in range(H.n[i]):
+                if H.column[i, k] >= 9:
+                    z_pred[i] += H.value[i, k] * x[H.column[i, k] + 1]
         for j in range(9):
             z_pred[i] += D[row + i, j] * d[j]
         for j in range(6):
@@ -493,17 +643,17 @@ def _add_form(m, row, D, ref, event, replaces, x, H_index, H_value, H_n, z_pred,
         for j in range(3):
             dense[6 + j] = D[row + i, 6] * J[j] + D[row + i, 7] * J[3 + j] + D[row + i, 8] * J[6 + j]
         kept = 0
-        for k in range(H_n[i]):
-            if H_index[i, k] < 9:
-                dense[H_index[i, k]] += 0.0 if replaces else H_value[i, k]
+        for k in range(H.n[i]):
+            if H.column[i, k] < 9:
+                dense[H.column[i, k]] += 0.0 if replaces else H.value[i, k]
             else:
-                kept_index[kept], kept_value[kept] = H_index[i, k], H_value[i, k]
+                kept_index[kept], kept_value[kept] = H.column[i, k], H.value[i, k]
                 kept += 1
-        H_n[i] = 0
+        H.n[i] = 0
         for j in range(9):
-            _put(H_index, H_value, H_n, i, j, dense[j])
+            _put(H, i, j, dense[j])
         for k in range(kept):
-            _put(H_index, H_value, H_n, i, kept_index[k], kept_value[k])
+            _put(H, i, kept_index[k], kept_value[k])
 
 
 @njit(**_INLINE)
@@ -572,19 +722,19 @@ def _subtract_one(V, tile, U, k, w, states):
 
 
 @njit(**_INLINE)
-def _factor(m, P, H_index, H_value, H_n, r, row, B, S, L):
+def _factor(m, P, H, r, row, B, S, L):
     """B = H P, S = H P H' + R, S = L L', R the variances r from `row` on; P as rows (CAP, CAP).
 
     False where S is not positive.
     """
     for i in range(m):
-        _set_row(B, i, P, H_index[i, 0], H_value[i, 0])
-        for k in range(1, H_n[i]):
-            _add_row(B, i, P, H_index[i, k], H_value[i, k])
+        _set_row(B, i, P, H.column[i, 0], H.value[i, 0])
+        for k in range(1, H.n[i]):
+            _add_row(B, i, P, H.column[i, k], H.value[i, k])
         for j in range(i + 1):
             s = 0.0
-            for k in range(H_n[j]):
-                s += H_value[j, k] * B[i, H_index[j, k]]
+            for k in range(H.n[j]):
+                s += H.value[j, k] * B[i, H.column[j, k]]
             if i == j:
                 s += r[row + i]
             S[i, j] = s
@@ -645,21 +795,21 @@ def _correct(m, U, y, x, P, J, dx, states):
 
 
 @njit(**_INLINE)
-def _sort_row(i, H_index, H_value, H_n, near, h, r):
+def _sort_row(i, H, near, h, r):
     """Elements of one row of H for `_correct_V`: columns 2, 6, 7, 8 in `near`, two others in h and r; counts others."""
     for q in range(4):
         near[4 * i + q] = 0.0
     h[2 * i], h[2 * i + 1], r[2 * i], r[2 * i + 1] = 0.0, 0.0, np.uint64(0), np.uint64(0)
     others = 0
-    for q in range(H_n[i]):
-        at = H_index[i, q]
+    for q in range(H.n[i]):
+        at = H.column[i, q]
         if at == 2:
-            near[4 * i] = H_value[i, q]
+            near[4 * i] = H.value[i, q]
         elif 6 <= at <= 8:
-            near[4 * i + at - 5] = H_value[i, q]
+            near[4 * i + at - 5] = H.value[i, q]
         else:
             if others < 2:
-                h[2 * i + others], r[2 * i + others] = H_value[i, q], np.uint64(16 * at)
+                h[2 * i + others], r[2 * i + others] = H.value[i, q], np.uint64(16 * at)
             others += 1
     return others
 
@@ -675,18 +825,18 @@ def _put_HV(i, V, tile, near, h, r, W, row, at):
 
 
 @njit(**_INLINE)
-def _add_others(i, V, tiles, H_index, H_value, H_n, W, row):
+def _add_others(i, V, tiles, H, W, row):
     """The elements of H_i beyond the two that `_put_HV` takes: an effect along a known motion fills the row."""
     others = 0
-    for q in range(H_n[i]):
-        c = H_index[i, q]
+    for q in range(H.n[i]):
+        c = H.column[i, q]
         if c == 2 or 6 <= c <= 8:
             continue
         others += 1
         if others > 2:
             for tile in range(tiles):
                 for j in range(16):
-                    W[row, 16 * tile + j] += H_value[i, q] * V[tile, 16 * c + j]
+                    W[row, 16 * tile + j] += H.value[i, q] * V[tile, 16 * c + j]
 
 
 @njit(**_INLINE)
@@ -712,18 +862,21 @@ def _whiten(m, L, W, row, columns):
 
 
 @njit(**_INLINE)
-def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, count, W, row, group, near, h, r, states):
+def _correct_V(m, V, effects, s, event, H, L, U, J, W, row, ready, states):
     """S_beta = H V + G, W = L^-1 S_beta into the rows of `W` from `row` on, V <- V - U' W, then the reset.
 
     All components of S_beta are taken before V changes: a reading with less weight has L scaled, but not its H V. The
     rows of V that most readings need have constant places, which lets the loops fill vector registers.
     """
+    tiles, G, g_at = effects.tiles, effects.Gz, effects.at[event]
+    first, count = effects.first[s], effects.width[s]
+    near, h, r, group = ready.near, ready.other, ready.place, ready.group
     for i in range(m):
-        others = _sort_row(i, H_index, H_value, H_n, near, h, r)
+        others = _sort_row(i, H, near, h, r)
         for tile in range(tiles):
             _put_HV(i, V, tile, near, h, r, W, row + i, np.uint64(16 * tile))
         if others > 2:
-            _add_others(i, V, tiles, H_index, H_value, H_n, W, row + i)
+            _add_others(i, V, tiles, H, W, row + i)
         for j in range(count):
             W[row + i, first + j] += G[g_at + i * count + j]
     _whiten(m, L, W, row, 16 * tiles)
@@ -744,192 +897,201 @@ def _correct_V(m, V, tiles, H_index, H_value, H_n, L, U, J, G, g_at, first, coun
             V[tile, 128 + j] = J[6] * t0 + J[7] * t1 + J[8] * t2
 
 
-@njit(**_OPTIONS)
-def run_chunk(
-    clock, imu_t, imu_u, q_accel, q_gyro, i0, i1, k0, k1, ev_t, ev_sensor, ev_row, ev_S, ev_status,
-    z, form, D, ref, kind, size, bias, colour, field, beam_start, beams, r, gate, robust, tail,
-    g, m_n, w_ie, ground_down, translation, averaged, states, walk2, rate, x, P,
-    nu, white, S_out, nis, loglik, weight, x_event, var_event, log_imu, x_imu, var_imu,
-    record, steps, step_of_event, step_of_imu, U_out, H_out, turn_out,
-    V, tiles, Ga, Gg, a_tiles, g_first, g_tiles, Gz, ev_G, col_first, col_count, W_out, W_white, W_event,
-):  # fmt: skip
-    """Run from IMU sample i0 to i1 through the events k0 to k1; returns (status, event, rows of W).
+@njit(**_INLINE)
+def _at_ends(imu, i, a0, a1, u0, u1):
+    """Force and rate at the two ends of a step, shares a0 and a1 of interval i."""
+    for j in range(6):
+        u0[j] = (1.0 - a0) * imu.u[i, j] + a0 * imu.u[i + 1, j]
+        u1[j] = (1.0 - a1) * imu.u[i, j] + a1 * imu.u[i + 1, j]
 
-    `clock[0]` is the time of the state. What each array holds is said where `estimator.filter.engine` makes it.
-    """
-    m_max = np.max(size) if len(size) else 1
+
+@njit(**_INLINE)
+def _keep_step(trail, n, c, h, q_accel, q_gyro):
+    for j in range(55):
+        trail.steps[n, j] = c[j]
+    trail.steps[n, 55], trail.steps[n, 56], trail.steps[n, 57] = h, q_accel, q_gyro
+
+
+@njit(**_INLINE)
+def _write_state(x, P, row, x_out, var_out):
+    for j in range(CAP + 1):
+        x_out[row, j] = x[j]
+    for j in range(CAP):
+        var_out[row, j] = P[0, (CAP + 1) * j]
+
+
+@njit(**_INLINE)
+def _whiten_innovation(m, nu, at, L, y, white):
+    """y = L^-1 nu, of the rows of nu from `at` on; (NIS, log det S)."""
+    total, log_det = 0.0, 0.0
+    for a in range(m):
+        e = nu[at + a]
+        for b in range(a):
+            e -= L[a, b] * y[b]
+        y[a] = e / L[a, a]
+        total += y[a] * y[a]
+        log_det += 2.0 * np.log(L[a, a])
+        white[at + a] = y[a]
+    return total, log_det
+
+
+@njit(**_INLINE)
+def _less_weight(m, spread, y, L):
+    """S grows by `spread`: so y = L^-1 nu shrinks by its root."""
+    factor = np.sqrt(spread)
+    for a in range(m):
+        y[a] /= factor
+        for b in range(a + 1):
+            L[a, b] *= factor
+
+
+@njit(**_INLINE)
+def _whiten_rows(m, U, L):
+    """U <- L^-1 U."""
+    for a in range(m):
+        for b in range(a):
+            _add_row(U, a, U, b, -L[a, b])
+        _set_row(U, a, U, a, 1.0 / L[a, a])
+
+
+@njit(**_INLINE)
+def _keep_correction(trail, k, at, m, dx, U, H, L):
+    """The turn of the attitude, L^-1 H P and L^-1 H of the k-th reading, whose rows begin with `at`."""
+    for j in range(3):
+        trail.turn[k, j] = dx[6 + j]
+    for a in range(m):
+        for j in range(CAP):
+            trail.U[at + a, j] = U[a, j]
+            trail.H[at + a, j] = 0.0
+        for b in range(H.n[a]):
+            trail.H[at + a, H.column[a, b]] = H.value[a, b]
+        for b in range(a):
+            for j in range(CAP):
+                trail.H[at + a, j] -= L[a, b] * trail.H[at + b, j]
+        for j in range(CAP):
+            trail.H[at + a, j] /= L[a, a]
+
+
+@njit(**_OPTIONS)
+def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out, trail, whitened):
+    """Run from IMU sample i0 to i1 through the events k0 to k1; returns (status, event, rows of W)."""
+    clock, x, P, V, tiles, states = state.clock, state.x, state.P, state.V, effects.tiles, world.states
+    m_max = np.max(sensors.size) if len(sensors.size) else 1
     C0, C1, J, c, top = np.zeros(9), np.zeros(9), np.zeros(9), np.zeros(55), np.zeros((1, 180))
     u0, u1, work, dx = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(CAP)
     y, z_pred = np.zeros(m_max), np.zeros(m_max)
-    H_index, H_value, H_n = np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64)
+    H = Rows(np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64))
     phi, q = np.ones(CAP), np.zeros(CAP)
     U, S, L = np.zeros((m_max + 3, CAP)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
-    P_rows, group = P.reshape((CAP, CAP)), np.zeros((3, 16))
-    driven = max(a_tiles, g_first + g_tiles)  # tiles that move at every step
+    P_rows = P.reshape((CAP, CAP))
+    driven = max(effects.a_tiles, effects.g_first + effects.g_tiles)  # tiles that move at every step
     if tiles - driven < 2:  # the product costs as much as a tile
         driven = tiles
     M, T = np.zeros((1, 180)), 0.0  # see `_apply_product`
     _start_product(M)
     for j in range(3, 9):
         M[0, 13 * j + 72] = 1.0
-    near, h_other, r_other = np.zeros(4 * m_max), np.zeros(2 * m_max), np.zeros(2 * m_max, np.uint64)
+    ready = Sorted(np.zeros(4 * m_max), np.zeros(2 * m_max), np.zeros(2 * m_max, np.uint64), np.zeros((3, 16)))
     i, k, rows, n_steps = i0, k0, 0, 0
     while True:
         # --- the state moves to the next sample or the next event, whichever comes first
-        to_event = k < k1 and (i >= i1 or ev_t[k] < imu_t[i + 1])
+        to_event = k < k1 and (i >= i1 or readings.t[k] < imu.t[i + 1])
         if not to_event and i >= i1:
             break
         t_next = clock[0]
         if not to_event:
-            t_next = imu_t[i + 1]
-        elif ev_status[k] == ACCEPTED or ev_status[k] == WITHHELD:
-            t_next = ev_t[k]
+            t_next = imu.t[i + 1]
+        elif out.status[k] == ACCEPTED or out.status[k] == WITHHELD:
+            t_next = readings.t[k]
         h = t_next - clock[0]
         if h > 0.0:
-            span = imu_t[i + 1] - imu_t[i]
-            a0 = (clock[0] - imu_t[i]) / span
-            a1 = (t_next - imu_t[i]) / span if to_event else 1.0
-            if averaged:
+            span = imu.t[i + 1] - imu.t[i]
+            a0 = (clock[0] - imu.t[i]) / span
+            a1 = (t_next - imu.t[i]) / span if to_event else 1.0
+            if world.averaged:
                 a0, a1 = 1.0, 1.0
-            for j in range(6):
-                u0[j] = (1.0 - a0) * imu_u[i, j] + a0 * imu_u[i + 1, j]
-                u1[j] = (1.0 - a1) * imu_u[i, j] + a1 * imu_u[i + 1, j]
-            _strapdown(x, u0, u1, h, g, w_ie, translation, C0, C1, J, c)
-            _decay_over(h, states, rate, walk2, phi, q)
+            _at_ends(imu, i, a0, a1, u0, u1)
+            _strapdown(x, u0, u1, h, world, C0, C1, J, c)
+            _decay_over(h, states, world, phi, q)
             for j in range(15, states):
                 x[j + 1] *= phi[j]
             if tiles > 0:
                 _decay_V(V, 0, driven, states, phi)
-                _predict_V(V, c, driven, Ga, Gg, i, a_tiles, g_first, g_tiles, 1.0 - a0, a0, 1.0 - a1, a1, work)
+                _predict_V(V, c, driven, effects, i, 1.0 - a0, a0, 1.0 - a1, a1, work)
                 if driven < tiles:
                     _propagate_top(M, 0, c)
                     T += h
-            _predict(P, c, top, h, q_accel[i] if translation else 0.0, q_gyro[i], walk2, states, phi, q)
-            if record:
-                for j in range(55):
-                    steps[n_steps, j] = c[j]
-                steps[n_steps, 55], steps[n_steps, 56], steps[n_steps, 57] = h, q_accel[i], q_gyro[i]
+            _predict(P, c, top, h, imu.q_accel[i] if world.translation else 0.0, imu.q_gyro[i], world, phi, q)
+            if trail.kept:
+                _keep_step(trail, n_steps, c, h, imu.q_accel[i], imu.q_gyro[i])
                 n_steps += 1
             clock[0] = t_next
         if not to_event:
             i += 1
-            if record:
-                step_of_imu[i - i0] = n_steps
-            if log_imu > 0 and i % log_imu == 0:
-                for j in range(CAP + 1):
-                    x_imu[i // log_imu, j] = x[j]
-                for j in range(CAP):
-                    var_imu[i // log_imu, j] = P[0, (CAP + 1) * j]
+            if trail.kept:
+                trail.step_of_imu[i - i0] = n_steps
+            if out.stride > 0 and i % out.stride == 0:
+                _write_state(x, P, i // out.stride, out.x_imu, out.var_imu)
             continue
         # --- a reading
-        s = ev_sensor[k]
-        m, at = size[s], ev_row[k]
-        if record:
-            step_of_event[k - k0] = n_steps
-        if ev_status[k] == ACCEPTED or ev_status[k] == WITHHELD:
+        s = readings.sensor[k]
+        m, at = sensors.size[s], readings.row[k]
+        if trail.kept:
+            trail.step_of_event[k - k0] = n_steps
+        if out.status[k] == ACCEPTED or out.status[k] == WITHHELD:
             _matrix(x, C0)
             if not np.isfinite(C0[0] + x[2]):
                 return NOT_FINITE, k, rows
-            seen = _measure(
-                kind[s],
-                m,
-                bias[s],
-                colour[s],
-                field,
-                x,
-                C0,
-                m_n,
-                g,
-                ground_down,
-                beams,
-                beam_start[s],
-                H_index,
-                H_value,
-                H_n,
-                z_pred,
-            )
-            if not seen:
-                ev_status[k] = NO_PREDICTION
+            if not _measure(s, m, sensors, world, x, C0, H, z_pred):
+                out.status[k] = NO_PREDICTION
             else:
-                if form[s]:
-                    _add_form(m, at, D, ref, k, form[s] == 2, x, H_index, H_value, H_n, z_pred, J)
+                if sensors.form[s]:
+                    _add_form(m, readings, k, sensors.form[s] == 2, x, H, z_pred, J)
                 for j in range(m):
-                    nu[at + j] = z[at + j] - z_pred[j]
-                if not _factor(m, P_rows, H_index, H_value, H_n, r, at, U, S, L):
+                    out.nu[at + j] = readings.z[at + j] - z_pred[j]
+                if not _factor(m, P_rows, H, readings.r, at, U, S, L):
                     return NOT_POSITIVE, k, rows
-                total, log_det = 0.0, 0.0
+                total, log_det = _whiten_innovation(m, out.nu, at, L, y, out.white)
                 for a in range(m):
-                    e = nu[at + a]
-                    for b in range(a):
-                        e -= L[a, b] * y[b]
-                    y[a] = e / L[a, a]
-                    total += y[a] * y[a]
-                    log_det += 2.0 * np.log(L[a, a])
-                    white[at + a] = y[a]
                     for b in range(m):
-                        S_out[ev_S[k] + a * m + b] = S[a, b]
-                nis[k] = total
-                loglik[k] = -0.5 * (total + log_det + m * 1.8378770664093453)
+                        out.S[out.S_row[k] + a * m + b] = S[a, b]
+                out.nis[k] = total
+                out.loglik[k] = -0.5 * (total + log_det + m * 1.8378770664093453)
                 if not np.isfinite(total):
                     return NOT_FINITE, k, rows
-                if ev_status[k] == WITHHELD:
+                if out.status[k] == WITHHELD:
                     pass
-                elif total > gate[s]:
-                    ev_status[k] = GATED
+                elif total > sensors.gate[s]:
+                    out.status[k] = GATED
                 else:
-                    spread = total / robust[s]
-                    if tail[s] > 0.0:
-                        spread = (tail[s] + total) / (tail[s] + m)
+                    spread = total / sensors.robust[s]
+                    if sensors.tail[s] > 0.0:
+                        spread = (sensors.tail[s] + total) / (sensors.tail[s] + m)
                     if spread > 1.0:
-                        factor = np.sqrt(spread)
-                        weight[k] = 1.0 / spread
-                        for a in range(m):
-                            y[a] /= factor
-                            for b in range(a + 1):
-                                L[a, b] *= factor
-                    for a in range(m):
-                        for b in range(a):
-                            _add_row(U, a, U, b, -L[a, b])
-                        _set_row(U, a, U, a, 1.0 / L[a, a])
+                        out.weight[k] = 1.0 / spread
+                        _less_weight(m, spread, y, L)
+                    _whiten_rows(m, U, L)
                     _correct(m, U, y, x, P, J, dx, states)
                     if tiles > 0:
                         if T > 0.0:
                             _apply_product(V, driven, tiles, M, T)
-                            _decay_over(T, states, rate, walk2, phi, q)
+                            _decay_over(T, states, world, phi, q)
                             _decay_V(V, driven, tiles, states, phi)
                             _start_product(M)
                             T = 0.0
-                        _correct_V(
-                            m, V, tiles, H_index, H_value, H_n, L, U, J, Gz, ev_G[k], col_first[s], col_count[s],
-                            W_out, rows, group, near, h_other, r_other, states,
-                        )  # fmt: skip
-                    if len(W_white) > 1:  # asked for
+                        _correct_V(m, V, effects, s, k, H, L, U, J, whitened.W, rows, ready, states)
+                    if len(whitened.white) > 1:  # asked for
                         for a in range(m):
-                            W_white[rows] = y[a]
-                            W_event[rows] = k
+                            whitened.white[rows] = y[a]
+                            whitened.event[rows] = k
                             rows += 1
-                    if record:
-                        for j in range(3):
-                            turn_out[k - k0, j] = dx[6 + j]
-                        for a in range(m):
-                            for j in range(CAP):
-                                U_out[at + a - ev_row[k0], j] = U[a, j]
-                                H_out[at + a - ev_row[k0], j] = 0.0
-                            for b in range(H_n[a]):
-                                H_out[at + a - ev_row[k0], H_index[a, b]] = H_value[a, b]
-                            for b in range(a):
-                                for j in range(CAP):
-                                    H_out[at + a - ev_row[k0], j] -= L[a, b] * H_out[at + b - ev_row[k0], j]
-                            for j in range(CAP):
-                                H_out[at + a - ev_row[k0], j] /= L[a, a]
-        for j in range(CAP + 1):
-            x_event[k, j] = x[j]
-        for j in range(CAP):
-            var_event[k, j] = P[0, (CAP + 1) * j]
+                    if trail.kept:
+                        _keep_correction(trail, k - k0, at - readings.row[k0], m, dx, U, H, L)
+        _write_state(x, P, k, out.x_event, out.var_event)
         k += 1
     if T > 0.0:  # V is whole at the end of a chunk
         _apply_product(V, driven, tiles, M, T)
-        _decay_over(T, states, rate, walk2, phi, q)
+        _decay_over(T, states, world, phi, q)
         _decay_V(V, driven, tiles, states, phi)
     for j in range(CAP + 1):
         if not np.isfinite(x[j]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import Events
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.imu import ImuTable
-from sinan.estimator.filter.inputs import RunInputs, RunOutputs, outputs_for, prepare
+from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray
@@ -21,6 +21,7 @@ from sinan.sensors.recording import Recording
 
 if TYPE_CHECKING:
     from sinan.estimator.filter.compiled import CompiledRun
+    from sinan.estimator.filter.engine_numba import Trail
 
 PIECE = 60.0  # s
 
@@ -88,22 +89,25 @@ def part_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -
     return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P, later=())
 
 
-def recorded(part: RunInputs, stride: int) -> tuple[CompiledRun, RunOutputs, dict[str, Any]]:
+def recorded(part: RunInputs, stride: int) -> tuple[CompiledRun, Trail]:
     """A part run forwards, and what going through it backwards needs: all steps, where readings and samples are."""
     from sinan.estimator.filter.compiled import CompiledRun
+    from sinan.estimator.filter.engine_numba import Trail
 
-    outputs = outputs_for(part, stride)
-    engine = CompiledRun(part, outputs)
+    engine = CompiledRun(part, outputs_for(part, stride))
     K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
-    record: dict[str, Any] = {
-        "steps": np.zeros((K + samples, 58)), "step_of_event": np.zeros(max(K, 1), dtype=np.int64),
-        "step_of_imu": np.zeros(samples, dtype=np.int64), "U": np.zeros((max(rows, 1), CAPACITY)),
-        "H": np.zeros((max(rows, 1), CAPACITY)), "turn": np.zeros((max(K, 1), 3)),
-    }  # fmt: skip
-    engine.chunk(0, samples - 1, record)
-    steps = max(int(record["step_of_imu"][-1]), int(record["step_of_event"].max()))
-    record["steps"], record["step_of_event"] = record["steps"][:steps], record["step_of_event"][:K]
-    return engine, outputs, record
+    trail = Trail(
+        kept=True,
+        steps=np.zeros((K + samples, 58)),
+        step_of_event=np.zeros(max(K, 1), dtype=np.int64),
+        step_of_imu=np.zeros(samples, dtype=np.int64),
+        U=np.zeros((max(rows, 1), CAPACITY)),
+        H=np.zeros((max(rows, 1), CAPACITY)),
+        turn=np.zeros((max(K, 1), 3)),
+    )
+    engine.chunk(0, samples - 1, trail)
+    steps = max(int(trail.step_of_imu[-1]), int(trail.step_of_event.max()))
+    return engine, trail._replace(steps=trail.steps[:steps], step_of_event=trail.step_of_event[:K])
 
 
 def _events_between(events: Events, k0: int, k1: int) -> Events:

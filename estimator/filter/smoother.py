@@ -84,23 +84,17 @@ def _smooth_part(part: RunInputs, r: FloatArray, information: FloatArray, sigmas
     """(samples, CAPACITY + 1) smoothed states of one part; r and information are carried to its start, in place."""
     from sinan.estimator.filter.smoother_numba import backward, forward
 
-    engine, outputs, record = recorded(part, 1)
+    engine, trail = recorded(part, 1)
+    outputs, row = engine.outputs, part.events.row
     used = outputs.status == ACCEPTED
-    scale = np.repeat(np.where(used, np.sqrt(outputs.weight), 0.0), np.diff(part.events.row))
+    scale = np.repeat(np.where(used, np.sqrt(outputs.weight), 0.0), np.diff(row))
     white = np.where(scale > 0.0, outputs.white, 0.0) * scale
-    steps, step_of_event, row = record["steps"], record["step_of_event"], part.events.row
-    r_after, x_smooth = np.zeros((len(steps), CAPACITY)), np.zeros((len(part.imu), CAPACITY + 1))
-    backward(
-        steps, step_of_event, row, white, record["U"], record["H"], record["turn"], r, r_after, engine.walk2,
-        engine.rate, information, sigmas,
-    )  # fmt: skip
+    r_after, x_smooth = np.zeros((len(trail.steps), CAPACITY)), np.zeros((len(part.imu), CAPACITY + 1))
+    backward(trail, row, white, engine.world, r, r_after, information, sigmas)
     d = np.zeros(CAPACITY)
     n = len(part.P)
     d[:n] = part.P @ r[:n]
-    forward(
-        steps, step_of_event, record["step_of_imu"], row, white, record["U"], record["turn"], d, r_after, engine.walk2,
-        engine.rate, part.model.translation, outputs.x_imu, x_smooth,
-    )  # fmt: skip
+    forward(trail, row, white, engine.world, d, r_after, outputs.x_imu, x_smooth)
     return x_smooth
 
 

@@ -4,13 +4,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from sinan.estimator.filter.engine_numba import CAP, _decay_over, _right_jacobian, _turn
 from sinan.estimator.filter.kernel_cache import options
+from sinan.sensors.arrays import FloatArray
 
 _OPTIONS = options()
+
+
+class By(NamedTuple):
+    """Derivatives of the likelihood by the noise of each component, of each interval of the IMU, of each bias."""
+
+    r: FloatArray
+    q_accel: FloatArray
+    q_gyro: FloatArray
+    bias: FloatArray
 
 
 @njit(**_OPTIONS)
@@ -65,13 +77,14 @@ def _turned(J, r, transposed):
 
 
 @njit(**_OPTIONS)
-def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, walk2, rate, N, with_N):
+def backward(trail, row, white, world, r, r_after, N, with_N):
     """Carry r (CAP,) and N (CAP, CAP) from the end of the stretch to its start.
 
     Reading: r <- J' r, r <- r + H~' (y - U r);  N <- (I - U' H~)' J' N J (I - U' H~) + H~' H~, H~ = L^-1 H
     Step:    r <- Phi' r;                        N <- Phi' N Phi
     `r_after[s]` keeps r right after step s.
     """
+    steps, step_of_event, U, H, turn = trail.steps, trail.step_of_event, trail.U, trail.H, trail.turn
     J, temp = np.empty(9), np.empty(CAP)
     phi, q = np.ones(CAP), np.zeros(CAP)
     k, s = len(step_of_event) - 1, len(r_after)
@@ -104,7 +117,7 @@ def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, walk2, ra
         s -= 1
         for j in range(CAP):
             r_after[s, j] = r[j]
-        _decay_over(steps[s, 55], CAP, rate, walk2, phi, q)
+        _decay_over(steps[s, 55], CAP, world, phi, q)
         _transposed_step(steps[s], r, phi)
         if with_N:
             for j in range(CAP):
@@ -115,13 +128,19 @@ def backward(steps, step_of_event, row, white, U, H, turn, r, r_after, walk2, ra
 
 
 @njit(**_OPTIONS)
-def forward(
-    steps, step_of_event, step_of_imu, row, white, U, turn, d, r_after, walk2, rate, translation, x_imu, x_smooth
-):
+def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
     """Carry the smoothed correction d = E[dx | all readings] through the stretch: d <- Phi d + Q r, d <- J (d - U' y).
 
     At every IMU sample x_smooth = x_imu (+) d.
     """
+    steps, step_of_event, step_of_imu, U, turn = (
+        trail.steps,
+        trail.step_of_event,
+        trail.step_of_imu,
+        trail.U,
+        trail.turn,
+    )
+    walk2, translation = world.walk2, world.translation
     J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
     k, i, s = 0, 0, 0
     while True:
@@ -145,7 +164,7 @@ def forward(
         if s == len(steps):
             return
         h, q_accel, q_gyro = steps[s, 55], steps[s, 56], steps[s, 57]
-        _decay_over(h, CAP, rate, walk2, phi, q)
+        _decay_over(h, CAP, world, phi, q)
         _step(steps[s], d, phi)
         for j in range(3):
             if translation:
@@ -161,14 +180,14 @@ def forward(
 
 
 @njit(**_OPTIONS)
-def backward_scores(
-    steps, step_of_event, step_of_imu, row, S_row, used, weight, white, S, U, H, turn, walk2, rate, states, translation,
-    r, N, by_r, by_q_accel, by_q_gyro, by_bias,
-):  # fmt: skip
+def backward_scores(trail, row, out, used, world, r, N, by):
     """`backward` with N, and what r and N say of every noise on the way; see `estimator.evidence.level_scores`.
 
     H here is L^-1 H and U = L^-1 H P, with L L' = S / weight.
     """
+    steps, step_of_event, step_of_imu = trail.steps, trail.step_of_event, trail.step_of_imu
+    U, H, turn = trail.U, trail.H, trail.turn
+    weight, walk2, states, translation = out.weight, world.walk2, world.states, world.translation
     J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
     m_max = 1
     for k in range(len(step_of_event)):
@@ -187,7 +206,7 @@ def backward_scores(
             _turn_both(J, N, states)
             scale = np.sqrt(weight[k])
             for a in range(m):
-                y[a] = scale * white[first + a]
+                y[a] = scale * out.white[first + a]
                 for j in range(states):
                     y[a] -= U[first + a, j] * r[j]
                 for j in range(states):
@@ -203,7 +222,7 @@ def backward_scores(
                     UNU[a, b] = value
             for a in range(m):  # L L' = S / weight, G = L^-1
                 for b in range(a + 1):
-                    value = S[S_row[k] + a * m + b] / weight[k]
+                    value = out.S[out.S_row[k] + a * m + b] / weight[k]
                     for n in range(b):
                         value -= L[a, n] * L[b, n]
                     L[a, b] = np.sqrt(value) if a == b else value / L[b, b]
@@ -218,7 +237,7 @@ def backward_scores(
                     u += G[a, j] * y[a]
                     for b in range(j, m):
                         d += G[a, j] * UNU[a, b] * G[b, j]
-                by_r[first + j] = 0.5 * (u * u - d) / weight[k]
+                by.r[first + j] = 0.5 * (u * u - d) / weight[k]
             for a in range(m):
                 for j in range(states):
                     r[j] += H[first + a, j] * y[a]
@@ -247,18 +266,18 @@ def backward_scores(
         while i > 0 and step_of_imu[i] > s:
             i -= 1
         h = steps[s, 55]
-        _decay_over(h, states, rate, walk2, phi, q)
+        _decay_over(h, states, world, phi, q)
         for j in range(3):
-            by_q_gyro[i] += 0.5 * h * (r[6 + j] * r[6 + j] - N[6 + j, 6 + j])
+            by.q_gyro[i] += 0.5 * h * (r[6 + j] * r[6 + j] - N[6 + j, 6 + j])
             if translation:
                 v = r[3 + j] * r[3 + j] - N[3 + j, 3 + j]
                 p = r[j] * r[3 + j] - N[j, 3 + j]
                 w = r[j] * r[j] - N[j, j]
-                by_q_accel[i] += 0.5 * h * (v + h * p + h * h / 3.0 * w)
+                by.q_accel[i] += 0.5 * h * (v + h * p + h * h / 3.0 * w)
         for j in range(9, 15):
-            by_bias[j] += 0.5 * walk2[j] * h * (r[j] * r[j] - N[j, j])
+            by.bias[j] += 0.5 * walk2[j] * h * (r[j] * r[j] - N[j, j])
         for j in range(15, states):
-            by_bias[j] += 0.5 * q[j] * (r[j] * r[j] - N[j, j])
+            by.bias[j] += 0.5 * q[j] * (r[j] * r[j] - N[j, j])
         _transposed_step(steps[s], r, phi)
         for j in range(states):
             _transposed_step(steps[s], N[j], phi)

@@ -59,28 +59,24 @@ def _said(log: Log) -> dict[str, Any]:
 
 
 def _traced(log: Log, path: str, tell: Callable[[str], None]) -> Answer:
+    from sinan.experiments.answers.asked import Asked
+    from sinan.experiments.answers.traces import in_its_terms, trace, what_is_done
     from sinan.experiments.autopilots.parameters import facts_beside
-    from sinan.experiments.commands.trace import document_of, in_its_terms, what_is_done
-    from sinan.experiments.datasets import resolve
-    from sinan.experiments.report.trace_page import trace_page
-    from sinan.experiments.residual_loop.run import trace_recording
-    from sinan.experiments.review.drawing import drawn
-    from sinan.experiments.review.of_commands import review_of_trace
+    from sinan.experiments.datasets import called, resolve
 
+    tell("reading")
     tell("reading")
     recording = resolve(path)
     tell(what_is_done(recording))
-    traced = trace_recording(recording)
+    found = trace(recording, asked=Asked(called(log.path, recording), log.path))
     facts = facts_beside(Path(path))
     said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
-    document = document_of(recording, traced, [log.path])
-    document["autopilot"] = in_its_terms(document, recording, [path])[0]
+    found.document["autopilot"] = in_its_terms(found.document, recording, [path])[0]
+    found.document["logs"] = [{"log": log.path, "sha256": log.digest}]
     tell("drawing")
-    document["logs"] = [{"log": log.path, "sha256": log.digest}]
     with TemporaryDirectory() as folder:
-        page = Path(folder) / "page.html"
-        trace_page(page, traced, document, review=drawn(review_of_trace(recording, traced, document, [path])))
-        return Answer({**document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
+        page = found.to_html(Path(folder) / "page.html")
+        return Answer({**found.document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
 
 
 def is_of(document: Mapping[str, Any] | None, log: Log) -> bool:

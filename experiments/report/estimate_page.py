@@ -8,6 +8,7 @@ from typing import Any
 
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
+from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.words import (
     SENSORS,
@@ -94,6 +95,7 @@ def estimate_page(
     ]
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
+    assumption_table(page, document)
     if review is not None:
         page.heading("The log over time")
         page.part(review)

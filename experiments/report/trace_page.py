@@ -11,6 +11,7 @@ import numpy as np
 
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
+from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
@@ -86,6 +87,7 @@ def trace_page(
         page.figure(*made["candidates"])
         _candidate_tables(page, traced, document)
     _honesty(page, document)
+    assumption_table(page, document)
     page.write(path)
 
 

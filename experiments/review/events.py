@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sinan.estimator.filter.faults import Note
+from sinan.experiments.datasets.inputs import file_of
 from sinan.experiments.report.words import SENSORS
 from sinan.experiments.review.curves import Event
 from sinan.sensors.recording import COVARIATE_STREAMS, Recording
@@ -59,12 +59,12 @@ def found_events(document: Mapping[str, Any], end: float) -> list[Event]:
     ]
 
 
-def logged_events(recording: Recording, inputs: Sequence[str]) -> list[Event]:
+def logged_events(recording: Recording) -> list[Event]:
     """What the log itself says: when it was armed, in which mode it flew. Of several logs together nothing is said."""
     from sinan.sensors.formats.happenings import happenings_of
 
-    path = Path(inputs[0]) if len(inputs) == 1 else None
-    if path is None or recording.log_start is None or not path.is_file():
+    path = None if recording.log_start is None else file_of(recording.source)
+    if path is None or recording.log_start is None:
         return []
     end = max(float(stream.t[-1]) for stream in recording.streams.values())
     found = []

@@ -1,8 +1,8 @@
-"""The review of what a command has done: of a trace, of an estimate."""
+"""The review of an answer: of a trace, of an estimate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,28 +18,26 @@ from sinan.experiments.review.readings import readings_review
 from sinan.sensors.recording import Recording
 
 
-def review_of_estimate(recording: Recording, journal: Journal, target: Mounted | None, inputs: Sequence[str]) -> Review:
+def review_of_estimate(recording: Recording, journal: Journal, target: Mounted | None) -> Review:
     """States and innovations of a run of the filter.
 
     Parameters
     ----------
     recording : as it was read
     target : what it is compared with
-    inputs : the logs as they were named
     """
-    events = [*logged_events(recording, inputs), *gap_events(recording), *fault_events(journal.notes)]
+    events = [*logged_events(recording), *gap_events(recording), *fault_events(journal.notes)]
     flown = Flown(recording, journal.imu_t, journal.imu_x, journal, journal.model.translation, target, tuple(events))
     return flight_review(flown)
 
 
-def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str, Any], inputs: Sequence[str]) -> Review:
+def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str, Any]) -> Review:
     """States and innovations with what was found in the model; of poses the readings.
 
     Parameters
     ----------
     recording : as it was read
     document : the report
-    inputs : the logs as they were named
     """
     part = traced.parts[0]
     if not isinstance(part.source, FlightSource):
@@ -50,7 +48,7 @@ def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str,
     set_aside = [Event("refused", at, at, f"{SENSORS.get(name, name)} reading left out as wrong")
                  for name, stamps in part.source.left_out.items() for at in stamps.tolist()]  # fmt: skip
     events = [
-        *logged_events(recording, inputs), *stretch_events(part.source.stretches),
+        *logged_events(recording), *stretch_events(part.source.stretches),
         *found_events(document, float(t[-1])), *gap_events(recording), *fault_events(journal.notes), *set_aside,
     ]  # fmt: skip
     flown = Flown(recording, t, x, journal, part.source.model.translation, reference_of(recording), tuple(events))
