@@ -304,7 +304,7 @@ class Problem:
                 best[:] = [value, x.copy()]
             return -value, -gradient
 
-        bounds = [(None, None) if size.linear else (-4.0, 4.0) for size in self.sizes]
+        bounds = [(-4.0, 4.0)] * len(theta)  # also of a lateness: what is later is an effect that a trace names
         options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
         minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
