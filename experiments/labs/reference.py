@@ -79,7 +79,10 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         )
         say(f"{name}: {told}, 1 sigma of an entry up to {worst:.2g}; {alone}")
         if worst < KNOWN:
-            say(f"{name}: field of the second half by the first half's calibration, {raw:.3f} -> {mended:.3f} of its norm")
+            say(
+                f"{name}: field of the second half by the first half's calibration, {raw:.3f} -> "
+                f"{mended:.3f} of its norm"
+            )
         page.heading(name)
         page.table(["", "x", "y", "z"], _rows(fit), (1, 2, 3))
         foretold = f"Second half, calibrated by the first: scatter of the field {raw:.3f} → {mended:.3f}. "

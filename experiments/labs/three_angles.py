@@ -70,7 +70,10 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     curves, sharp = {}, {}
     for k, name in enumerate(("psi", "theta", "phi")):
         trial = [np.concatenate([a * np.eye(3)[k], best.K, best.offset]) for a in over]
-        curves[name] = (1e3 * over, np.array([np.sum(norm_residual_of_angles(y, own.reading, 9.8) ** 2) for y in trial]))
+        curves[name] = (
+            1e3 * over,
+            np.array([np.sum(norm_residual_of_angles(y, own.reading, 9.8) ** 2) for y in trial]),
+        )
         tries = [np.where(np.arange(3) == k, a, found) for a in over]
         fitted = (raw + known.offset) * known.K
         sharp[name] = (1e3 * over, np.array([np.sum((fitted @ small_rotation(y).T - truth) ** 2) for y in tries]))
