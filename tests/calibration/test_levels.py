@@ -103,9 +103,7 @@ def test_every_open_size_is_in_the_table_of_assumptions(bare: Recording) -> None
     assert (late.unit, late.is_ratio) == ("s", False)
     assert abs(late.value - LATE) < 4.0 * late.sigma
     of_mag = {row.quantity: row.value for row in rows if row.subject == "mag"}
-    together = np.hypot(
-        of_mag["white noise of a reading"], of_mag["first-order noise"]
-    )  # a little colour is found
+    together = np.hypot(of_mag["white noise of a reading"], of_mag["first-order noise"])  # a little colour is found
     known = fly(21, duration=1.0, sensors=("mag",))[0].spec("mag").noise_std
     assert together == pytest.approx(known * _scale_of_normal_noise(TAIL, 3), rel=0.1)
 
