@@ -10,15 +10,15 @@ from pathlib import Path
 from types import FrameType
 
 from sinan.calibration.poses.triad import Calibration
+from sinan.experiments.answers.calibrations import calibrate
 from sinan.experiments.autopilots.calibrated import calibration_terms
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.parameters import lines_of
 from sinan.experiments.autopilots.terms import Terms
-from sinan.experiments.calibrate import Calibrated, summary
+from sinan.experiments.calibrate import Calibrated
 from sinan.experiments.capture.display import share_lost, shown
 from sinan.experiments.capture.link import open_link
 from sinan.experiments.capture.session import Asked, Session
-from sinan.experiments.commands.calibrate import calibrate_sensor
 from sinan.experiments.report.files import write_json
 from sinan.experiments.report.made import made
 from sinan.sensors.errors import InputError
@@ -98,15 +98,14 @@ def _calibration(session: Session, results: Results) -> list[str]:
         return [f"not calibrated, ended too early: {watch.line}"]
     recording = read_recording(session.recording.folder)
     axes = results.axes or ("triangular" if sensor == "mag" else "none")  # what autopilots have parameters for
-    done = calibrate_sensor(recording, sensor, axes, session.asked.gravity)
-    if done.readings is not None:
-        done.document["read_in"] = recording.environment.field_unit if sensor == "mag" else done.readings.unit
+    answer = calibrate(recording, sensor, axes=axes, gravity=session.asked.gravity)
+    done = answer[sensor]
     terms = _parameters(session, done)
-    lines = [summary(sensor, done.document), *([terms] if isinstance(terms, str) else lines_of(terms))]
+    lines = [answer.summary(), *([terms] if isinstance(terms, str) else lines_of(terms))]
     if results.params is not None and not isinstance(terms, str):
         write_text(results.params, as_file(terms, f"{made()}: {sensor} calibrated"))
     if results.json is not None:
-        write_json(results.json, done.document)
+        answer.to_json(results.json)
     if results.html is not None:
         from sinan.experiments.report.calibration_page import calibration_page
 

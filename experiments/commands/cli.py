@@ -583,6 +583,46 @@ def camera(
 
 
 @app.command()
+def allan(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Noise of every sensor from the part of a log at rest: Allan deviation, its terms, the keys to declare."""
+    from sinan.experiments.commands.allan import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
+
+
+@app.command()
+def heights(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Heights of sonar, laser, barometer and GPS against each other and the filter; where the sonar has no echo."""
+    from sinan.experiments.commands.heights import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
+
+
+@app.command()
 def lab(
     name: Annotated[str | None, typer.Argument(help=f"{', '.join(LABS)}; none: the list")] = None,
     out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
