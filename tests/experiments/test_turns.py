@@ -79,7 +79,7 @@ def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) ->
     ],
 )
 @pytest.mark.parametrize("declared", [True, False], ids=["noise declared", "noise estimated"])
-def test_offsets_that_share_an_end_are_told_as_one(
+def test_offsets_that_share_an_end_are_merged(
     two: tuple[tuple[float, float], tuple[float, float]], one: tuple[float, float], declared: bool
 ) -> None:
     found = one_in_place(source_with(OFFSET, *one, declared=declared), *two)
