@@ -507,6 +507,20 @@ def batch(
 
 
 @app.command()
+def serve(
+    port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
+    open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
+    size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
+    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+) -> None:
+    """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
+    from sinan.experiments.commands.serve import run
+    from sinan.experiments.serve.jobs import Limits
+
+    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
+
+
+@app.command()
 def capture(
     link: Annotated[
         str, typer.Option("--link", help="udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD")
