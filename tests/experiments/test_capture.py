@@ -242,7 +242,7 @@ SCALE, OFFSET, FIELD_OFFSET = np.array([1.03, 0.98, 1.01]), np.array([0.3, -0.2,
 def typed(said: str) -> dict[str, float]:
     """The parameters that were printed."""
     lines = [line.split(": ", 1)[1].split() for line in said.splitlines() if line.startswith(("ArduPilot: ", "PX4: "))]
-    return {line[0]: float(line[1]) for line in lines if line[0] != "note:"}
+    return {line[0]: float(line[1].rstrip(",")) for line in lines if line[0] != "note:"}
 
 
 def typed_in(loopback: Loopback, said: str) -> dict[str, float]:
