@@ -829,6 +829,8 @@ def run_chunk(
             _matrix(x, C0)
             if not np.isfinite(C0[0] + x[2]):
                 return NOT_FINITE, k, rows
+            if kind[s] == MAG and form[s] == 2:  # linear about the reference in the field's error too
+                _matrix(ref[k], C0)
             seen = _measure(
                 kind[s],
                 m,
