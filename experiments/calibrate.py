@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gyro import GyroCalibration, calibrate_gyro, read_turns
-from calibration.triad import Axes, Calibration, calibrate_norm
-from estimator.whiteness import whiteness
-from experiments.report.words import counted, stream_unit
-from experiments.residual_loop.open_source import (
-    TriadReadings,
-    declared_for,
-    gravity_of,
-)
-from experiments.residual_loop.poses import motion_seen
-from experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
-from sensors.arrays import FloatArray, finite_or_none
-from sensors.covariates import covariates_for
-from sensors.errors import InputError
-from sensors.motion import Motion
-from sensors.recording import ACCEL, GYRO, Recording
+from sinan.calibration.poses.gyro import GyroCalibration, calibrate_gyro, read_turns
+from sinan.calibration.poses.triad import Axes, Calibration, calibrate_norm
+from sinan.estimator.evidence.whiteness import whiteness
+from sinan.experiments.report.words import counted, stream_unit
+from sinan.experiments.residual_loop.open_source import TriadReadings, declared_for, gravity_of
+from sinan.experiments.residual_loop.poses import motion_seen
+from sinan.experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
+from sinan.sensors.arrays import FloatArray, finite_or_none
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import ACCEL, GYRO, Recording
 
 #: Declared effects are taken off until a pass changes nothing beyond this share of a reading: each gains two digits.
 _SETTLED, _MOST_PASSES = 1e-9, 25
 #: Residuals beyond so many times their noise are remarked upon (a declared noise is rarely known to a fifth), and so
 #: are residuals that a test of whiteness calls noise in fewer than so many cases.
 _TOO_LARGE, _NO_NOISE = 1.2, 1e-3
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """One sensor, calibrated.
+
+    Attributes
+    ----------
+    readings : of an accelerometer or magnetometer, without what the recording declares; None of a gyroscope
+    document : the JSON of its report
+    """
+
+    sensor: str
+    result: Calibration | GyroCalibration
+    readings: TriadReadings | None
+    document: dict[str, object]
 
 
 def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) -> Calibration:

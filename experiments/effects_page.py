@@ -1,4 +1,4 @@
-"""docs/effects.md, made from the declarations of the catalogue: `python -m experiments.effects_page [OUT.md]`."""
+"""docs/effects.md, made from the declarations of the catalogue: `python -m sinan.experiments.effects_page [OUT.md]`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,17 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
-from experiments.residual_loop.manoeuvre import CLASS_BOUND, alike, apart, deciding, in_digits, most_alike, scenes
-from sensors.effects import CATALOGUE, Effect
-from sensors.files import write_text
+from sinan.experiments.residual_loop.manoeuvre import (
+    CLASS_BOUND,
+    alike,
+    apart,
+    deciding,
+    in_digits,
+    most_alike,
+    scenes,
+)
+from sinan.sensors.effects import CATALOGUE, Effect
+from sinan.sensors.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 SOURCE_FOLDER = "../sensors/effects"

@@ -9,18 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from estimator.consistency import BLOCK_NAMES, nees, nees_by_block, nis
-from estimator.filter import Engine, choose_engine, prepare, run_filter
-from estimator.flight_model import FlightModel
-from estimator.journal import Journal
-from estimator.layout import StateLayout
-from estimator.smoother import SmoothedStates, smooth
-from experiments.measured.reference import Mounted, covered, described, errors_of, states_at
-from experiments.refused import doubted_shares
-from sensors.arrays import FloatArray, finite_or_none
-from sensors.files import new_file
-from sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
-from sensors.simulate import BIAS_COLUMNS
+from sinan.estimator.evidence.consistency import BLOCK_NAMES, nees, nees_by_block, nis
+from sinan.estimator.filter.engine import Engine, choose_engine
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import StateLayout
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import SmoothedStates, smooth
+from sinan.experiments.commands.refused import doubted_shares
+from sinan.experiments.measured.reference import Mounted, covered, described, errors_of, states_at
+from sinan.sensors.arrays import FloatArray, finite_or_none
+from sinan.sensors.files import new_file
+from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
+from sinan.sensors.simulate import BIAS_COLUMNS
 
 STATE_LOG_STEP = 0.02  # s between rows of the table of states, at least
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import (
     GAS_CONSTANT_AIR,
     HEAT_CAPACITY_RATIO_AIR,
     LAPSE_RATE,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
 
 #: Sensors that are none: what a motion is taken to be where no position is measured.
 ASSUMED = ("level", "place", "speed")

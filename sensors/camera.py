@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray, as_floats
-from sensors.lenses import LENSES, Lens
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
-from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, rotate_back, skew
+from sinan.sensors.arrays import FloatArray, as_floats
+from sinan.sensors.lenses import LENSES, Lens
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, rotate_back, skew
 
 #: A camera that looks ahead: its x is body right, its y body down, its z body forward. Columns are the camera's axes.
 LOOKS_AHEAD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
-from sensors.errors import InputError
-from sensors.noise import sample_std
-from sensors.recording import ACCEL, Recording, Stream
-from sensors.rotation import matrix_from_quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
+from sinan.sensors.errors import InputError
+from sinan.sensors.noise import sample_std
+from sinan.sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.rotation import matrix_from_quaternion
 
 #: Where the temperature of a sensor is looked for, in order: its own chip first, then the board it sits on
 _THERMOMETERS: dict[str, tuple[str, ...]] = {
@@ -143,7 +143,7 @@ def _at(t: FloatArray, stream: Stream, columns: Sequence[str]) -> FloatArray:
 
 def _vibration(recording: Recording, t: FloatArray) -> FloatArray:
     """(n, 3) vibration of the IMU at the instants t, with the declared noise taken off."""
-    from sensors.vibration import vibration_power
+    from sinan.sensors.vibration import vibration_power
 
     imu = recording.streams["imu"]
     spec = recording.spec("accel")

@@ -19,13 +19,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import SPEED_OF_LIGHT
-from sensors.ephemeris import satellite_states
-from sensors.errors import InputError
-from sensors.formats.rinex_navigation import Navigation
-from sensors.formats.rinex_text import WEEK
-from sensors.pseudorange import IONOSPHERE_LENGTH, IONOSPHERE_RAY, MODELLED, Pseudoranges, circumstances, modelled
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.ephemeris import satellite_states
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.rinex_navigation import Navigation
+from sinan.sensors.formats.rinex_text import WEEK
+from sinan.sensors.pseudorange import (
+    IONOSPHERE_LENGTH,
+    IONOSPHERE_RAY,
+    MODELLED,
+    Pseudoranges,
+    circumstances,
+    modelled,
+)
 
 SMOOTHING = 60.0  # s: correction and rate are those of a straight line through this span
 FEWEST_FOR_RATE = 3  # corrections in the span; with fewer the rate counts as zero

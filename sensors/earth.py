@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.constants import (
+from sinan.sensors.constants import (
     EARTH_RATE,
     GRAVITY_EQUATOR,
     GRAVITY_FORMULA,

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import EARTH_RATE, SPEED_OF_LIGHT, WGS84_GM
-from sensors.formats.rinex_navigation import Navigation, Table
-from sensors.formats.rinex_observation import TextArray
-from sensors.formats.rinex_text import WEEK
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import EARTH_RATE, SPEED_OF_LIGHT, WGS84_GM
+from sinan.sensors.formats.rinex_navigation import Navigation, Table
+from sinan.sensors.formats.rinex_observation import TextArray
+from sinan.sensors.formats.rinex_text import WEEK
 
 GM: Mapping[str, float] = {  # m^3/s^2, of the orbit model of each system
     "G": WGS84_GM,

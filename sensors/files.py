@@ -18,7 +18,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TextIO
 
-from sensors.errors import InputError
+from sinan.sensors.errors import InputError
 
 #: Errors of a disk, a quota or a limit that has no room left.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

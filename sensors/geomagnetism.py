@@ -7,7 +7,7 @@ from datetime import datetime
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 NANOTESLA = 1e-9  # T
 FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0  # years that IGRF-14 covers

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.errors import InputError
-from sensors.formats.geodetic import to_ned
-from sensors.recording import Recording, Stream
-from sensors.window import between, end_of, start_of
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.geodetic import to_ned
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.window import between, end_of, start_of
 
 #: Stamps of each log begin at a multiple of this many seconds after those of the first, past the end of the one before.
 ROUND = 1000.0

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
-from sensors.ranging import descent, scan_beams, slant_range, slant_range_jacobian
-from sensors.rotation import rotate, tilted
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
+from sinan.sensors.ranging import descent, scan_beams, slant_range, slant_range_jacobian
+from sinan.sensors.rotation import rotate, tilted
 
 
 @dataclass(frozen=True)

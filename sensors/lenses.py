@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: Newton's method doubles its digits at each round: from the distorted place ten are enough but beside a fold.
 _ROUNDS = 30

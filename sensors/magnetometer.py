@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
-from sensors.rotation import rotate, rotate_back, skew, tilted
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
+from sinan.sensors.rotation import rotate, rotate_back, skew, tilted
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: columns of a command
 NORTH, EAST, DOWN, YAW, LIFT = range(5)

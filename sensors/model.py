@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
 
 
 class SensorModel(Protocol):

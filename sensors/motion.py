@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.rotation import quaternion_interpolate, rotate, rotate_back
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.rotation import quaternion_interpolate, rotate, rotate_back
 
 
 def _absent(*shape: int) -> FloatArray:

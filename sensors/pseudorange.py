@@ -20,21 +20,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pymap3d
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import WGS84_A
-from sensors.effects import (
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import WGS84_A
+from sinan.sensors.effects import (
     pseudorange_earth_rotation,
     pseudorange_group_delay,
     pseudorange_ionosphere,
     pseudorange_relativity,
     pseudorange_troposphere,
 )
-from sensors.effects.declaration import Effect
-from sensors.ephemeris import OK, STATUS, satellite_states
-from sensors.formats.rinex_navigation import Navigation
-from sensors.formats.rinex_observation import Journal, Observations, TextArray
-from sensors.formats.rinex_text import WEEK, calendar
-from sensors.motion import Motion
+from sinan.sensors.effects.declaration import Effect
+from sinan.sensors.ephemeris import OK, STATUS, satellite_states
+from sinan.sensors.formats.rinex_navigation import Navigation
+from sinan.sensors.formats.rinex_observation import Journal, Observations, TextArray
+from sinan.sensors.formats.rinex_text import WEEK, calendar
+from sinan.sensors.motion import Motion
 
 #: Effects whose full size is known beforehand, in the order of the catalogue.
 MODELLED: Mapping[str, Effect] = {

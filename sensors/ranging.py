@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.rotation import cross, rotate, rotate_back, tilted
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import cross, rotate, rotate_back, tilted
 
 BODY_DOWN = np.array([0.0, 0.0, 1.0])
 

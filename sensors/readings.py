@@ -11,22 +11,22 @@ from zlib import crc32
 
 import numpy as np
 
-from sensors.accelerometer import Accelerometer
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.barometer import Barometer
-from sensors.effects import Effect, apply_effects
-from sensors.effects.outliers import draw
-from sensors.gps import BaseReceiver, Gps
-from sensors.gyroscope import Gyroscope
-from sensors.laser import Laser
-from sensors.magnetometer import Magnetometer
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.noise import BiasProcess, random_walk, sample_std
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY
-from sensors.scenario import Instrument, Scenario
-from sensors.sonar import Sonar
-from sensors.vehicle import Vehicle
+from sinan.sensors.accelerometer import Accelerometer
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.barometer import Barometer
+from sinan.sensors.effects import Effect, apply_effects
+from sinan.sensors.effects.outliers import draw
+from sinan.sensors.gps import BaseReceiver, Gps
+from sinan.sensors.gyroscope import Gyroscope
+from sinan.sensors.laser import Laser
+from sinan.sensors.magnetometer import Magnetometer
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess, random_walk, sample_std
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY
+from sinan.sensors.scenario import Instrument, Scenario
+from sinan.sensors.sonar import Sonar
+from sinan.sensors.vehicle import Vehicle
 
 #: A grid so fine that what an effect reads between its points (a delay, a lag) is exact to 1e-6 of the signal
 FINE_STEP = 1e-3  # s

@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.errors import InputError
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.errors import InputError
 
 Kind = Literal["flight", "poses"]
 

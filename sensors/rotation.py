@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 _SMALL_ANGLE = 1e-8  # rad; below it the series is exact to rounding
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.manoeuvres import Manoeuvre
-from sensors.recording import Kind, SensorSpec
-from sensors.trajectory import Multicopter, Turntable, even_knots
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.recording import Kind, SensorSpec
+from sinan.sensors.trajectory import Multicopter, Turntable, even_knots
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Scenario:
 
     def trajectory(self) -> Multicopter | Turntable:
         """The motion that the manoeuvres or the turns command."""
-        from sensors.manoeuvres import commands
+        from sinan.sensors.manoeuvres import commands
 
         knots = even_knots(self.duration, self.smoothing)
         g_n, m_n = np.array([0.0, 0.0, self.gravity]), np.array(self.magnetic_field)

@@ -7,11 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects import effect
-from sensors.errors import InputError
-from sensors.readings import ON_THE_IMU_CLOCK, Present, World, bias_at, columns_of, instants, model_of, read, scale_of
-from sensors.recording import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.readings import (
+    ON_THE_IMU_CLOCK,
+    Present,
+    World,
+    bias_at,
+    columns_of,
+    instants,
+    model_of,
+    read,
+    scale_of,
+)
+from sinan.sensors.recording import (
     POSITION,
     QUATERNION,
     VELOCITY,
@@ -22,10 +32,10 @@ from sensors.recording import (
     Stream,
     Truth,
 )
-from sensors.rotation import quaternion_exp, quaternion_multiply
-from sensors.scenario import Scenario
-from sensors.trajectory import Multicopter
-from sensors.vehicle import Vehicle
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.trajectory import Multicopter
+from sinan.sensors.vehicle import Vehicle
 
 __all__ = ["Present", "simulate"]
 

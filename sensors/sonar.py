@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.atmosphere import speed_of_sound
-from sensors.motion import Motion
-from sensors.noise import BiasProcess
-from sensors.ranging import slant_range, slant_range_jacobian
-from sensors.rotation import cos_tilt
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.atmosphere import speed_of_sound
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
+from sinan.sensors.ranging import slant_range, slant_range_jacobian
+from sinan.sensors.rotation import cos_tilt
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.rotation import quaternion_from_rpy, rotate_back
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

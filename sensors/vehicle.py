@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.scenario import Scenario, Warming
-from sensors.trajectory import Multicopter, Turntable
-from sensors.vibration import WINDOW
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.scenario import Scenario, Warming
+from sinan.sensors.trajectory import Multicopter, Turntable
+from sinan.sensors.vibration import WINDOW
 
 #: Share of throttle by which opposite motors differ for an angular acceleration of 1 rad/s^2 (a 1 kg frame of 0.45 m)
 MIXING = np.array([0.002, 0.002, 0.004])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 WINDOW = 0.5  # s over which the variance is taken: EFFECTS, accel.vibration
 CORNER = 15.0  # Hz: a multicopter's own motion stays below 5 Hz, rotors and propellers shake it above 40 Hz

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.errors import InputError
-from sensors.recording import Initial, Recording, SensorSpec, Stream
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
 
 #: A stream with fewer rows in a part is not in it.
 LEAST_ROWS = 2

@@ -266,7 +266,7 @@ class _Instead(MetaPathFinder):
     """Reads the mutant where its model is imported."""
 
     def __init__(self, mutant: Mutant) -> None:
-        self._module, self._path, self._tree = f"sensors.{mutant.model}", file_of(mutant.model), mutant.tree()
+        self._module, self._path, self._tree = f"sinan.sensors.{mutant.model}", file_of(mutant.model), mutant.tree()
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
         if fullname != self._module:
@@ -342,7 +342,7 @@ def _warm() -> None:
     import scipy.spatial.transform
     import scipy.stats  # noqa: F401
 
-    assert not any(name.startswith("sensors.") for name in sys.modules)
+    assert not any(name.startswith("sinan.sensors.") for name in sys.modules)
 
 
 def equivalents() -> dict[str, str]:

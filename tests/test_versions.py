@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("sensors", "estimator", "calibration", "experiments")
+PACKAGES = ("sinan", "sensors", "estimator", "calibration", "experiments")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 OURS = re.compile(r"sinan-nav\[[\w,]+\]")

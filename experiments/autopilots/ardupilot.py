@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.autopilots.corrections import (
+from sinan.experiments.autopilots.corrections import (
     CURRENT,
     SOFT_IRON,
     TURN,
@@ -25,10 +25,10 @@ from experiments.autopilots.corrections import (
     turn_then_stretch,
     undoing,
 )
-from experiments.autopilots.findings import Findings
-from experiments.autopilots.orientations import rotation_of, to_degrees
-from experiments.autopilots.terms import Terms
-from sensors.arrays import FloatArray
+from sinan.experiments.autopilots.findings import Findings
+from sinan.experiments.autopilots.orientations import rotation_of, to_degrees
+from sinan.experiments.autopilots.terms import Terms
+from sinan.sensors.arrays import FloatArray
 
 _THROTTLE, _CURRENT = 1, 2  # COMPASS_MOTCT
 _CUSTOM_1 = 101  # COMPASS_ORIENT: CUST_ROT1_*
@@ -57,9 +57,9 @@ def ardupilot_terms(found: Findings, parameters: Mapping[str, float], log: Path 
 
 def _compass(found: Findings, terms: Terms, log: Path | None) -> str:
     """The number in the parameters of the compass that was read: nothing, 2 or 3."""
-    from sensors.formats import what_is
-    from sensors.formats.ardupilot import compass_of
-    from sensors.formats.dataflash_messages import read_messages
+    from sinan.sensors.formats import what_is
+    from sinan.sensors.formats.ardupilot import compass_of
+    from sinan.sensors.formats.dataflash_messages import read_messages
 
     if log is None or not what_is(log).startswith("dataflash"):
         return ("", "2", "3")[min(found.choice.mag, 2)]
@@ -208,7 +208,7 @@ def _estimator(found: Findings, terms: Terms) -> None:
 
 def _range_finder(found: Findings, terms: Terms, imu_down: float) -> None:
     """Height in the body of the first range finder that looks down: range + POS_Z - INS_POS_Z."""
-    from sensors.formats.ardupilot import ULTRASOUND
+    from sinan.sensors.formats.ardupilot import ULTRASOUND
 
     for effect in found.named("laser.mount_offset", "sonar.mount_offset"):
         sounds = effect.startswith("sonar")

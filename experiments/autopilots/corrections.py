@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.autopilots.findings import Findings
-from experiments.autopilots.terms import Terms
-from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.rotation import rotation_exp
+from sinan.experiments.autopilots.findings import Findings
+from sinan.experiments.autopilots.terms import Terms
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.rotation import rotation_exp
 
 #: Effects on the field that a symmetric matrix takes out; with them a turn.
 SOFT_IRON = ("mag.scale", "mag.cross_axis")

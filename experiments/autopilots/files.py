@@ -6,8 +6,8 @@ from textwrap import wrap
 
 import numpy as np
 
-from experiments.autopilots.terms import Setting, Terms
-from sensors.errors import printable
+from sinan.experiments.autopilots.terms import Setting, Terms
+from sinan.sensors.errors import printable
 
 _WIDTH = 100
 #: MAV_PARAM_TYPE of a whole number (INT32) and of another (REAL32).

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE
-from sensors.formats.choice import FIRST, Choice
-from sensors.recording import Recording
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.recording import Recording
 
 GAUSS = {"gauss": 1.0, "mGauss": 1e-3, "T": 1e4, "uT": 1e-2, "nT": 1e-5}
 

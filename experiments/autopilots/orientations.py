@@ -7,8 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_from_rpy, rpy_from_quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.rotation import (
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_rpy,
+    rpy_from_quaternion,
+)
 
 #: Roll, pitch, yaw [deg] by number.
 _ANGLES = (

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.autopilots.corrections import (
+from sinan.experiments.autopilots.corrections import (
     CURRENT,
     SOFT_IRON,
     TURN,
@@ -24,11 +24,11 @@ from experiments.autopilots.corrections import (
     stretch_then_turn,
     undoing,
 )
-from experiments.autopilots.findings import Findings
-from experiments.autopilots.orientations import from_degrees, rotation_of, to_degrees
-from experiments.autopilots.terms import Terms
-from sensors.arrays import FloatArray
-from sensors.constants import REFERENCE_TEMPERATURE
+from sinan.experiments.autopilots.findings import Findings
+from sinan.experiments.autopilots.orientations import from_degrees, rotation_of, to_degrees
+from sinan.experiments.autopilots.terms import Terms
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import REFERENCE_TEMPERATURE
 
 _MOST_SENSORS = 4
 _CUSTOM, _INTERNAL = 100, -1  # CAL_MAGn_ROT
@@ -63,8 +63,8 @@ def px4_terms(found: Findings, parameters: Mapping[str, float], log: Path | None
 
 def _chips(found: Findings, terms: Terms, log: Path | None) -> dict[str, int]:
     """Number in `CAL_MAGn`, `CAL_ACCn`, `CAL_GYROn` of each chip that was read, by its device's number."""
-    from sensors.formats import what_is
-    from sensors.formats.ulog_messages import read_topics
+    from sinan.sensors.formats import what_is
+    from sinan.sensors.formats.ulog_messages import read_topics
 
     topics = read_topics(log) if log is not None and what_is(log) == "ulog" else None
     numbers = {}

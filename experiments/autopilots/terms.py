@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 AXES = "XYZ"
 

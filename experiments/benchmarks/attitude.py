@@ -1,6 +1,6 @@
 """Attitude against a reference: this project's filter and smoother beside VQF, in real time and with the whole log.
 
-    python -m experiments.benchmarks.attitude [--json FILE] [NAME ...]        (BROAD: all names that begin so)
+    python -m sinan.experiments.benchmarks.attitude [--json FILE] [NAME ...]        (BROAD: all names that begin so)
 
 One setting for all logs: VQF has its authors', this project finds its sizes in the log. All get the same readings. The
 error is that of the whole log where its reference counts; one constant heading is taken off for all alike, since the
@@ -17,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from estimator.smoother import smooth
-from experiments.datasets import resolve
-from experiments.measured.arguments import usage
-from experiments.measured.logs import FLIGHTS
-from experiments.measured.preparation import settled
-from experiments.measured.reference import Mounted, attitude_error, reference_of
-from experiments.report.files import write_json
-from sensors.arrays import FloatArray, finite_or_none
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, Recording
-from sensors.rotation import quaternion_from_matrix, quaternion_multiply
+from sinan.calibration.levels.preparation import settled
+from sinan.estimator.filter.smoother import smooth
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.logs import FLIGHTS
+from sinan.experiments.measured.reference import Mounted, attitude_error, reference_of
+from sinan.experiments.report.files import write_json
+from sinan.sensors.arrays import FloatArray, finite_or_none
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording
+from sinan.sensors.rotation import quaternion_from_matrix, quaternion_multiply
 
 VQF, VQF_OFFLINE, FILTER, SMOOTHER = "VQF", "VQF offline", "filter", "smoother"
 ESTIMATORS = (VQF, VQF_OFFLINE, FILTER, SMOOTHER)
@@ -192,7 +192,7 @@ def document(scores: Mapping[str, Mapping[str, Score]]) -> dict[str, dict[str, d
 
 def main(arguments: Sequence[str]) -> int:
     """Print the table of the logs whose names begin as is said, else of all; status 2 where none does."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.benchmarks.attitude", add_help=True)
+    parser = argparse.ArgumentParser(prog="python -m sinan.experiments.benchmarks.attitude", add_help=True)
     parser.add_argument("--json", type=Path, help="file for the numbers")
     parser.add_argument("names", nargs="*")
     given = parser.parse_args(arguments)

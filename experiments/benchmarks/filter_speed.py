@@ -1,6 +1,6 @@
 """How fast the filter is: both engines, and the sensitivity pass against reruns, in one interleaved run.
 
-    python -m experiments.benchmarks.filter_speed
+    python -m sinan.experiments.benchmarks.filter_speed
 
 Work unit: 120 s of flight, IMU 200 Hz, magnetometer 50, barometer 25, laser 20, GPS 10 Hz with velocity, 22 error
 states,
@@ -17,18 +17,19 @@ from time import perf_counter
 
 import numpy as np
 
-from estimator.compiled import CompiledRun
-from estimator.effect_forms import Along, Terms, reference_motion
-from estimator.engine_filterpy import ReadableFilter
-from estimator.filter import RunInputs, outputs_for, prepare, run
-from estimator.flight_model import flight_model
-from estimator.imu import imu_table
-from estimator.sensitivity import accumulate, candidate_streams, pack
-from experiments.scenarios.loader import load_scenario
-from sensors.effects import Effect, effects_for
-from sensors.effects.transient import for_stream
-from sensors.recording import Recording
-from sensors.simulate import simulate
+from sinan.estimator.evidence.sensitivity import accumulate, candidate_streams, pack
+from sinan.estimator.filter.compiled import CompiledRun
+from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.engine_filterpy import ReadableFilter
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.effects import Effect, effects_for
+from sinan.sensors.effects.transient import for_stream
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
 
 DURATION = 120.0  # s
 USED = ("gps", "mag", "baro", "laser")
@@ -47,7 +48,7 @@ def work_unit(duration: float = DURATION) -> RunInputs:
 
 def repeated(recording: Recording, duration: float) -> Recording:
     """The recording cut to `duration`, its readings played again where it is shorter (for speed alone)."""
-    from sensors.recording import Stream
+    from sinan.sensors.recording import Stream
 
     span = float(recording.streams["imu"].t[-1]) + float(np.median(np.diff(recording.streams["imu"].t)))
     streams = {}

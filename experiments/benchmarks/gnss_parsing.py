@@ -1,6 +1,6 @@
 """Reading RINEX: milliseconds a megabyte of each installed reader, on files named on the command line.
 
-python -m experiments.benchmarks.gnss_parsing FILE...
+python -m sinan.experiments.benchmarks.gnss_parsing FILE...
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from sensors.formats.rinex import read_observations
+from sinan.sensors.formats.rinex import read_observations
 
 EVERYTHING = "CLDS"
 

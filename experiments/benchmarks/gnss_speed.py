@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimator.integrity import east_north_up
-from estimator.location import locate
-from estimator.point_positioning import solve
-from sensors.arrays import FloatArray, IntArray
-from sensors.pseudorange import L1, Pseudoranges
+from sinan.estimator.positioning.integrity import east_north_up
+from sinan.estimator.positioning.location import locate
+from sinan.estimator.positioning.point_positioning import solve
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.pseudorange import L1, Pseudoranges
 
 RECEIVER = np.array([3582104.895, 532590.207, 5232755.260])  # ECEF [m]
 SATELLITES = 10

@@ -10,17 +10,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from experiments.blind.benchmark import kept_in
-from experiments.blind.measured.benchmark import slug, traced
-from experiments.blind.measured.command import named
-from experiments.datasets import resolve
-from experiments.measured.flights import LOGS
-from experiments.measured.minutes import lively_starts
-from experiments.report.files import write_json
-from sensors.errors import InputError
-from sensors.files import write_text
-from sensors.recording import Recording
-from sensors.window import between
+from sinan.experiments.blind.benchmark import kept_in
+from sinan.experiments.blind.measured.benchmark import slug, traced
+from sinan.experiments.blind.measured.command import named
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.flights import LOGS
+from sinan.experiments.measured.minutes import lively_starts
+from sinan.experiments.report.files import write_json
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import write_text
+from sinan.sensors.recording import Recording
+from sinan.sensors.window import between
 
 #: The reports of both halves, the first one first.
 Reports = tuple[Mapping[str, Any], Mapping[str, Any]]

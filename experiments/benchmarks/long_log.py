@@ -1,6 +1,6 @@
 """A long log in pieces: time and memory beside the recording itself.
 
-    python -m experiments.benchmarks.long_log [--hours 10]
+    python -m sinan.experiments.benchmarks.long_log [--hours 10]
 
 The flight of `filter_speed`, played again and again. Each piece is journalled in full and dropped; what stays in memory
 beside the recording are its table of IMU samples and its readings in the order of time.
@@ -14,12 +14,12 @@ from time import process_time
 
 import numpy as np
 
-from estimator.flight_model import flight_model
-from estimator.pieces import journal_pieces
-from experiments.benchmarks.filter_speed import USED, repeated
-from experiments.scenarios.loader import load_scenario
-from sensors.recording import Recording
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.pieces import journal_pieces
+from sinan.experiments.benchmarks.filter_speed import USED, repeated
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
 
 HOURS = 10.0
 MEGABYTE = 2**20

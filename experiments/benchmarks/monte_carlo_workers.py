@@ -1,6 +1,6 @@
 """CPU seconds of one and of two workers for the same Monte Carlo runs, in turns.
 
-python -m experiments.benchmarks.monte_carlo_workers [--runs 150] [--rounds 2]
+python -m sinan.experiments.benchmarks.monte_carlo_workers [--runs 150] [--rounds 2]
 """
 
 from __future__ import annotations

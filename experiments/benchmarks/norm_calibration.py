@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from calibration.triad import calibrate_norm
+from sinan.calibration.poses.triad import calibrate_norm
 
 
 def main(readings: int = 20_000, repeats: int = 7) -> dict[str, float]:

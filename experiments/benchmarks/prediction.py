@@ -1,6 +1,6 @@
 """Do the effects that a trace accepts predict better?
 
-    python -m experiments.benchmarks.prediction [LOG ...] [--longest S] [--keep DIR] [--table FILE]
+    python -m sinan.experiments.benchmarks.prediction [LOG ...] [--longest S] [--keep DIR] [--table FILE]
 
 A smaller one-step residual proves nothing where the residual is coloured; prediction over seconds does. The lasting
 effects are those of the first half of a log, with the parameters that they have there. In the second half, a log of
@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
-from experiments.benchmarks.replication import lasting
-from experiments.blind.measured.benchmark import FAILURES, words
-from experiments.measured.flights import FIRST
-from experiments.measured.preparation import Prepared, settled
-from experiments.measured.withheld import Predicted, Window, predicted
-from experiments.report.words import number
-from sensors.arrays import FloatArray, IntArray
+from sinan.calibration.levels.preparation import Prepared, settled
+from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
+from sinan.experiments.benchmarks.replication import lasting
+from sinan.experiments.blind.measured.benchmark import FAILURES, words
+from sinan.experiments.measured.flights import FIRST
+from sinan.experiments.measured.withheld import Predicted, Window, predicted
+from sinan.experiments.report.words import number
+from sinan.sensors.arrays import FloatArray, IntArray
 
 #: Readings are withheld for so long [s], once in three times that.
 LENGTHS, PERIOD = (2.0, 5.0, 10.0), 3
@@ -41,10 +41,10 @@ STREAMS = ("gps", "mag", "baro", "sonar", "laser")
 DRAWS, LEVEL = 2000, 0.95
 HEAD = f"""# Prediction of withheld readings
 
-Written by `python -m experiments.benchmarks.prediction`. Lasting effects that the trace of a log's first half accepts,
-held fixed on the second half, where readings of one stream are withheld; all else, levels of noise too, is the same
-before and after. RMS distance of withheld from predicted readings (of GPS in m), before and after; ratio of both, and
-log density of a reading after less before, each with its interval of 95 % (bootstrap of windows).
+Written by `python -m sinan.experiments.benchmarks.prediction`. Lasting effects that the trace of a log's first half
+accepts, held fixed on the second half, where readings of one stream are withheld; all else, levels of noise too, is
+the same before and after. RMS distance of withheld from predicted readings (of GPS in m), before and after; ratio of
+both, and log density of a reading after less before, each with its interval of 95 % (bootstrap of windows).
 **worse**: an interval of {JUDGED:g} s that lies wholly on the wrong side.
 """
 

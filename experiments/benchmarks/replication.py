@@ -1,6 +1,6 @@
 """Does one half of a log name what the other names?
 
-    python -m experiments.benchmarks.replication [LOG ...] [--longest S] [--keep DIR] [--table FILE]
+    python -m sinan.experiments.benchmarks.replication [LOG ...] [--longest S] [--keep DIR] [--table FILE]
 
 What is in an instrument is in both halves of its log; what a tracer made up is not. Each half is traced by itself. A
 lasting effect that one half names is visible in the other where that one's report says so: some component of beta is
@@ -16,18 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA
-from experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, told
-from experiments.blind.grade import SIGMAS, Named, deviation, effects_of
-from experiments.blind.maker.catalogue import CATALOGUE
-from experiments.blind.measured.draw import detectable
-from experiments.blind.rates import count, shown
-from experiments.report.words import number
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, told
+from sinan.experiments.blind.grade import SIGMAS, Named, deviation, effects_of
+from sinan.experiments.blind.maker.catalogue import CATALOGUE
+from sinan.experiments.blind.measured.draw import detectable
+from sinan.experiments.blind.rates import count, shown
+from sinan.experiments.report.words import number
+from sinan.sensors.arrays import FloatArray
 
 HEAD = """# Names of one half of a log in the other
 
-Written by `python -m experiments.benchmarks.replication`. Each half of a log is traced by itself; lasting effects
+Written by `python -m sinan.experiments.benchmarks.replication`. Each half of a log is traced by itself; lasting effects
 alone. **visible**: the report of the other half calls a component of beta detectable (predicted lambda above 30, of
 which the figure is a lower bound). **z**: difference of the two betas in sigma of both, as a normal number. What
 **does not occur** is larger than a bad or badly mounted instrument has it (`experiments/blind/maker/catalogue.py`).

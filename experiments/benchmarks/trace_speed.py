@@ -1,6 +1,6 @@
 """What a trace of a measured minute costs, and whether a change of the code has left its answer alone.
 
-    python -m experiments.benchmarks.trace_speed [NAME ...] [--save FILE.json] [--against FILE.json]
+    python -m sinan.experiments.benchmarks.trace_speed [NAME ...] [--save FILE.json] [--against FILE.json]
 
 Each minute, and some simulated flights, is prepared and traced; seconds are CPU time of this process, kernels compiled
 beforehand. `--save` keeps the reports and the times, `--against` sets them beside kept ones: the ratio of the times and
@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.datasets import resolve
-from experiments.report.files import write_json
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from experiments.scenarios.loader import load_scenario
-from sensors.errors import InputError
-from sensors.recording import Recording
-from sensors.simulate import simulate
+from sinan.experiments.datasets import resolve
+from sinan.experiments.report.files import write_json
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
 
 MINUTE = 60.0  # s
 _PHANTOM = "phantom4_xsens_dot/Xsens DOT1_D422CD003EBC_20220707_111438.csv"

@@ -8,21 +8,21 @@ from functools import partial
 
 import numpy as np
 
-from estimator.events import ACCEPTED
-from estimator.flight_model import FlightModel, flight_model
-from estimator.observability import Information, information
-from experiments.bias_observability import segments as stretches
-from experiments.bias_observability.segments import Segment
-from sensors.arrays import BoolArray, FloatArray
-from sensors.errors import InputError
-from sensors.gps import BaseReceiver
-from sensors.laser import Laser
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.recording import Recording
-from sensors.scenario import Scenario
-from sensors.sonar import Sonar
-from sensors.window import WHOLE, Span, between, end_of, start_of, window
+from sinan.estimator.evidence.observability import Information, information
+from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.experiments.bias_observability import segments as stretches
+from sinan.experiments.bias_observability.segments import Segment
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.gps import BaseReceiver
+from sinan.sensors.laser import Laser
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.sonar import Sonar
+from sinan.sensors.window import WHOLE, Span, between, end_of, start_of, window
 
 #: Readings a second of a base receiver that is only imagined [Hz]: what correction services send.
 BASE_RATE = 1.0
@@ -46,7 +46,7 @@ class Case:
     motion : at the IMU's instants
     readings : by sensor, instants of the readings [s]
     P0 : (n, n) prior at the first instant
-    noise : (N - 1,) variance rates of accelerometer and gyroscope, as of `estimator.imu.ImuTable`
+    noise : (N - 1,) variance rates of accelerometer and gyroscope, as of `estimator.filter.imu.ImuTable`
     segments : what is flown when
     rates : by sensor, readings a second [Hz]
     heard : by range sensor, which readings arrive along another motion
@@ -81,7 +81,7 @@ def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> C
     """A scenario along its true motion, or a part of it; instants, drop-outs and echoes are those of one simulated
     flight.
     """
-    from sensors.simulate import simulate
+    from sinan.sensors.simulate import simulate
 
     recording = window(simulate(scenario, np.random.default_rng(seed))[0], span)
     model = flight_model(recording)
@@ -107,8 +107,8 @@ def case_of_recording(recording: Recording) -> Case:
     ------
     InputError : not a flight, or what the noise cannot be estimated from
     """
-    from estimator.smoother import estimated_motion
-    from experiments.measured.preparation import prepared
+    from sinan.calibration.levels.preparation import prepared
+    from sinan.estimator.filter.smoother import estimated_motion
 
     if recording.kind != "flight" or "imu" not in recording.streams:
         found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
@@ -137,7 +137,7 @@ def _case(
     segments: tuple[Segment, ...],
     heard: Mapping[str, Callable[[Motion], BoolArray]],
 ) -> Case:
-    from estimator.filter import prepare
+    from sinan.estimator.filter.inputs import prepare
 
     inputs = prepare(recording, model)
     if used is None:

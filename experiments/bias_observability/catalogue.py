@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.observability import Information, first_state_information, information, posterior
-from experiments.bias_observability.case import Case
-from experiments.bias_observability.directions import HALVED
-from experiments.scenarios import load_scenario, scenario_names
-from sensors.arrays import FloatArray
-from sensors.scenario import Scenario
+from sinan.estimator.evidence.observability import Information, first_state_information, information, posterior
+from sinan.experiments.bias_observability.case import Case
+from sinan.experiments.bias_observability.directions import HALVED
+from sinan.experiments.scenarios import load_scenario, scenario_names
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.scenario import Scenario
 
 #: Rate at which the motions are sampled [Hz]; readings and noise keep their own densities.
 RATE = 50.0

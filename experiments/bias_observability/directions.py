@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.observability import Information
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.observability import Information
+from sinan.sensors.arrays import FloatArray
 
 #: Readings narrow a direction to half its prior sigma where they hold three times the prior's information.
 HALVED = 3.0

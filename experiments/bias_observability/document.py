@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.bias_observability.directions import (
+from sinan.experiments.bias_observability.directions import (
     amount_of,
     block_of,
     figures,
@@ -17,9 +17,9 @@ from experiments.bias_observability.directions import (
     unit_in_words,
     unit_of,
 )
-from experiments.bias_observability.segments import MOST_SEGMENTS
-from experiments.bias_observability.study import BiasStudy, Study, Weakness
-from sensors.arrays import FloatArray
+from sinan.experiments.bias_observability.segments import MOST_SEGMENTS
+from sinan.experiments.bias_observability.study import BiasStudy, Study, Weakness
+from sinan.sensors.arrays import FloatArray
 
 #: A further sensor is advised where it leaves at most this share of the sigma of a state at the end.
 WORTH = 0.7

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.manoeuvres import Manoeuvre
-from sensors.motion import Motion
-from sensors.rotation import rotate
-from sensors.scenario import Scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import rotate
+from sinan.sensors.scenario import Scenario
 
 #: Window over which a motion is given a name [s].
 WINDOW = 2.0

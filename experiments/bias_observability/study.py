@@ -8,12 +8,19 @@ from itertools import combinations
 
 import numpy as np
 
-from estimator.observability import Course, Information, first_state_information, posterior
-from experiments.bias_observability.case import Case
-from experiments.bias_observability.catalogue import Catalogue, fly_catalogue
-from experiments.bias_observability.directions import HALVED, Direction, floor_of, physical, spectrum, weak_directions
-from experiments.bias_observability.segments import columns
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.observability import Course, Information, first_state_information, posterior
+from sinan.experiments.bias_observability.case import Case
+from sinan.experiments.bias_observability.catalogue import Catalogue, fly_catalogue
+from sinan.experiments.bias_observability.directions import (
+    HALVED,
+    Direction,
+    floor_of,
+    physical,
+    spectrum,
+    weak_directions,
+)
+from sinan.experiments.bias_observability.segments import columns
+from sinan.sensors.arrays import FloatArray
 
 #: A state counts as seen when the readings halve its sigma.
 SEEN = 0.5

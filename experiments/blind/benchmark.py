@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from experiments.blind.examine import examine, index_of
-from experiments.blind.grade import REFUSED, Grade, grade
-from experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
-from experiments.processes import in_processes
-from experiments.stopping import going_on
-from sensors.errors import InputError
-from sensors.files import write_text
+from sinan.experiments.blind.examine import examine, index_of
+from sinan.experiments.blind.grade import REFUSED, Grade, grade
+from sinan.experiments.blind.maker.make import ANSWER_FILE, answers_folder, make
+from sinan.experiments.workers.processes import in_processes
+from sinan.experiments.workers.stopping import going_on
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import write_text
 
 REPORTS = "reports"
 

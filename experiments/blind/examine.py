@@ -7,12 +7,12 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from experiments.blind.maker.make import INDEX_FILE
-from experiments.datasets import resolve
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from sensors.errors import InputError
-from sensors.recording import Recording
+from sinan.experiments.blind.maker.make import INDEX_FILE
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
 
 
 def index_of(runs: Path) -> dict[str, dict[str, str | None]]:

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, Evidence, predicted_lambda, squared_correlation
-from experiments.blind.maker.make import ANSWER_FILE, answers_folder
-from experiments.datasets import resolve
-from experiments.residual_loop.manoeuvre import CLASS_BOUND
-from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.source import LEAST_SPARE, Fit, Source
-from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, Evidence, predicted_lambda, squared_correlation
+from sinan.experiments.blind.maker.make import ANSWER_FILE, answers_folder
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.manoeuvre import CLASS_BOUND
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.source import LEAST_SPARE, Fit, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 
 #: Verdict on a recording that the tracer cannot read.
 REFUSED = "refused"
@@ -210,7 +210,7 @@ class _Truth:
         self.terms = {_term(e["name"], e["interval"]): np.array(e["beta"], dtype=float) for e in answer["effects"]}
         self.wrong = {_term(e["name"], e["interval"]): np.array(e["wrong"], dtype=float) for e in answer["effects"]}
         if answer["sensor"] == "mag" and not flight:
-            from experiments.residual_loop.open_source import triad_readings
+            from sinan.experiments.residual_loop.open_source import triad_readings
 
             divisor = triad_readings(recording, "mag").normalised_by
             self.terms = {

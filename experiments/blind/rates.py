@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.blind.grade import SIGMAS, Grade
+from sinan.experiments.blind.grade import SIGMAS, Grade
 
 #: What is asked of the tracer, in the words of the report.
 ONE, SEVERAL, CLASS, ONE_JOINTLY, SEVERAL_JOINTLY, WRONG, ALARM, OUTSIDE, BETA, HELD_OUT, TIME = (

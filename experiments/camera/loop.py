@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.camera import CameraFit, Form, blocks_of, compare, fit, form
-from calibration.views import View
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
+from sinan.calibration.cameras.camera import CameraFit, Form, blocks_of, compare, fit, form
+from sinan.calibration.cameras.views import View
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 
 ALPHA = 0.01  # risk of a false alarm over all candidates, as of every trace
 DISTORTION = "camera.distortion"

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from calibration.camera import FORMS, CameraFit, Comparison, Form, compare, fit_without_misfits, form
-from calibration.views import View, Views
-from experiments.camera.loop import CameraTrace, document, trace
-from sensors.arrays import finite_or_none
-from sensors.errors import InputError
+from sinan.calibration.cameras.camera import FORMS, CameraFit, Comparison, Form, compare, fit_without_misfits, form
+from sinan.calibration.cameras.views import View, Views
+from sinan.experiments.camera.loop import CameraTrace, document, trace
+from sinan.sensors.arrays import finite_or_none
+from sinan.sensors.errors import InputError
 
 #: What stands for the lens that the held-out pictures call for, and the lens where there are too few to hold any out.
 AUTO, FEW = "auto", "k1 k2"

@@ -4,8 +4,8 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from experiments.datasets.inputs import called, convert, resolve
-from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
+from sinan.experiments.datasets.inputs import called, convert, resolve
+from sinan.experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
 __all__ = [
     "DataFile",

@@ -8,11 +8,11 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.datasets.inputs import DATA_VARIABLE, cache_folder
-from experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
-from experiments.stopping import going_on
-from sensors.errors import InputError
-from sensors.files import write_bytes
+from sinan.experiments.datasets.inputs import DATA_VARIABLE, cache_folder
+from sinan.experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
+from sinan.experiments.workers.stopping import going_on
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import write_bytes
 
 #: Called before each file: data set, file, how many are done, how many there are.
 Progress = Callable[[str, str, int, int], None]

@@ -6,12 +6,12 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
-from sensors.errors import InputError, printable
-from sensors.formats.choice import FIRST, Choice
-from sensors.recording import Recording
-from sensors.window import WHOLE as WHOLE_LOG
-from sensors.window import Span, span_words, window
+from sinan.experiments.datasets.registry import WHOLE, Dataset, dataset_names, load_dataset
+from sinan.sensors.errors import InputError, printable
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.recording import Recording
+from sinan.sensors.window import WHOLE as WHOLE_LOG
+from sinan.sensors.window import Span, span_words, window
 
 #: Environment variable that names a folder with the data sets.
 DATA_VARIABLE = "SINAN_DATA"
@@ -34,7 +34,7 @@ def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG, cho
     ------
     InputError : says what was found and what would do
     """
-    from sensors.formats import open_log
+    from sinan.sensors.formats import open_log
 
     if Path(text).exists() or map_file is not None:
         return window(open_log(Path(text), map_file, choice), span)
@@ -67,7 +67,7 @@ def convert(
     ------
     InputError : what `resolve` finds wrong; the folder is the log itself, is in use or cannot be written
     """
-    from sensors.formats.plain import require_free, write_recording
+    from sinan.sensors.formats.plain import require_free, write_recording
 
     source = Path(text)
     if source.exists() and source.resolve() == Path(folder).resolve():

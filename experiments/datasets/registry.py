@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-from sensors.errors import InputError
-from sensors.formats.map_file import read_map
-from sensors.formats.toml_table import Table, load_toml
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.map_file import read_map
+from sinan.sensors.formats.toml_table import Table, load_toml
 
 HERE = Path(__file__).parent
 #: Name of a log that is all files of a data set.

@@ -1,4 +1,4 @@
-"""python -m experiments.filter_consistency errors|flights|heading|hover [--runs N] [--seed S] [--json FILE]"""
+"""python -m sinan.experiments.filter_consistency errors|flights|heading|hover [--runs N] [--seed S] [--json FILE]"""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.filter_consistency import errors, flights, heading
-from experiments.report.console import progress
-from experiments.report.files import write_json
+from sinan.experiments.filter_consistency import errors, flights, heading
+from sinan.experiments.report.console import progress
+from sinan.experiments.report.files import write_json
 
 Progress = Callable[[int, int], None]
 
@@ -39,7 +39,7 @@ STUDIES = {"errors": (_errors, 100), "flights": (_flights, 200), "heading": (_he
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run one study and print its table."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.filter_consistency", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m sinan.experiments.filter_consistency", description=__doc__)
     parser.add_argument("study", choices=list(STUDIES))
     parser.add_argument("--runs", type=int, help="flights: in all; others: of each row")
     parser.add_argument("--seed", type=int, default=0)

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from estimator.flight_model import flight_model
-from estimator.relinearise import is_coarse
-from experiments.filter_consistency.scenarios import why_not
-from experiments.monte_carlo import MonteCarlo, averaged, label
-from experiments.one_flight import cramer_rao, fly, rng_of
-from experiments.scenarios import load_scenario, scenario_names
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.relinearise import is_coarse
+from sinan.experiments.filter_consistency.scenarios import why_not
+from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly, rng_of
+from sinan.experiments.monte_carlo.study import MonteCarlo, averaged, label
+from sinan.experiments.scenarios import load_scenario, scenario_names
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 RUNS = 100
 FAMILY_LEVEL = 0.99

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from estimator.score import statistic_of
-from experiments.filter_consistency.scenarios import matched_scenarios
-from experiments.monte_carlo import averaged
-from experiments.residual_loop.open_flight import flight_source
-from sensors.recording import Recording
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.estimator.evidence.score import statistic_of
+from sinan.experiments.filter_consistency.scenarios import matched_scenarios
+from sinan.experiments.monte_carlo.study import averaged
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.sensors.recording import Recording
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 FLIGHTS = 200
 FAMILY_LEVEL = 0.99  # of all tests of one table together

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from estimator.filter import prepare
-from estimator.flight_model import FlightModel, flight_model
-from experiments.monte_carlo import averaged
-from experiments.one_flight import Flight, fly, prepared, rng_of, scored
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.recording import Recording
-from sensors.rotation import quaternion_exp, quaternion_multiply
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.inputs import prepare
+from sinan.experiments.monte_carlo.one_flight import Flight, fly, prepared, rng_of, scored
+from sinan.experiments.monte_carlo.study import averaged
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import Recording
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
+from sinan.sensors.simulate import simulate
 
 RUNS = 40
 SIGMAS = (2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 90.0)  # deg

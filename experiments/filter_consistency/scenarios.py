@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from experiments.scenarios import load_scenario, scenario_names
-from sensors.scenario import Scenario
+from sinan.experiments.scenarios import load_scenario, scenario_names
+from sinan.sensors.scenario import Scenario
 
 
 def why_not(scenario: Scenario) -> str | None:

@@ -9,14 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from experiments.cluster import cluster
-from experiments.fleet.logs import Log
-from experiments.fleet.one_log import Answer, answer, failed, is_of
-from experiments.processes import in_processes
-from experiments.report.files import write_json
-from experiments.stopping import going_on
-from sensors.errors import InputError
-from sensors.files import write_text
+from sinan.experiments.fleet.logs import Log
+from sinan.experiments.fleet.one_log import Answer, answer, failed, is_of
+from sinan.experiments.report.files import write_json
+from sinan.experiments.workers.cluster import cluster
+from sinan.experiments.workers.processes import in_processes
+from sinan.experiments.workers.stopping import going_on
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import write_text
 
 #: What `in_processes` names where its workers die again and again.
 _DIED = "--workers"

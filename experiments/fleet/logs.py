@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sensors.errors import InputError
-from sensors.formats import describes_itself
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import describes_itself
 
 _BLOCK = 1 << 20  # bytes read at a time
 _NAME_KEPT = 60  # letters of a log's name in that of its page

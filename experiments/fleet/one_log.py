@@ -8,8 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from experiments.fleet.logs import Log
-from experiments.report.made import sinan_version
+from sinan.experiments.fleet.logs import Log
+from sinan.experiments.report.made import sinan_version
 
 FORMAT = 1
 
@@ -38,7 +38,7 @@ def answer(log: Log, path: str) -> Answer:
     try:
         return _traced(log, path)
     except Exception as error:  # of whatever a damaged log makes of a reader
-        kind = "" if type(error).__module__.startswith("sensors.") else f"{type(error).__name__}: "
+        kind = "" if type(error).__module__.startswith("sinan.sensors.") else f"{type(error).__name__}: "
         return failed(log, f"{kind}{error}")
 
 
@@ -58,11 +58,11 @@ def _said(log: Log) -> dict[str, Any]:
 
 
 def _traced(log: Log, path: str) -> Answer:
-    from experiments.autopilots.command import facts_beside
-    from experiments.datasets import resolve
-    from experiments.report.trace_page import trace_page
-    from experiments.residual_loop.run import trace_recording
-    from experiments.trace_command import document_of, in_its_terms
+    from sinan.experiments.autopilots.parameters import facts_beside
+    from sinan.experiments.commands.trace import document_of, in_its_terms
+    from sinan.experiments.datasets import resolve
+    from sinan.experiments.report.trace_page import trace_page
+    from sinan.experiments.residual_loop.run import trace_recording
 
     recording = resolve(path)
     traced = trace_recording(recording)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.report.trace_words import size_words
-from experiments.report.verdict_words import told
+from sinan.experiments.report.trace_words import size_words
+from sinan.experiments.report.verdict_words import told
 
 #: An effect has changed where its parameters moved by so many sigma of their difference, each by itself.
 _CHANGED = 3.0

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from sensors.errors import InputError
+from sinan.sensors.errors import InputError
 
 #: name -> what it shows; the file of the same name has `run`
 LABS = {
@@ -29,5 +29,5 @@ def run(name: str, out: Path, say: Callable[[str], None] = print) -> None:
     """
     if name not in LABS:
         raise InputError("lab", f"no experiment `{name}`", "one of " + ", ".join(LABS))
-    import_module(f"experiments.labs.{name}").run(out, say)
+    import_module(f"sinan.experiments.labs.{name}").run(out, say)
     say(f"page: {(out / f'{name}.html').resolve()}")

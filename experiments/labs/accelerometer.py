@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.labs.course_data import calibrated, numbers
-from experiments.report.figures import norm_before_after
-from experiments.report.page import Page
+from sinan.experiments.labs.course_data import calibrated, numbers
+from sinan.experiments.report.figures import norm_before_after
+from sinan.experiments.report.page import Page
 
 PRINTED = ((0.9912, 0.9974, 0.9947), (0.0168, 0.2691, 0.1253))  # K and b on the course's slides
 

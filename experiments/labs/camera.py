@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from calibration.camera import CameraFit
-from calibration.views import read_corners
-from experiments.camera.loop import document as trace_document
-from experiments.camera.study import as_json, study, trace_words, value_words
-from experiments.report.camera_page import loop_section, of_each_picture
-from experiments.report.page import Page
+from sinan.calibration.cameras.camera import CameraFit
+from sinan.calibration.cameras.views import read_corners
+from sinan.experiments.camera.loop import document as trace_document
+from sinan.experiments.camera.study import as_json, study, trace_words, value_words
+from sinan.experiments.report.camera_page import loop_section, of_each_picture
+from sinan.experiments.report.page import Page
 
 CORNERS = Path(__file__).parents[1] / "camera" / "opencv_left.csv"
 #: Size of a pixel [mm] that makes the focal length one in millimetres: the course's dX = dY, of a 1/4 inch sensor

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from calibration.triad import Calibration, calibrate_norm
-from experiments.datasets import resolve
-from experiments.residual_loop.open_source import TriadReadings, triad_readings
+from sinan.calibration.poses.triad import Calibration, calibrate_norm
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.open_source import TriadReadings, triad_readings
 
 
 def calibrated(file: str, sensor: str, gravity: float | None = None) -> tuple[TriadReadings, Calibration]:

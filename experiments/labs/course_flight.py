@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.recording import Stream
-from sensors.rotation import rpy_from_quaternion
-from sensors.simulate import simulate
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Stream
+from sinan.sensors.rotation import rpy_from_quaternion
+from sinan.sensors.simulate import simulate
 
 SEED = 1
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.triad import norm_residual
-from experiments.datasets import resolve
-from experiments.labs.course_data import calibrated, numbers
-from experiments.report.figures import lines
-from experiments.report.page import Page
-from sensors.recording import ACCEL
+from sinan.calibration.poses.triad import norm_residual
+from sinan.experiments.datasets import resolve
+from sinan.experiments.labs.course_data import calibrated, numbers
+from sinan.experiments.report.figures import lines
+from sinan.experiments.report.page import Page
+from sinan.sensors.recording import ACCEL
 
 PRINTED_AT_ONE = (0.1012, 0.1017, 0.1014, 0.0123, 0.2771, 0.1456)  # K and b on the course's slides, g = 1
 

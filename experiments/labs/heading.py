@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.labs.course_flight import flown, rms
-from experiments.report.figures import lines
-from experiments.report.page import Page
-from sensors.arrays import FloatArray
-from sensors.magnetometer import tilt_compensated_heading
-from sensors.motion import Motion
-from sensors.recording import MAG
+from sinan.experiments.labs.course_flight import flown, rms
+from sinan.experiments.report.figures import lines
+from sinan.experiments.report.page import Page
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.magnetometer import tilt_compensated_heading
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import MAG
 
 SHOWN = 60.0  # s of the flight in the figure
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.triad import norm_residual
-from experiments.labs.course_data import calibrated, numbers
-from experiments.report.figures import norm_before_after
-from experiments.report.page import Page
-from sensors.arrays import FloatArray
+from sinan.calibration.poses.triad import norm_residual
+from sinan.experiments.labs.course_data import calibrated, numbers
+from sinan.experiments.report.figures import norm_before_after
+from sinan.experiments.report.page import Page
+from sinan.sensors.arrays import FloatArray
 
 PRINTED = (0.9853, 1.0202, 1.0004, -0.1448, -0.0334, -0.0898)  # K and b on the course's slides
 

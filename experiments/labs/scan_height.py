@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.labs.course_flight import flown, rms
-from experiments.report.figures import lines
-from experiments.report.page import Page
-from sensors.arrays import FloatArray
-from sensors.laser import (
+from sinan.experiments.labs.course_flight import flown, rms
+from sinan.experiments.report.figures import lines
+from sinan.experiments.report.page import Page
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.laser import (
     Laser,
     course_scan_error,
     ground_points,
@@ -19,9 +19,9 @@ from sensors.laser import (
     scan_range_of_the_course,
     slant_from_height,
 )
-from sensors.motion import Motion
-from sensors.ranging import tilt_compensated_height
-from sensors.rotation import quaternion_from_rpy
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import tilt_compensated_height
+from sinan.sensors.rotation import quaternion_from_rpy
 
 HEIGHT, PITCH = 10.0, 0.1  # m, rad
 HALF_WIDTHS = (10.0, 20.0, 30.0, 40.0)  # deg

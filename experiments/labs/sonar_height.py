@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.labs.course_flight import flown, rms
-from experiments.report.figures import lines
-from experiments.report.page import Page
-from sensors.atmosphere import speed_of_sound
-from sensors.ranging import tilt_compensated_height
-from sensors.sonar import Sonar, range_from_time_of_flight
+from sinan.experiments.labs.course_flight import flown, rms
+from sinan.experiments.report.figures import lines
+from sinan.experiments.report.page import Page
+from sinan.sensors.atmosphere import speed_of_sound
+from sinan.sensors.ranging import tilt_compensated_height
+from sinan.sensors.sonar import Sonar, range_from_time_of_flight
 
 AIR, ASSUMED = 5.0, 20.0  # degC: a cold morning, and what the sonar's maker took for granted
 MAXIMUM, BEAM_ANGLE = 8.0, np.deg2rad(35.0)  # m, of the scenarios' sonar

@@ -8,15 +8,15 @@ from time import perf_counter
 
 import numpy as np
 
-from estimator.filter import run_filter
-from estimator.journal import Journal
-from experiments.datasets import resolve
-from experiments.measured.arguments import usage
-from experiments.measured.flights import LOGS
-from experiments.measured.preparation import Prepared, prepared
-from sensors.arrays import FloatArray
-from sensors.recording import Recording
-from sensors.window import between, start_of
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.flights import LOGS
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import Recording
+from sinan.sensors.window import between, start_of
 
 #: A part in which every stream has readings [s].
 COMPILED = 5.0

@@ -9,19 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from calibration.noise_levels import OUTLIER_LEVEL
-from estimator.filter import prepare, run
-from estimator.flight_model import flight_model
-from estimator.journal import Journal
-from experiments.datasets import resolve
-from experiments.measured.arguments import usage
-from experiments.measured.logs import FLIGHTS
-from experiments.measured.preparation import Prepared, prepared
-from experiments.measured.reference import errors_of, reference_of
-from experiments.measured.withheld import Predicted, predicted, windows
-from experiments.report.words import reference_words
-from sensors.arrays import FloatArray
-from sensors.recording import Recording, Stream
+from sinan.calibration.levels.noise_levels import OUTLIER_LEVEL
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.logs import FLIGHTS
+from sinan.experiments.measured.reference import errors_of, reference_of
+from sinan.experiments.measured.withheld import Predicted, predicted, windows
+from sinan.experiments.report.words import reference_words
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import Recording, Stream
 
 #: What a command takes for each flight and hand-held log, by name.
 LOGS = {name: entry.input for name, entry in FLIGHTS.items()}

@@ -1,69 +1,37 @@
 """The loop on every measured log that bears it, written as a page of the documentation.
 
-python -m experiments.measured.gallery OUT.md [NAME ...]    (with names: those alone, the rest of the page stays)
+python -m sinan.experiments.measured.gallery OUT.md [NAME ...]    (with names: those alone, the rest of the page stays)
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-from experiments.datasets import resolve
-from experiments.measured.arguments import usage
-from experiments.measured.logs import LOGS, Entry
-from experiments.measured.published import PARAMETERS, SETTINGS, published
-from experiments.measured.reference import gyro_error, reference_of
-from experiments.measured.scoring import withheld_errors
-from experiments.report.words import number, reference_words
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.open_source import triad_readings
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.source import Source
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import Trace
-from sensors.errors import InputError
-from sensors.files import write_text
-from sensors.recording import Recording
-
-
-@dataclass
-class Finding:
-    """What the loop said of one log.
-
-    Attributes
-    ----------
-    entry, name : of the log
-    document : the report of the trace; empty where it did not finish
-    notes : what was taken from the log
-    references : label, before and after, words of the unit
-    undecided : sentences
-    beside : what others published of an effect's parameters, or the reference's rates show of the gyroscope
-    seconds : of the processor, for the trace
-    failure : why it did not finish; empty where it did
-    """
-
-    entry: Entry
-    name: str
-    document: Mapping[str, Any] = field(default_factory=dict)
-    notes: Sequence[str] = ()
-    references: Sequence[tuple[str, float, float, str]] = ()
-    undecided: Sequence[str] = ()
-    beside: str = ""
-    seconds: float = 0.0
-    failure: str = ""
-
-    @property
-    def command(self) -> str:
-        """What repeats it."""
-        given = f"'{self.entry.input}'" if " " in self.entry.input or "#" in self.entry.input else self.entry.input
-        return f"sinan trace {given}" + (f" --sensor {self.entry.sensor}" if self.entry.sensor else "")
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.finding import Finding
+from sinan.experiments.measured.gallery_page import block, blocks_of, page
+from sinan.experiments.measured.logs import LOGS, Entry
+from sinan.experiments.measured.published import PARAMETERS, SETTINGS, published
+from sinan.experiments.measured.reference import gyro_error, reference_of
+from sinan.experiments.measured.scoring import withheld_errors
+from sinan.experiments.report.words import number, reference_words
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.open_source import triad_readings
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.source import Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trace import Trace
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import write_text
+from sinan.sensors.recording import Recording
 
 
 def find(name: str) -> Finding:
@@ -199,8 +167,6 @@ def main(arguments: Sequence[str]) -> int:
 
     With names, the sections of all other logs that the page has already stay as they are.
     """
-    from experiments.measured.gallery_page import block, blocks_of, page
-
     if not arguments or arguments[0].startswith("-") or any(name not in LOGS for name in arguments[1:]):
         return usage(LOGS, "OUT.md ")
     out, failed = Path(arguments[0]), False

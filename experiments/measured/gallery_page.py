@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.measured.gallery import Finding
-from experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
-from experiments.report.verdict_words import told, twin_words
-from experiments.report.words import number
+from sinan.experiments.measured.finding import Finding
+from sinan.experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
+from sinan.experiments.report.verdict_words import told, twin_words
+from sinan.experiments.report.words import number
 
 HEAD = """# Gallery: the loop on measured logs
 
-Written by `python -m experiments.measured.gallery docs/gallery.md`; each section has the command that repeats it.
+Written by `python -m sinan.experiments.measured.gallery docs/gallery.md`; each section has the command that repeats it.
 Every log is read by its map; its noise levels, hard iron and first heading come from the log itself where nothing is
 declared (what was taken is listed), and every verdict has the same error rate of 1 % over all candidates. No setting
 belongs to a log.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from experiments.datasets import load_dataset
+from sinan.experiments.datasets import load_dataset
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.recording import GYRO, Recording
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import GYRO, Recording
 
 
 def lively_starts(recording: Recording, length: float, every: float) -> FloatArray:

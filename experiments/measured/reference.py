@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
-from sensors.rotation import (
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_matrix,
     quaternion_interpolate,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
-from experiments.measured.withheld import predicted, windows
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.source import Fit
-from experiments.residual_loop.term import declaration
+from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
+from sinan.experiments.measured.withheld import predicted, windows
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.source import Fit
+from sinan.experiments.residual_loop.term import declaration
 
 
 def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> Mapping[float, float]:

@@ -1,6 +1,6 @@
 """Every measured log with IMU and aiding through the filter: one table, written as a note of the documentation.
 
-python -m experiments.measured.table OUT.md [NAME ...]
+python -m sinan.experiments.measured.table OUT.md [NAME ...]
 """
 
 from __future__ import annotations
@@ -13,28 +13,29 @@ from typing import Any
 
 import numpy as np
 
-from estimator.journal import Journal
-from experiments.datasets import resolve
-from experiments.measured.arguments import usage
-from experiments.measured.engines import AGREEMENT, Agreement, agreement
-from experiments.measured.flights import LOGS, measured
-from experiments.measured.preparation import Prepared, prepared
-from experiments.report.words import number
-from sensors.files import write_text
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement
+from sinan.experiments.measured.flights import LOGS, measured
+from sinan.experiments.report.words import number
+from sinan.sensors.files import write_text
 
 #: A bias whose sigma at the end is more than this share of its first one was not seen.
 UNSEEN = 0.7
 
 HEAD = f"""# Measured logs through the filter
 
-Written by `python -m experiments.measured.table docs/notes/measured_logs.md`; with the name of a log behind it, that
-row alone. `sinan estimate INPUT` shows a run in full. Noise levels, field, hard iron and first heading come from the
-log where its map declares none (`docs/notes/noise_levels.md`).
+Written by `python -m sinan.experiments.measured.table docs/notes/measured_logs.md`; with the name of a log behind it,
+that row alone. `sinan estimate INPUT` shows a run in full. Noise levels, field, hard iron and first heading come from
+the log where its map declares none (`docs/notes/noise_levels.md`).
 
 - **attitude**: RMS of tilt and heading [deg] against the reference that is named; mounting, delay and one constant
   heading taken off. An autopilot's own estimate is a comparison, not a truth.
 - **position**: RMS [m] of what the filter predicts 1, 5 and 10 s after the last fix, where ten seconds of fixes are
-  withheld in every thirty. Some logs ask for a delay of their GPS: `python -m experiments.measured.flights` says which.
+  withheld in every thirty. Some logs ask for a delay of their GPS: `python -m sinan.experiments.measured.flights`
+  says which.
 - **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
 - **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
   reading, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used and the other refused.

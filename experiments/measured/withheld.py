@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from estimator.events import WITHHELD
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.recording import Recording
+from sinan.estimator.filter.events import WITHHELD
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.recording import Recording
 
 Window = tuple[float, float]
 

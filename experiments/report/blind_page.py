@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimator.score import DETECTABLE_LAMBDA
-from experiments.blind.grade import Grade
-from experiments.blind.rates import clopper_pearson, shown
-from experiments.report.figures import AFTER, BEFORE, CHANCE, SOFT, new_figure
-from experiments.report.page import Page
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.experiments.blind.grade import Grade
+from sinan.experiments.blind.rates import clopper_pearson, shown
+from sinan.experiments.report.figures import AFTER, BEFORE, CHANCE, SOFT, new_figure
+from sinan.experiments.report.page import Page
 
 _EDGES = (0.0, 3.0, 6.0, 12.0, 20.0, 30.0, 45.0, 100.0, 1000.0, np.inf)
 _WORLDS = {"declared": "noise as declared", "rough": "rough: noise off by a third, colour, outliers, jitter, gaps"}

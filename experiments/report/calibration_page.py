@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.triad import Calibration
-from experiments.report import figures, words
-from experiments.report.page import Page
+from sinan.calibration.poses.triad import Calibration
+from sinan.experiments.report import figures, words
+from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
-    from experiments.calibrate_command import Calibrated
+    from sinan.experiments.calibrate import Calibrated
 
 
 def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str]) -> None:

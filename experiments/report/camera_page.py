@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.camera import CameraFit
-from experiments.camera.loop import CameraTrace
-from experiments.camera.study import Study, lens_words, p_words, share, trace_words, value_words
-from experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
-from experiments.report.page import Page
-from sensors.camera import Intrinsics
+from sinan.calibration.cameras.camera import CameraFit
+from sinan.experiments.camera.loop import CameraTrace
+from sinan.experiments.camera.study import Study, lens_words, p_words, share, trace_words, value_words
+from sinan.experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
+from sinan.experiments.report.page import Page
+from sinan.sensors.camera import Intrinsics
 
 #: The longest arrow of a residual field is drawn so long, as a share of the picture's width.
 _ARROW = 0.06

@@ -9,10 +9,10 @@ from functools import cache
 from threading import Timer
 from typing import TYPE_CHECKING
 
-from sensors.errors import printable
+from sinan.sensors.errors import printable
 
 if TYPE_CHECKING:
-    from sensors.recording import Recording
+    from sinan.sensors.recording import Recording
 
 
 def note(text: str) -> None:
@@ -32,7 +32,7 @@ _PATIENCE = 1.5
 
 def first_run_note() -> str:
     """What a first run waits for: a remark where the filter's kernels are not compiled yet, else nothing."""
-    from estimator.compiled import is_compiled
+    from sinan.estimator.filter.compiled import is_compiled
 
     return "" if is_compiled() else " (first run: compiling, once, 10 to 20 s)"
 
@@ -40,13 +40,13 @@ def first_run_note() -> str:
 @cache
 def tell_kernel_cache() -> None:
     """Where compiled kernels are kept, once, where that is not as usual and they are not there yet."""
-    from estimator.kernel_cache import kernel_cache
+    from sinan.estimator.filter.kernel_cache import kernel_cache
 
     kept, text = kernel_cache()
     if text and not kept:
         note(text)
     elif text:
-        from estimator.compiled import is_compiled
+        from sinan.estimator.filter.compiled import is_compiled
 
         if not is_compiled():
             note(text)

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.estimate import BiasCourse
-from experiments.report import figures
-from experiments.report.page import Page
-from experiments.report.words import (
+from sinan.experiments.estimate import BiasCourse
+from sinan.experiments.report import figures
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,
     counted,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.estimate import BiasCourse
-from experiments.report.words import bias_unit, component_name, stage_names
-from sensors.arrays import FloatArray
+from sinan.experiments.estimate import BiasCourse
+from sinan.experiments.report.words import bias_unit, component_name, stage_names
+from sinan.sensors.arrays import FloatArray
 
 BEFORE, AFTER, SOFT, BAND, CHANCE = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3", "#d98c2b"
 

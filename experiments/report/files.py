@@ -7,8 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from sensors.errors import InputError
-from sensors.files import cannot_write, is_device, write_text
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import cannot_write, is_device, write_text
 
 
 def require_place(path: Path) -> None:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.report.page import Page
-from experiments.report.words import counted
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.words import counted
 
 _CHANGES = {"": "first log", "new": "new", "same": "as before", "more": "more", "less": "less", "other": "another one"}
 

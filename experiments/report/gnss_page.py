@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.report.figures import stage_bars
-from experiments.report.page import Page
-from experiments.report.words import change, counted, length, number, shown_stages, stage_names
+from sinan.experiments.report.figures import stage_bars
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.words import change, counted, length, number, shown_stages, stage_names
 
 
 def gnss_page(path: Path, document: Mapping[str, Any]) -> None:

@@ -21,7 +21,7 @@ def sinan_version() -> str:
 def command() -> str:
     """The command as it is typed."""
     name, *arguments = sys.argv
-    is_module = Path(name).parts[-2:] == ("experiments", "__main__.py")
+    is_module = Path(name).name == "__main__.py"  # python -m sinan
     program = "sinan" if is_module else Path(name).name
     return os.fsencode(shlex.join([program, *arguments])).decode("utf-8", "replace")
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.report.figures import averages_with_intervals, lines
-from experiments.report.page import Page
-from experiments.report.words import state_size
+from sinan.experiments.report.figures import averages_with_intervals, lines
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.words import state_size
 
 
 def monte_carlo_page(path: Path, document: Mapping[str, Any]) -> None:

@@ -12,14 +12,14 @@ from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_in_words
-from experiments.bias_observability.document import NAMES, base_places
-from experiments.bias_observability.segments import MOST_SEGMENTS
-from experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
-from sensors.arrays import FloatArray
+from sinan.experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_in_words
+from sinan.experiments.bias_observability.document import NAMES, base_places
+from sinan.experiments.bias_observability.segments import MOST_SEGMENTS
+from sinan.experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
+from sinan.sensors.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from experiments.bias_observability.study import Study
+    from sinan.experiments.bias_observability.study import Study
 
 #: Blue: known; white: sigma halved; red: not known. And for gains: red lost, blue gained.
 _KNOWN = LinearSegmentedColormap.from_list("known", [AFTER, "#ffffff", BEFORE])

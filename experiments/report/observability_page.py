@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.bias_observability.directions import amount_of, name_of, shown
-from experiments.bias_observability.document import (
+from sinan.experiments.bias_observability.directions import amount_of, name_of, shown
+from sinan.experiments.bias_observability.document import (
     NAMES,
     advice,
     base_places,
@@ -17,13 +17,13 @@ from experiments.bias_observability.document import (
     sensors_in_words,
     sigma_change,
 )
-from experiments.report import observability_figures as figures
-from experiments.report.page import Page
+from sinan.experiments.report import observability_figures as figures
+from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.bias_observability.study import Study
+    from sinan.experiments.bias_observability.study import Study
 
 #: Flights that are named as showing a direction.
 _MOST_FLIGHTS = 3

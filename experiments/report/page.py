@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from experiments.report.made import made
-from sensors.files import write_text
+from sinan.experiments.report.made import made
+from sinan.sensors.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
-from experiments.report.words import SENSORS, stream_unit
-from experiments.residual_loop.prove import Errors
-from experiments.residual_loop.source import Signature, StreamResidual
-from sensors.arrays import BoolArray, FloatArray, runs_of
+from sinan.experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
+from sinan.experiments.report.words import SENSORS, stream_unit
+from sinan.experiments.residual_loop.prove import Errors
+from sinan.experiments.residual_loop.source import Signature, StreamResidual
+from sinan.sensors.arrays import BoolArray, FloatArray, runs_of
 
 DISTURBED, LEFT = "#f2c14e", "#d98c2b"
 _MOST_POINTS = 6000

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.report import trace_figures as figures
-from experiments.report import trace_words, verdict_words, words
-from experiments.report.page import Page
-from experiments.report.trace_figures import Bar
-from experiments.residual_loop.report import held_out_part
-from experiments.residual_loop.term import Term
+from sinan.experiments.report import trace_figures as figures
+from sinan.experiments.report import trace_words, verdict_words, words
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.trace_figures import Bar
+from sinan.experiments.residual_loop.report import held_out_part
+from sinan.experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from experiments.residual_loop.source import Fit, Source, StreamResidual
-    from experiments.residual_loop.traced import Part, Traced
-    from experiments.residual_loop.trials import Finding
-    from experiments.residual_loop.verdict import Named
+    from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
+    from sinan.experiments.residual_loop.traced import Part, Traced
+    from sinan.experiments.residual_loop.trials import Finding
+    from sinan.experiments.residual_loop.verdict import Named
 
 #: Candidates that the chart and the table show unfolded.
 _SHOWN = 12

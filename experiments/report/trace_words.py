@@ -7,15 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.report.words import (
-    SENSORS,
-    number,
-    p_value_words,
-    per_unit,
-    times,
-    with_sigma,
-)
-from experiments.residual_loop.trials import (
+from sinan.experiments.report.words import SENSORS, number, p_value_words, per_unit, times, with_sigma
+from sinan.experiments.residual_loop.trials import (
     BESIDE_ERROR,
     IMPOSSIBLE,
     NO_EVIDENCE,
@@ -25,7 +18,7 @@ from experiments.residual_loop.trials import (
     UNLIKELY,
     UNTRIED,
 )
-from sensors.effects import CATALOGUE
+from sinan.sensors.effects import CATALOGUE
 
 #: An excess beyond so many times the expected is said as a factor, not in per cent.
 _FACTOR = 9.0

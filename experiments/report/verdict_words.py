@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.report.trace_words import (
+from sinan.experiments.report.trace_words import (
     NOT_PREDICTING,
     REFUSED,
     clause,
@@ -21,7 +21,7 @@ from experiments.report.trace_words import (
     sentence,
     size_words,
 )
-from experiments.report.words import (
+from sinan.experiments.report.words import (
     SENSORS,
     change,
     counted,
@@ -34,9 +34,9 @@ from experiments.report.words import (
     reference_words,
     stream_unit,
 )
-from experiments.residual_loop.report import FORETOLD
-from sensors.effects import CATALOGUE
-from sensors.formats.choice import FIRST, Choice
+from sinan.experiments.residual_loop.report import FORETOLD
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.formats.choice import FIRST, Choice
 
 #: The error against a reference that an effect on a sensor spoils first.
 _SPOILED = {

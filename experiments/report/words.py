@@ -9,9 +9,9 @@ from math import acos, degrees, floor, log10
 from pathlib import Path
 from typing import Any
 
-from sensors.effects import CATALOGUE
-from sensors.formats.choice import FIRST, Choice
-from sensors.window import Span
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.window import Span
 
 #: what a stream's sensor is called in a sentence
 SENSORS = {

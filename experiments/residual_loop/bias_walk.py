@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 _MOST_KNOTS = 40
 #: Root of the variance that a walk adds over the whole time, in units of the white noise: what is tried.

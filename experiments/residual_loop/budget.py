@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.filter import RunInputs
-from estimator.journal import Journal
-from sensors.arrays import FloatArray
+from sinan.estimator.filter.inputs import RunInputs
+from sinan.estimator.filter.journal import Journal
+from sinan.sensors.arrays import FloatArray
 
 
 @dataclass(frozen=True)

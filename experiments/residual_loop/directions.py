@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.gyro import GyroLog
-from calibration.triad import norm_jacobian
-from experiments.residual_loop.bias_walk import estimated_walk, walk_covariance
-from sensors.arrays import FloatArray
+from sinan.calibration.poses.gyro import GyroLog
+from sinan.calibration.poses.triad import norm_jacobian
+from sinan.experiments.residual_loop.bias_walk import estimated_walk, walk_covariance
+from sinan.sensors.arrays import FloatArray
 
 
 def direction_covariance(log: GyroLog, walk: float | None) -> FloatArray:

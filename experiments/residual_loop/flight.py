@@ -12,22 +12,22 @@ from functools import partial
 
 import numpy as np
 
-from estimator.faults import Note
-from estimator.filter import run_filter
-from estimator.flight_model import DRIVERS, FlightModel
-from estimator.journal import Journal
-from estimator.score import Evidence, Statistic, statistic_of
-from estimator.sensitivity import candidate_streams
-from estimator.whiteness import whiteness
-from experiments.residual_loop.budget import Budget, budget_of
-from experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
-from experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from experiments.residual_loop.foretelling import Foretelling
-from experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
-from experiments.residual_loop.known_columns import KnownColumns
-from experiments.residual_loop.known_fits import KnownFits, Question
-from experiments.residual_loop.noise_left import slow_streams
-from experiments.residual_loop.onsets import (
+from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.sensitivity import candidate_streams
+from sinan.estimator.evidence.whiteness import whiteness
+from sinan.estimator.filter.faults import Note
+from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.residual_loop.budget import Budget, budget_of
+from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
+from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from sinan.experiments.residual_loop.foretelling import Foretelling
+from sinan.experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
+from sinan.experiments.residual_loop.known_columns import KnownColumns
+from sinan.experiments.residual_loop.known_fits import KnownFits, Question
+from sinan.experiments.residual_loop.noise_left import slow_streams
+from sinan.experiments.residual_loop.onsets import (
     DRIFTING,
     Rows,
     Step,
@@ -39,9 +39,9 @@ from experiments.residual_loop.onsets import (
     slow_noise_of,
     slow_noise_steps,
 )
-from experiments.residual_loop.probes import probes_for
-from experiments.residual_loop.slow_noise import SlowNoise
-from experiments.residual_loop.source import (
+from sinan.experiments.residual_loop.probes import probes_for
+from sinan.experiments.residual_loop.slow_noise import SlowNoise
+from sinan.experiments.residual_loop.source import (
     IMPLAUSIBLE,
     FieldUnit,
     Fit,
@@ -52,9 +52,9 @@ from experiments.residual_loop.source import (
     field_unit,
     held_out,
 )
-from experiments.residual_loop.term import Term, declaration
-from experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
-from experiments.residual_loop.wrong_readings import (
+from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
+from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,
     without_rows,
@@ -62,13 +62,13 @@ from experiments.residual_loop.wrong_readings import (
     wrong_about,
     wrong_rows,
 )
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.bounds import ASSUMED
-from sensors.covariates import covariates_for
-from sensors.effects import Effect
-from sensors.effects.streams import STREAMS
-from sensors.motion import Motion
-from sensors.recording import Recording
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.bounds import ASSUMED
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.effects import Effect
+from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
 
 #: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared: instruments that
 #: are sold have one, and nothing but the prior holds what the motion hardly shows.

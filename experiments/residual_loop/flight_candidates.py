@@ -8,17 +8,17 @@ from itertools import product
 
 import numpy as np
 
-from estimator.effect_forms import Along, Terms, is_lateness, with_covariates
-from estimator.flight_model import DRIVERS, FlightModel
-from estimator.sensitivity import candidate_streams
-from experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from experiments.residual_loop.source import Part
-from experiments.residual_loop.term import covariates_vary
-from sensors.arrays import FloatArray, zero_unless_finite
-from sensors.effects import Effect, effects_for
-from sensors.errors import InputError
-from sensors.motion import Motion
-from sensors.recording import Recording
+from sinan.estimator.evidence.sensitivity import candidate_streams
+from sinan.estimator.filter.effect_forms import Along, Terms, is_lateness, with_covariates
+from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from sinan.experiments.residual_loop.source import Part
+from sinan.experiments.residual_loop.term import covariates_vary
+from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.effects import Effect, effects_for
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
 
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
 _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")

@@ -8,24 +8,25 @@ from itertools import pairwise
 
 import numpy as np
 
-from estimator.effect_forms import Along, Terms, declared_terms, reference_motion
-from estimator.events import ACCEPTED
-from estimator.filter import RunInputs, run_filter
-from estimator.flight_model import FlightModel
-from estimator.imu import imu_table
-from estimator.journal import Journal
-from estimator.relinearise import COARSE_ATTITUDE
-from estimator.score import WIDEST_DIRECTION
-from estimator.sensitivity import Sensitivity, pass_along
-from estimator.smoother import smooth
-from experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
-from experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
-from sensors.arrays import BoolArray, FloatArray
-from sensors.effects import Effect
-from sensors.errors import InputError
-from sensors.motion import Motion
-from sensors.recording import Recording, Stream
-from sensors.rotation import quaternion_conjugate, quaternion_multiply
+from sinan.estimator.evidence.score import WIDEST_DIRECTION
+from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
+from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, reference_motion
+from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.inputs import RunInputs
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.relinearise import COARSE_ATTITUDE
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import smooth
+from sinan.experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
+from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 
 #: The last third of the samples is held out.
 _FITTING_SHARE = 2.0 / 3.0

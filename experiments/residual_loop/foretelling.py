@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.events import WITHHELD
-from estimator.journal import StreamJournal
-from estimator.tails import deviance_of
-from experiments.measured.withheld import Window
-from experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from experiments.residual_loop.source import Fit, StreamResidual
-from sensors.arrays import BoolArray, FloatArray
+from sinan.estimator.filter.events import WITHHELD
+from sinan.estimator.filter.journal import StreamJournal
+from sinan.estimator.filter.tails import deviance_of
+from sinan.experiments.measured.withheld import Window
+from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from sinan.experiments.residual_loop.source import Fit, StreamResidual
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.
 WINDOW, EVERY = 5.0, 7.5

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.residual_loop.linear_problem import LinearProblem, Rows
-from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray
-from sensors.errors import InputError
+from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.errors import InputError
 
 
 def minimise(

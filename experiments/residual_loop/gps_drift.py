@@ -21,14 +21,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from estimator.events import ACCEPTED
-from estimator.journal import Journal
-from estimator.score import CONFUSED
-from estimator.sensitivity import Sensitivity
-from experiments.residual_loop.probes import offsets, probe
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.effects import Effect
-from sensors.motion import Motion
+from sinan.estimator.evidence.score import CONFUSED
+from sinan.estimator.evidence.sensitivity import Sensitivity
+from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.residual_loop.probes import offsets, probe
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.motion import Motion
 
 #: Nodes of the error, and elements of V that are kept: a log longer than that has nodes that are farther apart.
 _MOST_NODES, _MOST_ELEMENTS = 100, 1e7

@@ -6,9 +6,9 @@ from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 
-from experiments.residual_loop.source import Fit
-from sensors.arrays import FloatArray
-from sensors.effects import Effect
+from sinan.experiments.residual_loop.source import Fit
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import Effect
 
 #: Fits whose columns are kept, and rows times columns of each that are.
 _MOST_FITS, _MOST_ELEMENTS = 3, 1e7

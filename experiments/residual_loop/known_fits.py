@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.residual_loop.flight_passes import Fitted
-from experiments.residual_loop.source import Part
-from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
-from sensors.effects import Effect
-from sensors.recording import Recording
+from sinan.experiments.residual_loop.flight_passes import Fitted
+from sinan.experiments.residual_loop.source import Part
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.recording import Recording
 
 #: Fits that are kept, and the IMU samples of all of them together, each of which costs some 1,600 bytes.
 _MOST_FITS, _MOST_SAMPLES = 8, 5e5

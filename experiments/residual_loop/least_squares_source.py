@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from estimator.score import Evidence, Statistic, statistic_of
-from experiments.residual_loop import onsets
-from experiments.residual_loop.budget import Budget
-from experiments.residual_loop.gauss_newton import minimise
-from experiments.residual_loop.left_out import log_p_left_out
-from experiments.residual_loop.linear_problem import LinearProblem, Rows
-from experiments.residual_loop.localise import OffsetScan, find_interval, refine
-from experiments.residual_loop.onsets import Step, declared_step, refined
-from experiments.residual_loop.source import (
+from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.experiments.residual_loop import onsets
+from sinan.experiments.residual_loop.budget import Budget
+from sinan.experiments.residual_loop.gauss_newton import minimise
+from sinan.experiments.residual_loop.left_out import log_p_left_out
+from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
+from sinan.experiments.residual_loop.localise import OffsetScan, find_interval, refine
+from sinan.experiments.residual_loop.onsets import Step, declared_step, refined
+from sinan.experiments.residual_loop.source import (
     LEAST_SPARE,
     FieldUnit,
     Fit,
@@ -30,12 +30,12 @@ from experiments.residual_loop.source import (
     StreamResidual,
     held_out,
 )
-from experiments.residual_loop.term import Term, declaration
-from experiments.residual_loop.wrong_poses import Deleted, wrong_poses
-from experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.effects import Effect
-from sensors.errors import InputError
+from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.wrong_poses import Deleted, wrong_poses
+from sinan.experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.errors import InputError
 
 _BLOCKS = 20
 _ROWS_A_BLOCK = 8

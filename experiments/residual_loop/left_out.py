@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special, stats
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
 #: Prior precision of every parameter, of its information: directions that the rest does not see must not be infinite.
 _RIDGE = 1e-9

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from experiments.residual_loop.source import FieldUnit
-from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray
-from sensors.effects import Effect
+from sinan.experiments.residual_loop.source import FieldUnit
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.effects import Effect
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from estimator.score import likelihood_ratio, log_p_value
-from estimator.whiteness import whiteness
-from sensors.arrays import FloatArray, IntArray
+from sinan.estimator.evidence.score import likelihood_ratio, log_p_value
+from sinan.estimator.evidence.whiteness import whiteness
+from sinan.sensors.arrays import FloatArray, IntArray
 
 #: Boundaries of the coarse grid; a row is the finest step of the refinement.
 _GRID = 96

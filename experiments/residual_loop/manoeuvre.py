@@ -1,7 +1,7 @@
 """The manoeuvre that would decide between effects that one recording cannot tell apart.
 
 The table `separation.json` has, for every pair of effects that look alike in some scenario of the catalogue, their
-squared canonical correlation r^2 in each scenario; `python -m experiments.separation` makes it.
+squared canonical correlation r^2 in each scenario; `python -m sinan.experiments.separation.study` makes it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from sensors.effects import effect
+from sinan.sensors.effects import effect
 
 TABLE = Path(__file__).with_name("separation.json")
 #: r^2 above which two effects are one class. The right name leads the wrong one by lambda (1 - r^2) in 2 log L, and

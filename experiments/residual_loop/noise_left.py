@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.residual_loop.source import Fit, Source, StreamResidual
-from sensors.bounds import ASSUMED
+from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
+from sinan.sensors.bounds import ASSUMED
 
 _LAGS = 500
 #: A residual is slow where its sum over long times varies this many times as much as that of white noise.

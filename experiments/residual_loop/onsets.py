@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from estimator.score import CONFUSED, log_p_among, log_p_value
-from experiments.residual_loop.slow_noise import SlowNoise
-from experiments.residual_loop.source import LocalFinding
-from experiments.residual_loop.sudden import jumps
-from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.effects import Effect, effect
+from sinan.estimator.evidence.score import CONFUSED, log_p_among, log_p_value
+from sinan.experiments.residual_loop.slow_noise import SlowNoise
+from sinan.experiments.residual_loop.source import LocalFinding
+from sinan.experiments.residual_loop.sudden import jumps
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.effects import Effect, effect
 
 _ONSETS = 25
 _FINER = 5

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from experiments.residual_loop.flight import FlightSource
-from sensors.recording import Recording
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.sensors.recording import Recording
 
 
 def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource:
@@ -18,8 +18,8 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
     ----------
     slow_error : see `FlightSource`
     """
-    from estimator.relinearise import is_coarse
-    from experiments.measured.preparation import is_settled, prepared, settled
+    from sinan.calibration.levels.preparation import is_settled, prepared, settled
+    from sinan.estimator.filter.relinearise import is_coarse
 
     declared = is_settled(recording)
     if declared:

@@ -8,22 +8,22 @@ from typing import TypeVar
 
 import numpy as np
 
-from calibration.gyro import read_turns
-from calibration.segments import find_poses
-from estimator.faults import frozen_runs, stuck_runs
-from estimator.imu import beyond_the_range
-from experiments.residual_loop.least_squares_source import LeastSquaresSource
-from experiments.residual_loop.pose_faults import Fault, poses_that_measured
-from experiments.residual_loop.poses import NormPoses
-from experiments.residual_loop.source import FieldUnit, field_unit
-from experiments.residual_loop.turns import GyroTurns
-from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.covariates import covariates_for
-from sensors.effects import effect
-from sensors.errors import InputError
-from sensors.formats.header import LARGEST
-from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.calibration.poses.gyro import read_turns
+from sinan.calibration.poses.segments import find_poses
+from sinan.estimator.filter.faults import frozen_runs, stuck_runs
+from sinan.estimator.filter.imu import beyond_the_range
+from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
+from sinan.experiments.residual_loop.pose_faults import Fault, poses_that_measured
+from sinan.experiments.residual_loop.poses import NormPoses
+from sinan.experiments.residual_loop.source import FieldUnit, field_unit
+from sinan.experiments.residual_loop.turns import GyroTurns
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.effects import effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.header import LARGEST
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
 #: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
 _FULL_RATE_STEP = 0.1

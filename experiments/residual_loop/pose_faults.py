@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from calibration.triad import calibrate_norm, norm_jacobian, norm_residual
-from estimator.faults import FROZEN_LEVEL, stuck_runs
-from estimator.score import DETECTABLE_LAMBDA
-from sensors.arrays import BoolArray, FloatArray, runs_of
-from sensors.errors import InputError
+from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.estimator.filter.faults import FROZEN_LEVEL, stuck_runs
+from sinan.sensors.arrays import BoolArray, FloatArray, runs_of
+from sinan.sensors.errors import InputError
 
 Fault = tuple[str, str, float, float]
 #: How likely equal readings at the extreme may be by chance, as often as readings are equal elsewhere.

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.residual_loop.probes import goes_with_time, offsets, powers_from, probe
-from experiments.residual_loop.term import varies
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect
-from sensors.motion import Motion
+from sinan.experiments.residual_loop.probes import goes_with_time, offsets, powers_from, probe
+from sinan.experiments.residual_loop.term import varies
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect
+from sinan.sensors.motion import Motion
 
 Shape = Callable[[Motion], FloatArray]
 #: A block: what it follows, what it needs, and its sizes with (motion -> (n, 3, size)), the largest first.

@@ -13,12 +13,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.triad import calibrate_norm, norm_jacobian
-from experiments.residual_loop.bias_walk import bias_walk, estimated_walk
-from experiments.residual_loop.linear_problem import Rows
-from experiments.residual_loop.pose_probes import probes_of_a_triad
-from experiments.residual_loop.source import NO_UNIT, FieldUnit
-from experiments.residual_loop.term import (
+from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian
+from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
+from sinan.experiments.residual_loop.linear_problem import Rows
+from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
+from sinan.experiments.residual_loop.source import NO_UNIT, FieldUnit
+from sinan.experiments.residual_loop.term import (
     Term,
     declared_terms,
     derivatives_wanted,
@@ -26,9 +26,9 @@ from experiments.residual_loop.term import (
     pose_candidates,
     require_known,
 )
-from sensors.arrays import FloatArray
-from sensors.effects import Effect
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.motion import Motion
 
 _MOST_PASSES = 25
 _EPSILON = 1e-5  # of the norm, for the derivative of the effects by the true reading

@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from estimator.flight_model import DRIVERS
-from experiments.residual_loop.term import varies
-from sensors.arrays import FloatArray, zero_unless_finite
-from sensors.effects import CATALOGUE
-from sensors.effects.declaration import Effect, Parameter
-from sensors.effects.streams import STREAMS
-from sensors.motion import Motion
-from sensors.rotation import matrix_from_quaternion, rotate_back
+from sinan.estimator.filter.flight_model import DRIVERS
+from sinan.experiments.residual_loop.term import varies
+from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import matrix_from_quaternion, rotate_back
 
 #: Names of probes begin so: no effect of the catalogue does.
 PREFIX = "unexplained"

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
-from experiments.residual_loop.foretelling import SHORTEST_ASKED
-from experiments.residual_loop.noise_left import noise_left, slow_streams
-from experiments.residual_loop.select import Selection
-from experiments.residual_loop.source import Fit, Part, Source, StreamResidual
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding, fit_without
-from sensors.arrays import FloatArray
-from sensors.bounds import ASSUMED
-from sensors.errors import InputError
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
+from sinan.experiments.residual_loop.foretelling import SHORTEST_ASKED
+from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams
+from sinan.experiments.residual_loop.select import Selection
+from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import Finding, fit_without
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.bounds import ASSUMED
+from sinan.sensors.errors import InputError
 
 _RESAMPLES = 1000
 _BOOTSTRAP_BLOCKS = 20

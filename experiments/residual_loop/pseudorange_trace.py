@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.location import Location, locate
-from estimator.score import Statistic
-from experiments.residual_loop.pseudoranges import Called, next_effect, next_fault
-from sensors.arrays import BoolArray, FloatArray
-from sensors.pseudorange import Pseudoranges
+from sinan.estimator.evidence.score import Statistic
+from sinan.estimator.positioning.location import Location, locate
+from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, next_fault
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.pseudorange import Pseudoranges
 
 MOST_FAULTS = 4
 

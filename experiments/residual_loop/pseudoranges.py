@@ -22,15 +22,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.location import Location
-from estimator.point_positioning import rectangle
-from estimator.score import Evidence, Statistic, statistic_of
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.constants import SPEED_OF_LIGHT
-from sensors.effects import pseudorange_satellite_fault
-from sensors.effects.declaration import Effect
-from sensors.motion import Motion
-from sensors.pseudorange import (
+from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.estimator.positioning.location import Location
+from sinan.estimator.positioning.point_positioning import rectangle
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.effects import pseudorange_satellite_fault
+from sinan.sensors.effects.declaration import Effect
+from sinan.sensors.motion import Motion
+from sinan.sensors.pseudorange import (
     IONOSPHERE_RAY,
     MODELLED,
     Pseudoranges,

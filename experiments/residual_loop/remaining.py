@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from estimator.faults import FROZEN_LEVEL
-from estimator.score import Statistic, log_p_value, statistic_of
-from estimator.whiteness import autocorrelation, whiteness
-from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.options import Option
-from experiments.residual_loop.probes import followed
-from experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding
-from sensors.bounds import ASSUMED
+from sinan.estimator.evidence.score import Statistic, log_p_value, statistic_of
+from sinan.estimator.evidence.whiteness import autocorrelation, whiteness
+from sinan.estimator.filter.faults import FROZEN_LEVEL
+from sinan.experiments.residual_loop.noise_left import noise_left
+from sinan.experiments.residual_loop.options import Option
+from sinan.experiments.residual_loop.probes import followed
+from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import Finding
+from sinan.sensors.bounds import ASSUMED
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
 #: an error that nobody declared, not noise that was declared badly: twice the standard deviation.

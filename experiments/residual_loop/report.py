@@ -7,17 +7,17 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from estimator.score import Statistic
-from experiments.residual_loop.budget import Budget
-from experiments.residual_loop.judged import Judged
-from experiments.residual_loop.prove import Change, Errors
-from experiments.residual_loop.select import Selection
-from experiments.residual_loop.source import LocalFinding, Source
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.traced import Part, Traced
-from experiments.residual_loop.trials import Finding
-from experiments.residual_loop.verdict import Named, Twin, Verdict
-from sensors.arrays import finite_or_none
+from sinan.estimator.evidence.score import Statistic
+from sinan.experiments.residual_loop.budget import Budget
+from sinan.experiments.residual_loop.judged import Judged
+from sinan.experiments.residual_loop.prove import Change, Errors
+from sinan.experiments.residual_loop.select import Selection
+from sinan.experiments.residual_loop.source import LocalFinding, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.traced import Part, Traced
+from sinan.experiments.residual_loop.trials import Finding
+from sinan.experiments.residual_loop.verdict import Named, Twin, Verdict
+from sinan.sensors.arrays import finite_or_none
 
 
 def report(traced: Traced) -> dict[str, object]:

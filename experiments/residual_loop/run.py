@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from experiments.measured.reference import Mounted, described, errors_of, reference_of
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.source import Fit
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Part, Traced
-from experiments.residual_loop.verdict import Score, Scores
-from sensors.recording import Recording
+from sinan.experiments.measured.reference import Mounted, described, errors_of, reference_of
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.source import Fit
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Part, Traced
+from sinan.experiments.residual_loop.verdict import Score, Scores
+from sinan.sensors.recording import Recording
 
 
 def trace_recording(
@@ -26,7 +26,7 @@ def trace_recording(
     """
     if recording.kind == "poses":
         return trace_poses(recording, sensor, alpha, gravity)
-    from experiments.residual_loop.open_flight import flight_source
+    from sinan.experiments.residual_loop.open_flight import flight_source
 
     flight = flight_source(recording)
     truth, target = recording.truth, reference_of(recording)
@@ -45,7 +45,7 @@ def trace_poses(recording: Recording, sensor: str | None, alpha: float, gravity:
     ------
     InputError : no sensor can be traced
     """
-    from experiments.residual_loop.open_source import of_each_sensor, pose_source, sensors_asked_for
+    from sinan.experiments.residual_loop.open_source import of_each_sensor, pose_source, sensors_asked_for
 
     def traced(name: str) -> Part:
         source = sources[name]

@@ -7,12 +7,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic, log_p_of_deviance, log_p_value, predicted_lambda, statistic_of
-from experiments.residual_loop.options import Offered, Option
-from experiments.residual_loop.shared_ends import told_as_one
-from experiments.residual_loop.source import Fit, LocalFinding, Part, Source, log_p_needed
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import (
+from sinan.estimator.evidence.score import (
+    Evidence,
+    Statistic,
+    log_p_of_deviance,
+    log_p_value,
+    predicted_lambda,
+    statistic_of,
+)
+from sinan.experiments.residual_loop.options import Offered, Option
+from sinan.experiments.residual_loop.shared_ends import told_as_one
+from sinan.experiments.residual_loop.source import Fit, LocalFinding, Part, Source, log_p_needed
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import (
     IMPOSSIBLE,
     OF_THE_MODEL,
     SHORTLIST,
@@ -23,7 +30,7 @@ from experiments.residual_loop.trials import (
     fit_without,
     refitted,
 )
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6

@@ -10,11 +10,11 @@ from itertools import combinations
 
 import numpy as np
 
-from estimator.score import log_p_of_deviance
-from experiments.residual_loop.options import Option
-from experiments.residual_loop.source import Fit, Source
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding, fit_without, trial
+from sinan.estimator.evidence.score import log_p_of_deviance
+from sinan.experiments.residual_loop.options import Option
+from sinan.experiments.residual_loop.source import Fit, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import Finding, fit_without, trial
 
 #: Ends are shared where they differ by less than this share of the shorter interval: the fit of one moves the other's,
 #: and what lies between them is a tenth of a disturbance, which the likelihood judges.

@@ -9,8 +9,8 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
-from estimator.score import log_p_value
-from sensors.arrays import BoolArray, FloatArray
+from sinan.estimator.evidence.score import log_p_value
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Time constants of the noise that are tried: cells of the grid.
 _TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)

@@ -12,11 +12,11 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from estimator.score import Evidence, Statistic
-from experiments.residual_loop.budget import Budget
-from experiments.residual_loop.term import Term
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.effects import Effect
+from sinan.estimator.evidence.score import Evidence, Statistic
+from sinan.experiments.residual_loop.budget import Budget
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.effects import Effect
 
 Part = Literal["all", "fitting"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from estimator.score import log_p_value
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.score import log_p_value
+from sinan.sensors.arrays import FloatArray
 
 #: Jumps of a stream that are looked at, and the logarithm of the p-value above which none is.
 _MOST, _NOTABLE = 6, -3.0

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.effects import Effect, effect, effects_for
-from sensors.errors import InputError
-from sensors.motion import Motion
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.effects import Effect, effect, effects_for
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
 
 
 @dataclass(frozen=True)

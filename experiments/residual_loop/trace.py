@@ -8,16 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from estimator.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
-from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.prove import rolled_back
-from experiments.residual_loop.remaining import patches, remaining, stands_out
-from experiments.residual_loop.select import Selection, select
-from experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import BESIDE_ERROR, ROLLED_BACK, Finding, fit_without, refitted
-from experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
-from sensors.errors import InputError
+from sinan.estimator.evidence.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
+from sinan.experiments.residual_loop.noise_left import noise_left
+from sinan.experiments.residual_loop.prove import rolled_back
+from sinan.experiments.residual_loop.remaining import patches, remaining, stands_out
+from sinan.experiments.residual_loop.select import Selection, select
+from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import BESIDE_ERROR, ROLLED_BACK, Finding, fit_without, refitted
+from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
+from sinan.sensors.errors import InputError
 
 #: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
 MOST_SUSPECTS, OBVIOUS = 3, 2.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from experiments.residual_loop.judged import Judged, judged
-from experiments.residual_loop.source import Source
-from experiments.residual_loop.trace import Trace
-from experiments.residual_loop.verdict import Named, Verdict, joint
+from sinan.experiments.residual_loop.judged import Judged, judged
+from sinan.experiments.residual_loop.source import Source
+from sinan.experiments.residual_loop.trace import Trace
+from sinan.experiments.residual_loop.verdict import Named, Verdict, joint
 
 
 @dataclass(frozen=True)

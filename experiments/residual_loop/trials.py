@@ -8,8 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from estimator.flight_model import DRIVERS
-from estimator.score import (
+from sinan.estimator.evidence.score import (
     CONFUSED,
     Evidence,
     gain_of_ratio,
@@ -20,12 +19,13 @@ from estimator.score import (
     statistic_of,
     without_prior,
 )
-from experiments.residual_loop.noise_left import noise_left
-from experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
-from experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
-from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
+from sinan.estimator.filter.flight_model import DRIVERS
+from sinan.experiments.residual_loop.noise_left import noise_left
+from sinan.experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
+from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.

@@ -24,18 +24,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from estimator.effect_forms import Along, Terms
-from estimator.events import window_means
-from estimator.flight_model import FlightModel
-from estimator.score import block_scatter, log_p_of_divided
-from estimator.sensitivity import driver_regressors
-from experiments.residual_loop.onsets import Rows, beside_columns
-from experiments.residual_loop.probes import offsets
-from sensors.arrays import FloatArray, IntArray
-from sensors.effects import Effect, effect
-from sensors.effects.declaration import Parameter
-from sensors.motion import Motion
-from sensors.recording import Recording
+from sinan.estimator.evidence.score import block_scatter, log_p_of_divided
+from sinan.estimator.evidence.sensitivity import driver_regressors
+from sinan.estimator.filter.effect_forms import Along, Terms
+from sinan.estimator.filter.events import window_means
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.experiments.residual_loop.onsets import Rows, beside_columns
+from sinan.experiments.residual_loop.probes import offsets
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.effects import Effect, effect
+from sinan.sensors.effects.declaration import Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
 
 #: The functions of w and dw/dt of which each component has its own multiples.
 _SQUARES = np.triu_indices(3)

@@ -13,13 +13,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from calibration.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
-from experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
-from experiments.residual_loop.directions import direction_covariance
-from experiments.residual_loop.linear_problem import Rows
-from experiments.residual_loop.pose_probes import probes_of_turns
-from experiments.residual_loop.source import NO_UNIT
-from experiments.residual_loop.term import (
+from sinan.calibration.poses.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
+from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
+from sinan.experiments.residual_loop.directions import direction_covariance
+from sinan.experiments.residual_loop.linear_problem import Rows
+from sinan.experiments.residual_loop.pose_probes import probes_of_turns
+from sinan.experiments.residual_loop.source import NO_UNIT
+from sinan.experiments.residual_loop.term import (
     Term,
     declared_terms,
     derivatives_wanted,
@@ -27,10 +27,10 @@ from experiments.residual_loop.term import (
     pose_candidates,
     require_known,
 )
-from sensors.arrays import BoolArray, FloatArray
-from sensors.effects import Effect
-from sensors.motion import Motion
-from sensors.rotation import cross
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.effects import Effect
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import cross
 
 _MOST_PASSES = 25
 _EPSILON = 1e-4  # rad/s, for the derivative of the effects by the true rate
@@ -45,7 +45,7 @@ class GyroTurns:
     Parameters
     ----------
     name : of the recording
-    log : from `calibration.gyro.read_turns`
+    log : from `calibration.poses.gyro.read_turns`
     noise_known : whether the white noise of gyroscope and accelerometer is declared
     walk : declared random walk of the gyroscope's bias; None or 0: constant
     covariates : (n,) each, at the rows of the log

@@ -13,14 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
-from experiments.residual_loop.manoeuvre import separating_manoeuvre
-from experiments.residual_loop.prove import Change, Contribution, Proof, changes, prove
-from experiments.residual_loop.remaining import Remaining
-from experiments.residual_loop.select import Selection, updated
-from experiments.residual_loop.source import Fit, Source
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import Finding, fit_without
-from sensors.errors import InputError
+from sinan.experiments.residual_loop.manoeuvre import separating_manoeuvre
+from sinan.experiments.residual_loop.prove import Change, Contribution, Proof, changes, prove
+from sinan.experiments.residual_loop.remaining import Remaining
+from sinan.experiments.residual_loop.select import Selection, updated
+from sinan.experiments.residual_loop.source import Fit, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import Finding, fit_without
+from sinan.sensors.errors import InputError
 
 #: Errors against a reference, by quantity: read after the decision, by whoever has the truth.
 Score = Callable[[Fit], Mapping[str, float]]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from estimator.score import log_p_value
-from sensors.arrays import BoolArray, FloatArray
+from sinan.estimator.evidence.score import log_p_value
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: A reading is wrong when it is off by this many sigma of what the others leave: one in 5e8 Gaussian readings is; where
 #: the sigma is estimated, by the size of the t variable that is as rare.

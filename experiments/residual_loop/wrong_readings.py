@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel
-from estimator.journal import Journal
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.recording import Recording
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.recording import Recording
 
 #: A reading is called wrong when it leaves its neighbours by this many sigma: one in 5e8 Gaussian readings does; in a
 #: coloured residual also by so many times the residual's own spread.

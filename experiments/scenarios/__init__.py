@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.scenarios.loader import load_scenario, scenario_names
-from sensors.arrays import finite_or_none
-from sensors.effects import CATALOGUE, Effect, effect
-from sensors.errors import InputError
-from sensors.files import together, write_text
-from sensors.simulate import Present, simulate
+from sinan.experiments.scenarios.loader import load_scenario, scenario_names
+from sinan.sensors.arrays import finite_or_none
+from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import together, write_text
+from sinan.sensors.simulate import Present, simulate
 
 __all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder", "size_note"]
 
@@ -97,7 +97,7 @@ def size_note(present: Present, field: float = 1.0) -> str:
     ----------
     field : norm of the magnetic field, with which some parameters go
     """
-    from experiments.residual_loop.source import IMPLAUSIBLE
+    from sinan.experiments.residual_loop.source import IMPLAUSIBLE
 
     plausible = present.effect.plausible * (field if present.effect.in_field_units else 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -153,7 +153,7 @@ def simulate_to_folder(
     ------
     InputError : no such scenario or effect, or one that does not fit; the folder or the answer is in use
     """
-    from sensors.formats.plain import require_free, write_recording
+    from sinan.sensors.formats.plain import require_free, write_recording
 
     out = Path(out)
     answer = answer_file(out)

@@ -10,14 +10,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from sensors.earth import normal_gravity
-from sensors.errors import InputError
-from sensors.formats.header import HIGHEST, LOWEST, SENSOR_KEYS, scan_angles
-from sensors.formats.toml_table import Table, read_toml
-from sensors.geomagnetism import earth_field
-from sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
-from sensors.recording import SensorSpec
-from sensors.scenario import Air, Instrument, Scenario, Supply, Turns, Vibration, Warming
+from sinan.sensors.earth import normal_gravity
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.header import HIGHEST, LOWEST, SENSOR_KEYS, scan_angles
+from sinan.sensors.formats.toml_table import Table, read_toml
+from sinan.sensors.geomagnetism import earth_field
+from sinan.sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
+from sinan.sensors.recording import SensorSpec
+from sinan.sensors.scenario import Air, Instrument, Scenario, Supply, Turns, Vibration, Warming
 
 FOLDER = Path(__file__).parent
 SENSORS = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")

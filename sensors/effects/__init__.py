@@ -13,10 +13,10 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 __all__ = ["CATALOGUE", "Effect", "Parameter", "apply_effects", "effect", "effects_for"]
 

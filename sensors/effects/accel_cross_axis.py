@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: MPU-6000 data sheet PS-MPU-6000A-00 rev. 3.4, section 6.2: cross-axis sensitivity +-2 %
 PLAUSIBLE = 0.02

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
-from sensors.rotation import skew
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import skew
 
 PLAUSIBLE = 0.1  # m, the size of a small multicopter's frame
 

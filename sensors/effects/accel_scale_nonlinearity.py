@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import diagonal
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import diagonal
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: MPU-6000 data sheet, section 6.2: nonlinearity 0.5 % of full scale; of +-2 g that is 0.1 m/s^2 at 2 g: 2.5e-4 s^2/m;
 #: four times that for sensors with an uncompensated spring

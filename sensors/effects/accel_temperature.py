@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import warmth_on_each_axis
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import warmth_on_each_axis
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: MPU-6000 data sheet, section 6.2: zero-g drift +-35 mg (x, y), +-60 mg (z) over 70 K, so up to 0.86 mg/K
 PLAUSIBLE = 0.01  # (m/s^2)/K

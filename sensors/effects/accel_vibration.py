@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import diagonal
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import diagonal
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: Rectification of MEMS sensors is given as 0.1 to 10 mg/g^2, 1e-5 to 1e-3 s^2/m; clipping near the end of the
 #: range raises it by a factor of ten or more (order of magnitude)

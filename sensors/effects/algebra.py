@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import REFERENCE_TEMPERATURE
-from sensors.motion import Motion
-from sensors.rotation import rotate_back, rotation_exp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import REFERENCE_TEMPERATURE
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import rotate_back, rotation_exp
 
 
 def diagonal(value: FloatArray) -> FloatArray:

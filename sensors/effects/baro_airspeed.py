@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import airspeed
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import airspeed
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: A pressure coefficient C_p shifts the height by -C_p V^2 / (2 g): 0.025 s^2/m for C_p = -0.5, a port in suction
 PLAUSIBLE = 0.03  # s^2/m

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.5  # s; IIR filters of BMP280 and MS5611 drivers and a narrow port give 0.05 to 1 s
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 2.0  # m; heights in flight logs move by 1 to 3 m at take-off
 DECAY_HEIGHT = 2.0  # m, EFFECTS: exp(-h / 2 m), about twice the rotor diameter of a mid-size multicopter

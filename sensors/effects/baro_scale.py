@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; air 15 K warmer than the standard atmosphere stretches heights by 5 % (ISO 2533)
 

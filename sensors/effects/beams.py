@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.laser import Laser, ground_points
-from sensors.motion import Motion
-from sensors.ranging import descent, scan_beams
-from sensors.rotation import rotate
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.laser import Laser, ground_points
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import descent, scan_beams
+from sinan.sensors.rotation import rotate
 
 BORESIGHT_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # a beam is turned about body forward, then right
 

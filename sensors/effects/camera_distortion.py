@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.camera import Camera
-from sensors.effects.declaration import Effect, Parameter
-from sensors.lenses import bend_slopes
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Camera
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.lenses import bend_slopes
+from sinan.sensors.motion import Motion
 
 RADIAL, TANGENTIAL = 0.2, 0.002  # 1; lenses of small cameras, and how askew they sit
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.camera import Camera
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Camera
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.1  # m; the size of a multicopter's frame
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.camera import Camera
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.rotation import rotation_exp, skew
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Camera
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import rotation_exp, skew
 
 PLAUSIBLE = 0.05  # rad; a module glued by hand is straight to some degrees
 

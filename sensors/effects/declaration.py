@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.arrays import FloatArray, zero_unless_finite
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 #: (motion) -> (n, stream size, parameters): d reading / d beta at beta = 0, along the plain motion
 Regressor = Callable[[Motion], FloatArray]

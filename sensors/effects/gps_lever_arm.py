@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
-from sensors.rotation import matrix_from_quaternion, skew
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import matrix_from_quaternion, skew
 
 PLAUSIBLE = 0.3  # m, masts and arms of a multicopter
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import matrix_times
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import matrix_times
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: MPU-6000 data sheet, section 6.1: linear acceleration sensitivity 0.1 deg/s/g = 1.8e-4 rad/s per m/s^2;
 #: open-loop consumer gyroscopes reach several times that

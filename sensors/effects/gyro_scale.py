@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import diagonal
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import diagonal
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: MPU-6000 data sheet PS-MPU-6000A-00 rev. 3.4, section 6.1: sensitivity scale factor tolerance +-3 %
 PLAUSIBLE = 0.03

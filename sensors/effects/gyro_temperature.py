@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import warmth_on_each_axis
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import warmth_on_each_axis
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: BMI055 data sheet BST-BMI055-DS000: 0.015 deg/s/K = 2.6e-4 rad/s/K; MPU-6000: +-20 deg/s over 125 K = 2.8e-3 rad/s/K
 PLAUSIBLE = 1e-3  # (rad/s)/K

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.beams import BORESIGHT_AXES, beams_b
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.ranging import slant_range
-from sensors.rotation import cross, rotate_back, rotation_exp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.beams import BORESIGHT_AXES, beams_b
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import slant_range
+from sinan.sensors.rotation import cross, rotate_back, rotation_exp
 
 PLAUSIBLE = 0.05  # rad; a module glued by hand is straight to some degrees
 

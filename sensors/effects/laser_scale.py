@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.beams import beams_b
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
-from sensors.ranging import slant_range
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.beams import beams_b
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import slant_range
 
 PLAUSIBLE = 0.02  # 1; Garmin LIDAR-Lite v3 manual: accuracy +-2.5 cm below 5 m, 1 to 2 % beyond
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.magnetometer import field_b
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.magnetometer import field_b
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; soft iron of a few per cent is what compass calibrations of multicopters find
 

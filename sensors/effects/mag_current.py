@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import covariate_on_each_axis
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import covariate_on_each_axis
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: A wire pair with 1 cm between the wires at 10 cm makes 0.2 uT/A (Biot-Savart), 0.4 % of the field an ampere; boards
 #: that sit on the battery lead read ten times that

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.rotation import cross, rotate_back, rotation_exp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import cross, rotate_back, rotation_exp
 
 PLAUSIBLE = 0.2  # rad; between the polar circles the declination reaches +-25 deg (WMM2025), half of it forgotten
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import turned_triad
-from sensors.effects.declaration import Effect, Parameter
-from sensors.magnetometer import field_b
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.rotation import skew
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import turned_triad
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.magnetometer import field_b
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import skew
 
 PLAUSIBLE = 0.1  # rad; an external compass on a mast is aligned by eye, to some degrees
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import diagonal
-from sensors.effects.declaration import Effect, Parameter
-from sensors.magnetometer import field_b
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import diagonal
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.magnetometer import field_b
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; HMC5883L data sheet (rev. E), table 2: gain tolerance +-5 %
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.algebra import warmth_on_each_axis
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.algebra import warmth_on_each_axis
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 #: Some 0.1 to 0.2 uT/K, up to half a per cent of the field a kelvin, for bridges without compensation
 PLAUSIBLE = 0.005  # share of the field, 1/K

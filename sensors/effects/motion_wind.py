@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
-from sensors.rotation import matrix_from_quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import matrix_from_quaternion
 
 PLAUSIBLE = 5.0  # m/s, a fresh breeze is 8
 

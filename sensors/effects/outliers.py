@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.effects.streams import STREAMS
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; GPS in streets and sonar over grass lose some per cent of their readings
 SMALLEST, LARGEST = 8.0, 30.0  # sigma of a reading's noise: what `draw` makes; below 8 a reading is hardly an outlier

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import SPEED_OF_LIGHT
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
 
 REFERENCE_FREQUENCY = 1575.42e6  # Hz, GPS L1, for which the broadcast coefficients hold
 NIGHT = 5.0e-9  # s, vertical delay at night

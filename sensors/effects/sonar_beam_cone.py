@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.rotation import cos_tilt
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import cos_tilt
 
 PLAUSIBLE = 0.2  # rad; transducers of hobby sonars have half angles of 10 to 25 deg
 

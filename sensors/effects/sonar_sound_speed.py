@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.motion import Motion
-from sensors.ranging import slant_range
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import slant_range
 
 PLAUSIBLE = 0.03  # 1; the speed of sound changes by 0.17 % a kelvin (ISO 2533 eq. 22), so 18 K
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sensors.arrays import FloatArray
-from sensors.effects.beams import inclined_ground, inclined_ground_slope
-from sensors.effects.declaration import Effect, Parameter
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.beams import inclined_ground, inclined_ground_slope
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 PLAUSIBLE = 0.05  # 1; a meadow that looks flat rises by up to 5 %
 

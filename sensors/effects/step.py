@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.effects.declaration import Effect, Parameter
-from sensors.effects.streams import STREAMS
-from sensors.motion import Motion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.motion import Motion
 
 
 def regressor_over(motion: Motion, t0: float, t1: float, size: int) -> FloatArray:

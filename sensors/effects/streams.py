@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ def textbook_model(stream: str, size: int, motion: Motion) -> SensorModel:
     size : components of a reading
     motion : whose covariate `angles` holds a scan's beams
     """
-    from sensors.barometer import Barometer
-    from sensors.gps import Gps
-    from sensors.laser import Laser
-    from sensors.magnetometer import Magnetometer
-    from sensors.sonar import Sonar
+    from sinan.sensors.barometer import Barometer
+    from sinan.sensors.gps import Gps
+    from sinan.sensors.laser import Laser
+    from sinan.sensors.magnetometer import Magnetometer
+    from sinan.sensors.sonar import Sonar
 
     if stream == "laser":
         angles = motion.covariates["angles"][0] if motion.has("angles") else None

@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sensors.arrays import FloatArray, zero_unless_finite
-from sensors.effects.beams import beams_b
-from sensors.effects.declaration import Effect, Parameter
-from sensors.effects.streams import STREAMS as ALL_STREAMS
-from sensors.effects.streams import textbook_model
-from sensors.magnetometer import field_b
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.ranging import slant_range_jacobian
-from sensors.rotation import cross
+from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.effects.beams import beams_b
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.streams import STREAMS as ALL_STREAMS
+from sinan.sensors.effects.streams import textbook_model
+from sinan.sensors.magnetometer import field_b
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import slant_range_jacobian
+from sinan.sensors.rotation import cross
 
 PLAUSIBLE = 0.1  # s; buffers, filters and serial lines of hobby autopilots
 STREAMS = ("mag", "baro", "sonar", "laser")  # gps: `gps.latency`; accel and gyro are the clock; a base stands still

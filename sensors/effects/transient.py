@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sensors.effects.declaration import Effect, Parameter
-from sensors.effects.step import regressor_over
-from sensors.effects.streams import STREAMS
+from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.step import regressor_over
+from sinan.sensors.effects.streams import STREAMS
 
 __all__ = ["for_stream", "regressor_over"]
 

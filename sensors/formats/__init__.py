@@ -6,10 +6,10 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice
-from sensors.formats.facts import Facts
-from sensors.recording import ACCEL, MAG, Recording, Stream
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.facts import Facts
+from sinan.sensors.recording import ACCEL, MAG, Recording, Stream
 
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
@@ -46,12 +46,12 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
     """
     path = Path(path)
     if map_file is not None:
-        from sensors.formats.map_file import read_map
-        from sensors.formats.mapped import read_mapped
+        from sinan.sensors.formats.map_file import read_map
+        from sinan.sensors.formats.mapped import read_mapped
 
         choice.require_none(path, "which a map reads")
         return read_mapped(path, read_map(Path(map_file)))
-    from sensors.formats.plain import HEADER_FILE, read_recording
+    from sinan.sensors.formats.plain import HEADER_FILE, read_recording
 
     if path.name == HEADER_FILE or (path / HEADER_FILE).is_file():
         choice.require_none(path, "a plain recording")
@@ -64,10 +64,10 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return read_recording(path)
     if content == "matlab":
         return _poses_of_matlab(path)
-    from sensors.formats.columns import read_named
+    from sinan.sensors.formats.columns import read_named
 
     if content in ("text", "parquet") and (columns := read_named(path)) is not None:
-        from sensors.formats.named_columns import recording_of_names
+        from sinan.sensors.formats.named_columns import recording_of_names
 
         return recording_of_names(path, columns)
     found = {
@@ -89,19 +89,19 @@ def what_is(path: Path) -> str:
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
             return "rosbag2"
-        from sensors.formats.dataset_folders import kind_of_folder
+        from sinan.sensors.formats.dataset_folders import kind_of_folder
 
         return kind_of_folder(path) or "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
-    from sensors.formats.columns import content_of
+    from sinan.sensors.formats.columns import content_of
 
     return content_of(path)
 
 
 def describes_itself(path: Path) -> bool:
     """Whether a path is a log that is read without being told how: a recording, or one of `_READERS`."""
-    from sensors.formats.plain import HEADER_FILE
+    from sinan.sensors.formats.plain import HEADER_FILE
 
     return (path / HEADER_FILE).is_file() or what_is(path) in _READERS
 
@@ -112,7 +112,7 @@ def facts_of(path: Path) -> Facts | None:
     if known is None:
         return None
     module, _, facts = known
-    return getattr(import_module(f"sensors.formats.{module}"), facts)(path)
+    return getattr(import_module(f"sinan.sensors.formats.{module}"), facts)(path)
 
 
 def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
@@ -121,15 +121,15 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
     if known is None:
         return None
     module, reader, _ = known
-    return getattr(import_module(f"sensors.formats.{module}"), reader)
+    return getattr(import_module(f"sinan.sensors.formats.{module}"), reader)
 
 
 def _poses_of_matlab(path: Path) -> Recording:
     """Poses of the one variable whose name says what it is; readings as they are, row index as time."""
     import numpy as np
 
-    from sensors.formats.matlab import read_matlab
-    from sensors.formats.plausible import check_units
+    from sinan.sensors.formats.matlab import read_matlab
+    from sinan.sensors.formats.plausible import check_units
 
     arrays = read_matlab(path)
     known = [name for name in arrays if name in POSE_VARIABLES]

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice, not_there
-from sensors.formats.dataflash_messages import Dataflash, read_messages
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import averaged, beside, recording_of
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
-from sensors.rotation import quaternion_from_rpy
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice, not_there
+from sinan.sensors.formats.dataflash_messages import Dataflash, read_messages
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import averaged, beside, recording_of
+from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import quaternion_from_rpy
 
 _AXES = "XYZ"
 _GOOD_FIX = 3

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn
 
-from sensors.errors import InputError
+from sinan.sensors.errors import InputError
 
 
 @dataclass(frozen=True)

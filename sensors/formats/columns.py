@@ -11,13 +11,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
-from sensors.formats.named_columns import describes_itself, meaning
-from sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
-from sensors.formats.records import RecordLayout, read_records
-from sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
+from sinan.sensors.formats.named_columns import describes_itself, meaning
+from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
+from sinan.sensors.formats.records import RecordLayout, read_records
+from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": ""}
 

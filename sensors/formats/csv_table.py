@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import require_columns
-from sensors.formats.text_table import TextTable, doubled_name, is_number
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import require_columns
+from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number
 
 #: The longest header line that is read [characters]: a binary file must not be taken for one endless name.
 _HEADER_LIMIT = 100_000

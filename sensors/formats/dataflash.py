@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import require_columns, require_numbers
-from sensors.formats.text_table import doubled_name, text_lines
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import require_columns, require_numbers
+from sinan.sensors.formats.text_table import doubled_name, text_lines
 
 
 def read_dataflash(path: Path, wanted: Collection[str]) -> dict[str, FloatArray]:

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import read_plain, require_columns, require_numbers
-from sensors.formats.records import fields_at
-from sensors.formats.text_table import text_lines
-from sensors.formats.units import UNITS
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import read_plain, require_columns, require_numbers
+from sinan.sensors.formats.records import fields_at
+from sinan.sensors.formats.text_table import text_lines
+from sinan.sensors.formats.units import UNITS
 
 HEAD = b"\xa3\x95"
 MAGIC = HEAD + b"\x80"

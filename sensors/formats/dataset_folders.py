@@ -13,16 +13,26 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice
-from sensors.formats.columns import FileOptions, names_of, read_columns
-from sensors.formats.facts import Facts
-from sensors.formats.logged import recording_of, turned
-from sensors.formats.named_columns import meaning
-from sensors.formats.packed import read_plain, require_numbers
-from sensors.recording import ACCEL, GEODETIC, GYRO, POSITION, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
-from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_from_rpy
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.columns import FileOptions, names_of, read_columns
+from sinan.sensors.formats.facts import Facts
+from sinan.sensors.formats.logged import recording_of, turned
+from sinan.sensors.formats.named_columns import meaning
+from sinan.sensors.formats.packed import read_plain, require_numbers
+from sinan.sensors.recording import (
+    ACCEL,
+    GEODETIC,
+    GYRO,
+    POSITION,
+    QUATERNION,
+    VELOCITY,
+    Recording,
+    SensorSpec,
+    Stream,
+)
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_from_rpy
 
 _NANOSECOND = 1e-9
 #: Forward-right-down of forward-left-up; north-east-down of east-north-up; forward-right-down of a camera that looks

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.recording import GEODETIC, POSITION, Stream
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import GEODETIC, POSITION, Stream
 
 Origin = tuple[float, float, float]
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.formats.toml_table import Table
-from sensors.formats.units import UNITS
-from sensors.lenses import LENSES
-from sensors.recording import Environment, Initial, SensorSpec
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.formats.toml_table import Table
+from sinan.sensors.formats.units import UNITS
+from sinan.sensors.lenses import LENSES
+from sinan.sensors.recording import Environment, Initial, SensorSpec
 
 Origin = tuple[float, float, float]
 
@@ -153,7 +153,7 @@ def scan_angles(table: Table) -> FloatArray | None:
 
 
 def _effects(table: Table) -> dict[str, tuple[float, ...]]:
-    from sensors.effects import effect
+    from sinan.sensors.effects import effect
 
     effects: dict[str, tuple[float, ...]] = {}
     for name in table.names():

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.errors import InputError
-from sensors.formats.geodetic import to_ned
-from sensors.formats.plausible import check_units
-from sensors.formats.units import FIELD_UNIT
-from sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, Recording, SensorSpec, Stream, Truth
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.geodetic import to_ned
+from sinan.sensors.formats.plausible import check_units
+from sinan.sensors.formats.units import FIELD_UNIT
+from sinan.sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, Recording, SensorSpec, Stream, Truth
 
 #: A quaternion whose norm is off one by more is none: autopilots log zeros or NaN before they have an attitude.
 _UNIT = 0.01

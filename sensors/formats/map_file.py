@@ -8,10 +8,10 @@ from typing import cast
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.formats.columns import DELIMITERS, FileOptions
-from sensors.formats.header import read_header
-from sensors.formats.map_rules import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.formats.columns import DELIMITERS, FileOptions
+from sinan.sensors.formats.header import read_header
+from sinan.sensors.formats.map_rules import (
     DROPS,
     QUANTITIES,
     REFERENCE_QUANTITIES,
@@ -21,10 +21,10 @@ from sensors.formats.map_rules import (
     Quantity,
     StreamMap,
 )
-from sensors.formats.records import TYPES, RecordLayout
-from sensors.formats.toml_table import Table, load_toml
-from sensors.formats.units import COUNT, UNITS
-from sensors.recording import TRUTH_KINDS, Kind
+from sinan.sensors.formats.records import TYPES, RecordLayout
+from sinan.sensors.formats.toml_table import Table, load_toml
+from sinan.sensors.formats.units import COUNT, UNITS
+from sinan.sensors.recording import TRUTH_KINDS, Kind
 
 #: The most lines to pass over at either end of a text: an hour of them at 200 Hz, and more.
 _MOST_SKIPPED = 10**6

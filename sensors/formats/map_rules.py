@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.formats.columns import FileOptions
-from sensors.formats.header import Header
-from sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Kind
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.formats.columns import FileOptions
+from sinan.sensors.formats.header import Header
+from sinan.sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Kind
 
 _PLACE: Mapping[str, tuple[tuple[str, ...], str]] = {
     "latitude": (("latitude",), "degrees"),

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
-from sensors.errors import InputError
-from sensors.formats.columns import notes_of, read_columns
-from sensors.formats.geodetic import ned_columns, to_ned
-from sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
-from sensors.formats.plausible import check_field, check_units
-from sensors.formats.units import FIELD_UNIT, UNITS
-from sensors.recording import GEODETIC, QUATERNION, Environment, Recording, Stream, Truth, check_rows
-from sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.columns import notes_of, read_columns
+from sinan.sensors.formats.geodetic import ned_columns, to_ned
+from sinan.sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
+from sinan.sensors.formats.plausible import check_field, check_units
+from sinan.sensors.formats.units import FIELD_UNIT, UNITS
+from sinan.sensors.recording import GEODETIC, QUATERNION, Environment, Recording, Stream, Truth, check_rows
+from sinan.sensors.rotation import quaternion_from_matrix, quaternion_from_rpy, quaternion_multiply
 
 Columns = Mapping[str, FloatArray]
 #: A quaternion whose norm is off one by more was interpolated, component by component, through its change of sign: from
@@ -351,8 +351,8 @@ def _with_derived(name: str, stream: Stream) -> Stream:
     """A barometer that gives pressure alone: its height by the standard atmosphere. A sonar that gives the time of
     flight alone: its range in air of its thermometer's temperature, else of the standard atmosphere at sea level.
     """
-    from sensors.atmosphere import height_from_pressure
-    from sensors.sonar import range_from_time_of_flight
+    from sinan.sensors.atmosphere import height_from_pressure
+    from sinan.sensors.sonar import range_from_time_of_flight
 
     if name == "baro" and "height" not in stream and "pressure" in stream and not np.any(stream["pressure"] <= 0.0):
         return Stream(stream.t, {"height": height_from_pressure(stream["pressure"]), **stream.columns})

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import MOST_COLUMNS, read_plain, require_numbers
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import MOST_COLUMNS, read_plain, require_numbers
 
 MAGIC_5 = b"MATLAB 5.0 MAT-file"
 MAGIC_HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.errors import InputError
-from sensors.formats.packed import read_plain, require_numbers
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import read_plain, require_numbers
 
 _V2, _V1 = 0xFD, 0xFE
 #: Bytes: the time before a frame, the head of a frame, its checksum, a signature.

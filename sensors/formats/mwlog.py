@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import require_numbers
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import require_numbers
 
 MAGIC = b"MWLOGV01"
 #: magic, time of day, signals a record, type of a signal, bytes a record

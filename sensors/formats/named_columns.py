@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.geodetic import to_ned
-from sensors.formats.logged import sound
-from sensors.formats.plausible import check_field, check_units
-from sensors.formats.units import FIELD_UNIT, UNITS
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, VELOCITY, Environment, Kind, Recording, Stream
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.geodetic import to_ned
+from sinan.sensors.formats.logged import sound
+from sinan.sensors.formats.plausible import check_field, check_units
+from sinan.sensors.formats.units import FIELD_UNIT, UNITS
+from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, VELOCITY, Environment, Kind, Recording, Stream
 
 #: How units are written, in lower case, as `UNITS` has them; of a unit of several quantities the column decides.
 _WRITTEN = {

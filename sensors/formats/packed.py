@@ -12,7 +12,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from sensors.errors import InputError
+from sinan.sensors.errors import InputError
 
 #: The most that a file may hold, unfolded where it is packed [bytes]: 10 h at 200 Hz are about 500 MB of text.
 LARGEST = 2**30

@@ -9,15 +9,15 @@ from typing import cast
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.files import can_be_replaced, cannot_replace, new_folder
-from sensors.formats.csv_table import read_csv, read_header_line
-from sensors.formats.geodetic import to_ned
-from sensors.formats.header import read_header
-from sensors.formats.plausible import check_units
-from sensors.formats.toml_table import Table, load_toml
-from sensors.recording import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import can_be_replaced, cannot_replace, new_folder
+from sinan.sensors.formats.csv_table import read_csv, read_header_line
+from sinan.sensors.formats.geodetic import to_ned
+from sinan.sensors.formats.header import read_header
+from sinan.sensors.formats.plausible import check_units
+from sinan.sensors.formats.toml_table import Table, load_toml
+from sinan.sensors.recording import (
     ACCEL,
     GEODETIC,
     GYRO,
@@ -211,7 +211,7 @@ def write_recording(recording: Recording, folder: Path) -> None:
     ------
     InputError : the folder cannot be written
     """
-    from sensors.formats.plain_text import header_text
+    from sinan.sensors.formats.plain_text import header_text
 
     streams = dict(recording.streams)
     if recording.truth is not None:
@@ -295,7 +295,7 @@ def _a_part(folder: Path, what: list[str]) -> InputError:
 
 def _is_ours(header: Path) -> bool:
     """Whether `write_recording` wrote a recording."""
-    from sensors.formats.plain_text import WRITTEN_BY
+    from sinan.sensors.formats.plain_text import WRITTEN_BY
 
     return header.is_file() and header.read_bytes().startswith(WRITTEN_BY.encode())
 

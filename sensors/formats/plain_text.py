@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from sensors.recording import Environment, Initial, Recording, SensorSpec
+from sinan.sensors.recording import Environment, Initial, Recording, SensorSpec
 
 #: First line of every `recording.toml` that is written here: such a folder may be replaced, on demand.
 WRITTEN_BY = "# written by sinan"

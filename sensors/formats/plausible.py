@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
-from sensors.rotation import cross
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.rotation import cross
 
 #: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).

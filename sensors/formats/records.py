@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray, IntArray
-from sensors.errors import InputError
-from sensors.formats.packed import read_plain, require_numbers
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import read_plain, require_numbers
 
 #: The names of the types, as in a data sheet.
 TYPES = {

@@ -6,7 +6,7 @@ What is read, what is left out and how fast: docs/notes/rinex_readers.md. The ob
 
 from __future__ import annotations
 
-from sensors.formats.rinex_navigation import GLONASS, KEPLER, Navigation, read_navigation
-from sensors.formats.rinex_observation import Observations, read_observations
+from sinan.sensors.formats.rinex_navigation import GLONASS, KEPLER, Navigation, read_navigation
+from sinan.sensors.formats.rinex_observation import Observations, read_observations
 
 __all__ = ["GLONASS", "KEPLER", "Navigation", "Observations", "read_navigation", "read_observations"]

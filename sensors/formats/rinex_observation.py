@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from sensors.arrays import FloatArray, IntArray
-from sensors.errors import InputError
-from sensors.formats.rinex_text import (
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.rinex_text import (
     BDT_OFFSET,
     SYSTEMS,
     WEEK,

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from sensors.arrays import BoolArray, FloatArray, IntArray
-from sensors.errors import InputError
-from sensors.formats.packed import Bounded, read_packed
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import Bounded, read_packed
 
 ByteArray = npt.NDArray[np.uint8]
 

@@ -17,15 +17,26 @@ from typing import Any
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice, not_there
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import beside, recording_of, turned
-from sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
-from sensors.formats.plausible import check_field
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
-from sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_multiply
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice, not_there
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import beside, recording_of, turned
+from sinan.sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
+from sinan.sensors.formats.plausible import check_field
+from sinan.sensors.recording import (
+    ACCEL,
+    GEODETIC,
+    GYRO,
+    MAG,
+    POSITION,
+    QUATERNION,
+    VELOCITY,
+    Recording,
+    SensorSpec,
+    Stream,
+)
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, quaternion_multiply
 
 #: What the library tells a file by, which need not be its name's end.
 _SUFFIXES = {"rosbag": ".bag", "sqlite": ".db3", "mcap": ".mcap"}
@@ -249,7 +260,7 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise InputError(path, "a ROS bag, which `rosbags` reads", _PIP) from None
-    from sensors.formats.columns import content_of
+    from sinan.sensors.formats.columns import content_of
 
     known = get_typestore(Stores.LATEST)  # for a bag that does not say what its messages are
     known.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TRANSFORMS))

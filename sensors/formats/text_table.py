@@ -13,9 +13,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import LONGEST_LINE, require_numbers, size_shown
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import LONGEST_LINE, require_numbers, size_shown
 
 #: Cells that are read at once, those of columns that nobody asked for among them.
 _CELLS = 2**20

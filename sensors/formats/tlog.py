@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import BoolArray, FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.errors import InputError
-from sensors.formats.ardupilot import motor_outputs, motor_stream
-from sensors.formats.choice import FIRST, Choice, not_there
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import beside, recording_of
-from sensors.formats.mavlink_frames import Telemetry, read_telemetry
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, Recording, Stream
-from sensors.rotation import quaternion_from_rpy
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.ardupilot import motor_outputs, motor_stream
+from sinan.sensors.formats.choice import FIRST, Choice, not_there
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import beside, recording_of
+from sinan.sensors.formats.mavlink_frames import Telemetry, read_telemetry
+from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, Recording, Stream
+from sinan.sensors.rotation import quaternion_from_rpy
 
 _MILLI, _CENTI, _HECTO = 1e-3, 1e-2, 1e2
 #: Messages of an IMU with its magnetometer, best first: name, number of the IMU.

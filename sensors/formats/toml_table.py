@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import read_plain
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import read_plain
 
 #: The largest file [bytes], 30 times the largest of the data sets, and the deepest nesting of tables and lists, of
 #: which a map has six.

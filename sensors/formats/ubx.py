@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import recording_of
-from sensors.formats.packed import read_plain
-from sensors.recording import Recording, Stream
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import recording_of
+from sinan.sensors.formats.packed import read_plain
+from sinan.sensors.recording import Recording, Stream
 
 MAGIC = b"\xb5\x62"
 _NAV_PVT = (0x01, 0x07)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.choice import FIRST, Choice, not_there
-from sensors.formats.facts import Facts, Table
-from sensors.formats.logged import averaged, beside, recording_of
-from sensors.formats.ulog_messages import Topics, read_topics
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import FIRST, Choice, not_there
+from sinan.sensors.formats.facts import Facts, Table
+from sinan.sensors.formats.logged import averaged, beside, recording_of
+from sinan.sensors.formats.ulog_messages import Topics, read_topics
+from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 
 _MICROSECOND = 1e-6
 #: What PX4 calls the columns of `sensors.recording.FIX_QUALITY`.

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.packed import read_plain
-from sensors.formats.records import fields_at
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.packed import read_plain
+from sinan.sensors.formats.records import fields_at
 
 MAGIC = b"ULog\x01\x12\x35"
 

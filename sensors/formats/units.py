@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.constants import STANDARD_GRAVITY, ZERO_CELSIUS
+from sinan.sensors.constants import STANDARD_GRAVITY, ZERO_CELSIUS
 
 _DEGREE = np.pi / 180.0
 _FOOT = 0.3048  # m, exact since 1959

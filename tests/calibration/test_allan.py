@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.allan import fit_allan, white_density
-from sensors.errors import InputError
-from sensors.noise import BiasProcess, random_walk, sample_std
+from sinan.calibration.levels.allan import fit_allan, white_density
+from sinan.sensors.errors import InputError
+from sinan.sensors.noise import BiasProcess, random_walk, sample_std
 
 
 def test_white_noise_and_walk_come_back() -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-import calibration.camera as calibration
-from calibration.camera import (
+import sinan.calibration.cameras.camera as calibration
+from sinan.calibration.cameras.camera import (
     FORMS,
     CameraFit,
     Form,
@@ -25,10 +25,10 @@ from calibration.camera import (
     homography,
     resection,
 )
-from calibration.views import Board, View, Views, read_corners, views_of, write_corners
-from sensors.arrays import FloatArray
-from sensors.camera import Intrinsics
-from sensors.errors import InputError
+from sinan.calibration.cameras.views import Board, View, Views, read_corners, views_of, write_corners
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Intrinsics
+from sinan.sensors.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 LEFT = ROOT / "experiments" / "camera" / "opencv_left.csv"
@@ -296,7 +296,7 @@ POSES = [([0.0, 0.0, 0.02], [-0.11, -0.08, 0.35]), ([0.3, -0.35, 0.3], [-0.1, -0
 def test_drawn_corners_are_found_to_a_fraction_of_a_pixel(r: list[float], T: list[float]) -> None:
     """A chessboard drawn through a lens with distortion: where its corners are is known exactly."""
     pytest.importorskip("cv2")
-    from calibration.views import chessboard
+    from sinan.calibration.cameras.views import chessboard
 
     camera, pose, board = TRUTH["k1 k2 p1 p2"], Pose(np.array(r), np.array(T)), Board(8, 6, 0.03)
 
@@ -318,7 +318,7 @@ def test_drawn_corners_are_found_to_a_fraction_of_a_pixel(r: list[float], T: lis
 def test_a_board_with_markers_may_be_hidden_in_part() -> None:
     """ChArUco: of a board half covered the corners that are seen are found, each with its own place."""
     cv2 = pytest.importorskip("cv2")
-    from calibration.views import charuco
+    from sinan.calibration.cameras.views import charuco
 
     board = Board(8, 6, 0.03, marker=0.022)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)

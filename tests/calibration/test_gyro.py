@@ -5,11 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.gyro import calibrate_gyro, integrate_turns, read_turns, rotation_increments, running_product
-from experiments.calibrate import as_json, calibrate_turns, summary
-from experiments.datasets import resolve
-from sensors.errors import InputError
-from sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_multiply
+from sinan.calibration.poses.gyro import (
+    calibrate_gyro,
+    integrate_turns,
+    read_turns,
+    rotation_increments,
+    running_product,
+)
+from sinan.experiments.calibrate import as_json, calibrate_turns, summary
+from sinan.experiments.datasets import resolve
+from sinan.sensors.errors import InputError
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_multiply
 
 
 def turned_log(rng: np.random.Generator, poses: int = 14, noise: float = 1.0):

@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from calibration import hand_eye
-from calibration.camera import Pose
-from calibration.hand_eye import Mounting, from_poses, from_rates, rotation_between
-from sensors.arrays import FloatArray
-from sensors.camera import LOOKS_AHEAD
-from sensors.errors import InputError
-from sensors.rotation import (
+from sinan.calibration.cameras import hand_eye
+from sinan.calibration.cameras.camera import Pose
+from sinan.calibration.cameras.hand_eye import Mounting, from_poses, from_rates, rotation_between
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import LOOKS_AHEAD
+from sinan.sensors.errors import InputError
+from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_exp,
     quaternion_from_matrix,

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.levels import Problem, first_levels, fit_levels, sizes_of
-from estimator.filter import prepare, run
-from sensors.bounds import Bounds
-from sensors.noise import colour, random_walk
-from sensors.recording import POSITION, Recording, Stream
+from sinan.calibration.levels.fit import Problem, first_levels, fit_levels, sizes_of
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.inputs import prepare
+from sinan.sensors.bounds import Bounds
+from sinan.sensors.noise import colour, random_walk
+from sinan.sensors.recording import POSITION, Recording, Stream
 from tests.estimator.analytic_flight import fly
 
 #: A size from a minute of readings.

@@ -7,25 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.compass import compass_of, corrected, direction_at
-from calibration.heading import with_heading
-from calibration.noise_levels import NoiseFit, _Problem, first_guess, fit_noise_levels, noise_levels
-from calibration.noise_start import reading_noise, resolution, within_imu
-from estimator.events import height_of
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.atmosphere import pressure_from_height
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
-from sensors.rotation import (
+from sinan.calibration.levels.compass import compass_of, corrected, direction_at
+from sinan.calibration.levels.heading import with_heading
+from sinan.calibration.levels.noise_levels import NoiseFit, _Problem, first_guess, fit_noise_levels, noise_levels
+from sinan.calibration.levels.noise_start import reading_noise, resolution, within_imu
+from sinan.estimator.filter.events import height_of
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.atmosphere import pressure_from_height
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_rpy,
     quaternion_log,
     quaternion_multiply,
     rotate_back,
 )
-from sensors.simulate import simulate
+from sinan.sensors.simulate import simulate
 
 #: Factors within which levels come back from a flight of a minute: noise of readings; IMU noise, which aiding sees
 #: late; walks, which are taken at the upper end of what the log allows.

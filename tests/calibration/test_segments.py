@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.segments import find_poses
-from sensors.errors import InputError
+from sinan.calibration.poses.segments import find_poses
+from sinan.sensors.errors import InputError
 
 
 def hand_turned(rng: np.random.Generator, poses: int, tremor: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

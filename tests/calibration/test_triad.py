@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from calibration.triad import calibrate_norm, norm_jacobian, norm_residual
-from experiments.datasets import resolve
-from experiments.residual_loop.open_source import triad_readings
-from sensors.errors import InputError
+from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.open_source import triad_readings
+from sinan.sensors.errors import InputError
 
 PRINTED_DIGIT = 0.5e-4  # the course prints four decimals
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from calibration.camera import form
-from calibration.wand import WandFit, calibrate_wand, distances, essential, relative_pose
-from sensors.arrays import FloatArray
-from sensors.camera import Intrinsics
-from sensors.errors import InputError
-from sensors.rotation import quaternion_from_matrix, quaternion_log, rotation_exp
+from sinan.calibration.cameras.camera import form
+from sinan.calibration.cameras.wand import WandFit, calibrate_wand, distances, essential, relative_pose
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Intrinsics
+from sinan.sensors.errors import InputError
+from sinan.sensors.rotation import quaternion_from_matrix, quaternion_log, rotation_exp
 
 FALSE_ALARM = 1e-3
 ALONG = np.array([0.0, 0.2, 0.5])

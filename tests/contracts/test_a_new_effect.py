@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sensors.effects as effects
-from estimator.flight_model import flight_model
-from experiments.effects_command import run
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.select import select
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.simulate import simulate
+import sinan.sensors.effects as effects
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.commands.effects import run
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.simulate import simulate
 
 GUIDE = Path(__file__).parents[2] / "docs" / "how_to_add_an_effect.md"
 NAME = "baro.suction"
@@ -36,7 +36,7 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(effects._FILES, name, (entry, None))
     effects._names.cache_clear()
     yield
-    sys.modules.pop(f"sensors.effects.{entry}", None)
+    sys.modules.pop(f"sinan.sensors.effects.{entry}", None)
     effects._names.cache_clear()
     effects.effect.cache_clear()
 

@@ -7,13 +7,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect, apply_effects, effects_for, sonar_beam_cone, step, transient
-from sensors.effects.streams import STREAMS, textbook_model
-from sensors.laser import Laser
-from sensors.motion import Motion
-from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, Effect, apply_effects, effects_for, sonar_beam_cone, step, transient
+from sinan.sensors.effects.streams import STREAMS, textbook_model
+from sinan.sensors.laser import Laser
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
 RATE = 400.0  # Hz
 SLOPE = 2e-5  # share of the regressor's largest entry by which central differences may be off

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.flight_model import flight_model
-from estimator.sensitivity import sensitivity_pass
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.manoeuvre import looks, most_alike
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.select import select
-from experiments.residual_loop.source import Source
-from experiments.residual_loop.trials import Finding
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect, effect
-from sensors.recording import Recording
-from sensors.simulate import Present, simulate
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.manoeuvre import looks, most_alike
+from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.source import Source
+from sinan.experiments.residual_loop.trials import Finding
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import Present, simulate
 
 DURATION = 50.0  # s of each flight
 LAMBDA = 400.0  # 13 times what is detectable, 3.7 times its size; no larger than plausible

@@ -12,25 +12,25 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from experiments.blind.maker.body import Body, Multirotor
-from experiments.blind.maker.catalogue import Hidden
-from experiments.blind.maker.curves import Curve, Sine
-from experiments.blind.maker.forward import Seen
-from experiments.blind.maker.forward_heights import beam_range
-from experiments.blind.maker.instruments import Instrument
-from experiments.blind.maker.measure import FORWARD, Plan, belonging, local_offset, plain_reading
-from experiments.blind.maker.scene import Scene, Vibration, WarmUp
-from experiments.blind.maker.turning import quaternion, rot_x, rot_y
-from sensors.accelerometer import Accelerometer
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect, effect
-from sensors.effects.algebra import airspeed
-from sensors.effects.baro_lag import moments
-from sensors.effects.streams import STREAMS, textbook_model
-from sensors.gyroscope import Gyroscope
-from sensors.laser import Laser
-from sensors.model import SensorModel
-from sensors.motion import Motion
+from sinan.experiments.blind.maker.body import Body, Multirotor
+from sinan.experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.maker.curves import Curve, Sine
+from sinan.experiments.blind.maker.forward import Seen
+from sinan.experiments.blind.maker.forward_heights import beam_range
+from sinan.experiments.blind.maker.instruments import Instrument
+from sinan.experiments.blind.maker.measure import FORWARD, Plan, belonging, local_offset, plain_reading
+from sinan.experiments.blind.maker.scene import Scene, Vibration, WarmUp
+from sinan.experiments.blind.maker.turning import quaternion, rot_x, rot_y
+from sinan.sensors.accelerometer import Accelerometer
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.effects.algebra import airspeed
+from sinan.sensors.effects.baro_lag import moments
+from sinan.sensors.effects.streams import STREAMS, textbook_model
+from sinan.sensors.gyroscope import Gyroscope
+from sinan.sensors.laser import Laser
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
 
 ROUNDING = 1e-9  # of the largest change
 T = np.arange(2.0, 14.0, 0.005)

@@ -11,19 +11,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimator.effect_forms import with_covariates
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel, flight_model
-from estimator.journal import Journal
-from estimator.sensitivity import sensitivity_pass
-from estimator.smoother import estimated_motion
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect
-from sensors.motion import Motion
-from sensors.recording import Recording
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.effect_forms import with_covariates
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import estimated_motion
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, Effect
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 ONE_PER_CENT = 0.01
 STEP = 0.02  # of a plausible size, or less:

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimator.flight_model import LEVEL_WINDOW
-from experiments.scenarios import load_scenario
-from sensors.accelerometer import Accelerometer
-from sensors.arrays import FloatArray
-from sensors.barometer import Barometer
-from sensors.camera import Camera, Intrinsics
-from sensors.gps import BaseReceiver, Gps
-from sensors.gyroscope import Gyroscope
-from sensors.laser import Laser
-from sensors.level import Level
-from sensors.magnetometer import Magnetometer
-from sensors.model import SensorModel
-from sensors.motion import Motion
-from sensors.noise import random_walk
-from sensors.readings import model_of
-from sensors.rotation import quaternion_exp, quaternion_from_rpy, quaternion_multiply
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
-from sensors.sonar import Sonar
+from sinan.estimator.filter.flight_model import LEVEL_WINDOW
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.accelerometer import Accelerometer
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.barometer import Barometer
+from sinan.sensors.camera import Camera, Intrinsics
+from sinan.sensors.gps import BaseReceiver, Gps
+from sinan.sensors.gyroscope import Gyroscope
+from sinan.sensors.laser import Laser
+from sinan.sensors.level import Level
+from sinan.sensors.magnetometer import Magnetometer
+from sinan.sensors.model import SensorModel
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import random_walk
+from sinan.sensors.readings import model_of
+from sinan.sensors.rotation import quaternion_exp, quaternion_from_rpy, quaternion_multiply
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
+from sinan.sensors.sonar import Sonar
 
 FALSE_ALARM = 1e-3  # of each statistical test, with a fixed seed
 STEP = 1e-6  # of the central differences, in the state's own unit
@@ -246,7 +246,7 @@ SIMULATED = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")
 
 def innovations(scale: float, name: str) -> tuple[FloatArray, SensorModel]:
     """reading - predict(true motion), and the model."""
-    from sensors.readings import columns_of
+    from sinan.sensors.readings import columns_of
 
     scenario = declared(scale)
     recording, _ = simulate(scenario, np.random.default_rng(21))

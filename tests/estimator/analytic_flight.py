@@ -6,22 +6,33 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.barometer import Barometer
-from sensors.gps import Gps
-from sensors.laser import Laser
-from sensors.magnetometer import Magnetometer
-from sensors.motion import Motion
-from sensors.noise import BiasProcess, random_walk
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Environment, Initial, Recording, SensorSpec, Stream
-from sensors.rotation import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.barometer import Barometer
+from sinan.sensors.gps import Gps
+from sinan.sensors.laser import Laser
+from sinan.sensors.magnetometer import Magnetometer
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess, random_walk
+from sinan.sensors.recording import (
+    ACCEL,
+    GYRO,
+    MAG,
+    POSITION,
+    VELOCITY,
+    Environment,
+    Initial,
+    Recording,
+    SensorSpec,
+    Stream,
+)
+from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_exp,
     quaternion_from_rpy,
     quaternion_multiply,
     rotate_back,
 )
-from sensors.sonar import Sonar
+from sinan.sensors.sonar import Sonar
 
 GRAVITY = np.array([0.0, 0.0, 9.8012])
 FIELD = np.array([0.53, -0.06, 0.85])

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import EARTH_RATE, SPEED_OF_LIGHT
-from sensors.ephemeris import kepler_orbit
-from sensors.formats.rinex import GLONASS, KEPLER, Navigation
-from sensors.formats.rinex_navigation import LAYOUT, LAYOUT_END
-from sensors.formats.rinex_observation import Observations
-from sensors.formats.rinex_text import GPS_EPOCH, WEEK
-from sensors.pseudorange import Pseudoranges, pseudoranges
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import EARTH_RATE, SPEED_OF_LIGHT
+from sinan.sensors.ephemeris import kepler_orbit
+from sinan.sensors.formats.rinex import GLONASS, KEPLER, Navigation
+from sinan.sensors.formats.rinex_navigation import LAYOUT, LAYOUT_END
+from sinan.sensors.formats.rinex_observation import Observations
+from sinan.sensors.formats.rinex_text import GPS_EPOCH, WEEK
+from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 
 WEEK_NUMBER = 2200
 START = 345600.0  # s of week

@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.alignment import align, attitude_from_vectors, field_of_the_log, first_state
-from estimator.consistency import chi_square, nees
-from estimator.filter import choose_engine, prepare, run_filter
-from estimator.flight_model import flight_model
-from estimator.pieces import journal_pieces
-from experiments.scenarios import load_scenario
-from sensors.recording import ACCEL, GYRO, MAG, Initial, Stream
-from sensors.rotation import (
+from sinan.estimator.evidence.consistency import chi_square, nees
+from sinan.estimator.filter.alignment import align, attitude_from_vectors, first_state
+from sinan.estimator.filter.engine import choose_engine
+from sinan.estimator.filter.field import field_of_the_log
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.pieces import journal_pieces
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Initial, Stream
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_rpy,
     quaternion_log,
@@ -22,7 +25,7 @@ from sensors.rotation import (
     rotate_back,
     rpy_from_quaternion,
 )
-from sensors.simulate import simulate
+from sinan.sensors.simulate import simulate
 from tests.estimator.analytic_flight import FIELD, GRAVITY, fly
 
 MICRORADIAN = 1e-6

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.alignment import align
-from estimator.effect_forms import Along, Terms
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel, flight_model
-from estimator.imu import imu_table
-from sensors.arrays import FloatArray
-from sensors.effects import effect
-from sensors.recording import MAG, POSITION, Initial, Recording, SensorSpec, Stream
-from sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
+from sinan.estimator.filter.alignment import align
+from sinan.estimator.filter.effect_forms import Along, Terms
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
+from sinan.sensors.recording import MAG, POSITION, Initial, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.estimator.analytic_flight import SPECS, analytic_motion, fly
 
 DEGREE = np.pi / 180.0

@@ -10,28 +10,28 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel, flight_model
-from estimator.journal import Journal
-from estimator.sensitivity import sensitivity_pass
-from estimator.smoother import estimated_motion, smooth
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.camera import Camera, Intrinsics
-from sensors.covariates import camera_of, seen_points
-from sensors.effects import effect
-from sensors.errors import InputError
-from sensors.formats.plain import read_recording, write_recording
-from sensors.motion import Motion
-from sensors.recording import Recording, SensorSpec, Stream
-from sensors.rotation import (
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import estimated_motion, smooth
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import Camera, Intrinsics
+from sinan.sensors.covariates import camera_of, seen_points
+from sinan.sensors.effects import effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plain import read_recording, write_recording
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording, SensorSpec, Stream
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_matrix,
     quaternion_log,
     quaternion_multiply,
     rotation_exp,
 )
-from sensors.simulate import simulate
+from sinan.sensors.simulate import simulate
 
 FALSE_ALARM = 1e-3
 SIZE = np.array([640.0, 480.0])

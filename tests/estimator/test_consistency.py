@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.consistency import autocorrelation, chi_square, coverage, cross_correlation, nees
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from estimator.smoother import estimated_motion, smooth
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.consistency import autocorrelation, chi_square, coverage, cross_correlation, nees
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import estimated_motion, smooth
+from sinan.sensors.arrays import FloatArray
 from tests.estimator.analytic_flight import fly
 
 RUNS = 30

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.effect_forms import Along, Terms, declared_terms, stream_form, with_covariates
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from estimator.journal import Journal
-from estimator.sensitivity import Sensitivity, candidate_streams, sensitivity_pass, sensor_regressors
-from estimator.smoother import estimated_motion
-from experiments.scenarios.loader import load_scenario
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, effect, effects_for
-from sensors.errors import InputError
-from sensors.motion import Motion
-from sensors.ranging import slant_range_jacobian
-from sensors.recording import Recording
-from sensors.simulate import simulate
+from sinan.estimator.evidence.sensitivity import Sensitivity, candidate_streams, sensitivity_pass, sensor_regressors
+from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, stream_form, with_covariates
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import estimated_motion
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, effect, effects_for
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import slant_range_jacobian
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
 
 ONE_PER_CENT = 0.01
 STEP = 0.02  # of a plausible size: the response is linear there

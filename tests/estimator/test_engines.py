@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.compiled import CompiledRun
-from estimator.error_dynamics import transition
-from estimator.filter import outputs_for, prepare, run, run_filter
-from estimator.flight_model import flight_model
-from estimator.journal import Journal
-from estimator.strapdown import strapdown_step
-from sensors.bounds import Bounds
-from sensors.recording import SensorSpec
+from sinan.estimator.filter.compiled import CompiledRun
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.inputs import outputs_for, prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.strapdown import strapdown_step
+from sinan.sensors.bounds import Bounds
+from sinan.sensors.recording import SensorSpec
 from tests.estimator.analytic_flight import RATES, SPECS, fly
 
 AGREEMENT = 1e-9  # of sigma + |value|

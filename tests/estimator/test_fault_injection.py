@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from estimator.journal import Journal
-from estimator.relinearise import run_relinearised
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.recording import Initial, Recording, Stream
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.relinearise import run_relinearised
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Initial, Recording, Stream
 from tests.estimator.analytic_flight import fly
 
 STREAMS = ("imu", "mag", "baro", "laser", "gps")

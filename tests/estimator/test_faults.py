@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.faults import frozen_runs, saturated_runs
-from estimator.filter import prepare, run, run_filter
-from estimator.flight_model import flight_model
-from estimator.imu import imu_table
-from estimator.journal import Journal
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.recording import GYRO, Initial, Recording, SensorSpec, Stream
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.faults import frozen_runs, saturated_runs
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import GYRO, Initial, Recording, SensorSpec, Stream
 from tests.estimator.analytic_flight import SPECS, fly
 
 BOUND = 5.0  # sigma that an error may reach at the end of a flight with a fault in it

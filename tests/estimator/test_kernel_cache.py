@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("sensors", "estimator", "calibration", "experiments")
+PACKAGES = ("sinan", "sensors", "estimator", "calibration", "experiments")
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # linux/prctl.h, linux/capability.h
 
 pytestmark = pytest.mark.skipif(
@@ -53,10 +53,10 @@ def run(installed: Path, temporary: Path, *arguments: str) -> subprocess.Complet
 
 
 ASKED = """
-from estimator.engine_numba import run_chunk
-from estimator.kernel_cache import kernel_cache
-from estimator.compiled import is_compiled
-from experiments.report.console import working
+from sinan.estimator.filter.engine_numba import run_chunk
+from sinan.estimator.filter.kernel_cache import kernel_cache
+from sinan.estimator.filter.compiled import is_compiled
+from sinan.experiments.report.console import working
 print(run_chunk.stats.cache_path, is_compiled())
 for _ in range(2):
     with working("flying", flies=True):
@@ -94,9 +94,9 @@ def test_a_folder_that_another_may_have_filled_is_not_used(installed: Path, tmp_
 
 
 def test_commands_that_compile_nothing_say_nothing(installed: Path, tmp_path: Path) -> None:
-    simulated = run(installed, tmp_path, "-m", "experiments", "simulate", "mag_poses", str(tmp_path / "run"))
+    simulated = run(installed, tmp_path, "-m", "sinan", "simulate", "mag_poses", str(tmp_path / "run"))
     assert (simulated.returncode, simulated.stderr) == (0, "")
     files = "--html", str(tmp_path / "page.html")
-    calibrated = run(installed, tmp_path, "-m", "experiments", "calibrate", "mag", str(tmp_path / "run"), *files)
+    calibrated = run(installed, tmp_path, "-m", "sinan", "calibrate", "mag", str(tmp_path / "run"), *files)
     assert calibrated.returncode == 0
     assert calibrated.stderr == ""

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.filter import RunInputs, prepare, run
-from estimator.flight_model import FlightModel, flight_model
-from estimator.level_scores import LevelScores, level_scores
-from sensors.recording import Recording, SensorSpec
+from sinan.estimator.evidence.level_scores import LevelScores, level_scores
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.sensors.recording import Recording, SensorSpec
 from tests.estimator.analytic_flight import SPECS, fly
 from tests.estimator.test_engines import COLOURED
 
@@ -115,7 +116,7 @@ def test_scores_do_not_depend_on_the_stretches(
     scored: tuple[RunInputs, LevelScores], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inputs, whole = scored
-    monkeypatch.setattr("estimator.level_scores.PART", 700)
+    monkeypatch.setattr("sinan.estimator.evidence.level_scores.PART", 700)
     parts = level_scores(inputs)
     assert np.allclose(parts.r, whole.r, rtol=1e-6, atol=1e-6 * np.max(np.abs(whole.r)))
     assert np.allclose(parts.bias, whole.bias, rtol=1e-6, atol=1e-9)

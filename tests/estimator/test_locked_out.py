@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.run_filter import run_filter
 from tests.estimator.analytic_flight import fly
 
 

@@ -8,21 +8,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimator.error_dynamics import transition
-from estimator.error_integrals import ErrorIntegrals, transitions
-from estimator.flight_model import FlightModel, flight_model
-from estimator.observability import Information, first_state_information, information, posterior
-from estimator.strapdown import strapdown_step
-from sensors.accelerometer import Accelerometer
-from sensors.arrays import FloatArray
-from sensors.gps import BaseReceiver, Gps
-from sensors.laser import Laser
-from sensors.manoeuvres import Manoeuvre
-from sensors.motion import Motion
-from sensors.recording import SensorSpec
-from sensors.rotation import rpy_from_quaternion
-from sensors.scenario import Instrument, Scenario
-from sensors.simulate import simulate
+from sinan.estimator.evidence.error_integrals import ErrorIntegrals, transitions
+from sinan.estimator.evidence.observability import Information, first_state_information, information, posterior
+from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.strapdown import strapdown_step
+from sinan.sensors.accelerometer import Accelerometer
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.gps import BaseReceiver, Gps
+from sinan.sensors.laser import Laser
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import SensorSpec
+from sinan.sensors.rotation import rpy_from_quaternion
+from sinan.sensors.scenario import Instrument, Scenario
+from sinan.sensors.simulate import simulate
 
 HALVED = 3.0  # information, in units of the prior's, that halves a sigma
 ROUNDING = 1e-6  # the same, of a direction that no reading shows

@@ -6,10 +6,10 @@ import tracemalloc
 
 import numpy as np
 
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from estimator.pieces import journal_pieces
-from experiments.benchmarks.long_log import long_recording, size_of
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.pieces import journal_pieces
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.benchmarks.long_log import long_recording, size_of
 from tests.estimator.analytic_flight import fly
 
 MEGABYTE = 2**20

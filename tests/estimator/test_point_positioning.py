@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimator import integrity
-from estimator.location import locate
-from estimator.point_positioning import bancroft, solve
-from sensors.arrays import FloatArray
-from sensors.constants import SPEED_OF_LIGHT
-from sensors.errors import InputError
+from sinan.estimator.positioning import integrity
+from sinan.estimator.positioning.location import locate
+from sinan.estimator.positioning.point_positioning import bancroft, solve
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.errors import InputError
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3

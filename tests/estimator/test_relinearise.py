@@ -6,20 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.consistency import nees
-from estimator.effect_forms import Along, Terms, linear_form, reference_motion
-from estimator.events import collect
-from estimator.filter import prepare, run, run_filter
-from estimator.flight_model import flight_model
-from estimator.imu import imu_table
-from estimator.layout import StateLayout
-from estimator.relinearise import is_coarse, run_relinearised
-from estimator.sensitivity import sensitivity_pass
-from experiments.scenarios.loader import load_scenario
-from sensors.arrays import FloatArray
-from sensors.effects import effect
-from sensors.recording import Stream
-from sensors.simulate import simulate
+from sinan.estimator.evidence.consistency import nees
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.effect_forms import Along, Terms, linear_form, reference_motion
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import collect
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import StateLayout
+from sinan.estimator.filter.relinearise import is_coarse, run_relinearised
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
+from sinan.sensors.recording import Stream
+from sinan.sensors.simulate import simulate
 from tests.estimator.analytic_flight import fly
 from tests.estimator.test_engines import AGREEMENT, difference
 

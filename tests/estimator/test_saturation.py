@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.faults import Note, stuck_runs
-from estimator.flight_model import flight_model
-from estimator.imu import ImuTable, beyond_the_range, imu_table
-from sensors.arrays import FloatArray
-from sensors.recording import ACCEL, GYRO, Recording, SensorSpec, Stream
+from sinan.estimator.filter.faults import Note, stuck_runs
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.imu import ImuTable, beyond_the_range, imu_table
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import ACCEL, GYRO, Recording, SensorSpec, Stream
 
 RATE = 400.0  # Hz
 NOISE = 2e-3  # rad/s

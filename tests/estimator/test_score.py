@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.score import Evidence, log_bayes_factor, log_p_among, log_p_of_divided, log_p_value
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.score import Evidence, log_bayes_factor, log_p_among, log_p_of_divided, log_p_value
+from sinan.sensors.arrays import FloatArray
 
 DRAWS = 4000
 

@@ -7,26 +7,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.effect_forms import Along, Terms, reference_motion
-from estimator.engine_filterpy import ReadableFilter
-from estimator.error_dynamics import transition
-from estimator.filter import ACCEPTED, RunInputs, prepare, run_filter
-from estimator.flight_model import FlightModel, flight_model
-from estimator.journal import Journal
-from estimator.sensitivity import (
+from sinan.estimator.evidence.sensitivity import (
     _inverse,
     candidate_streams,
     driver_regressors,
     sensitivity_pass,
     sensor_regressors,
 )
-from estimator.strapdown import strapdown_step
-from sensors.arrays import FloatArray
-from sensors.effects import Effect, effect
-from sensors.effects.transient import for_stream
-from sensors.motion import Motion
-from sensors.recording import Recording
-from sensors.rotation import right_jacobian
+from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
+from sinan.estimator.filter.engine_filterpy import ReadableFilter
+from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.strapdown import strapdown_step
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import Effect, effect
+from sinan.sensors.effects.transient import for_stream
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
+from sinan.sensors.rotation import right_jacobian
 from tests.estimator.analytic_flight import fly
 
 ROUNDING = 1e-9  # relative

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.filter import prepare, run, run_filter
-from estimator.flight_model import FlightModel, flight_model
-from estimator.journal import Journal
-from estimator.level_scores import level_scores
-from estimator.pieces import journal_pieces
-from estimator.sensitivity import sensitivity_pass
-from estimator.smoother import smooth
-from sensors.recording import Initial, Recording
-from sensors.window import between
+from sinan.estimator.evidence.level_scores import level_scores
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.pieces import journal_pieces
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import smooth
+from sinan.sensors.recording import Initial, Recording
+from sinan.sensors.window import between
 from tests.estimator.analytic_flight import fly
 
 #: The IMU is silent between the two, which is long enough for every turn [s].

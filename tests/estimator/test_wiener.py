@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.score import statistic_of
-from estimator.wiener import signal_part, without_vibration
-from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.term import Term
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.motion import Motion
-from sensors.simulate import simulate
+from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.filter.wiener import signal_part, without_vibration
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.motion import Motion
+from sinan.sensors.simulate import simulate
 
 SIGMA = 0.003
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.events import ACCEPTED, STATUS, WITHHELD
-from estimator.filter import run_filter
-from estimator.flight_model import FlightModel, flight_model
-from sensors.recording import POSITION, VELOCITY, Recording
+from sinan.estimator.filter.events import ACCEPTED, STATUS, WITHHELD
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.recording import POSITION, VELOCITY, Recording
 from tests.estimator.analytic_flight import fly
 
 AGREEMENT = 1e-9  # of the engines

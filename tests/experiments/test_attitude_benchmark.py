@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.benchmarks import attitude
-from experiments.benchmarks.attitude import (
+from sinan.experiments.benchmarks import attitude
+from sinan.experiments.benchmarks.attitude import (
     FILTER,
     NO_SCORE,
     SMOOTHER,
@@ -22,13 +22,13 @@ from experiments.benchmarks.attitude import (
     score,
     vqf,
 )
-from experiments.datasets import resolve
-from experiments.measured.logs import FLIGHTS
-from experiments.measured.reference import Mounted
-from experiments.scenarios import load_scenario
-from sensors.recording import QUATERNION, Recording, Stream
-from sensors.rotation import quaternion_exp, quaternion_multiply, rpy_from_quaternion
-from sensors.simulate import simulate
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.logs import FLIGHTS
+from sinan.experiments.measured.reference import Mounted
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.recording import QUATERNION, Recording, Stream
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rpy_from_quaternion
+from sinan.sensors.simulate import simulate
 
 ROUNDING = 1e-6  # deg
 T = np.arange(0.0, 60.0, 0.01)

@@ -18,19 +18,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from experiments.autopilots.command import terms_for
-from experiments.autopilots.files import as_file
-from experiments.autopilots.findings import Findings, findings_of
-from experiments.cli import app
-from experiments.scenarios.loader import load_scenario
-from sensors.effects import CATALOGUE
-from sensors.formats.choice import Choice
-from sensors.formats.facts import Facts
-from sensors.motion import Motion
-from sensors.recording import MAG, Recording, Stream
-from sensors.rotation import matrix_from_quaternion, quaternion_from_rpy
-from sensors.simulate import simulate
-from sensors.window import window
+from sinan.experiments.autopilots.files import as_file
+from sinan.experiments.autopilots.findings import Findings, findings_of
+from sinan.experiments.autopilots.parameters import terms_for
+from sinan.experiments.commands.cli import app
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.facts import Facts
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import MAG, Recording, Stream
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_rpy
+from sinan.sensors.simulate import simulate
+from sinan.sensors.window import window
 from tests.experiments.test_own_logs import FIELD, dataflash, ulog
 
 SINGLE = 3e-7  # a file has 32 bits a number

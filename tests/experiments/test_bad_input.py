@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments import cli
-from experiments.scenarios import load_scenario
-from sensors.errors import InputError
+from sinan.experiments.commands import cli
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.errors import InputError
 
 LONG = "x" * 5000
 Said = tuple[int, str, str]
@@ -35,7 +35,7 @@ def sinan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
 
 @pytest.fixture(scope="module")
 def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from experiments.scenarios import simulate_to_folder
+    from sinan.experiments.scenarios import simulate_to_folder
 
     folder = tmp_path_factory.mktemp("bad") / "poses"
     simulate_to_folder("mag_poses", folder)
@@ -208,5 +208,5 @@ def test_a_memory_that_does_not_suffice_is_said(
     def read(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("sensors.formats.plain.read_recording", read)
+    monkeypatch.setattr("sinan.sensors.formats.plain.read_recording", read)
     assert "more than the memory holds" in line(sinan("trace", poses))

@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.consistency import chi_square
-from experiments.bias_observability import segments
-from experiments.bias_observability.case import case_of_recording, case_of_scenario
-from experiments.bias_observability.command import case_of, run
-from experiments.bias_observability.directions import simple_structure
-from experiments.bias_observability.document import advice, document, summary
-from experiments.bias_observability.study import Study, smallest, study
-from experiments.one_flight import cramer_rao, fly
-from experiments.scenarios import load_scenario
-from sensors.errors import InputError
-from sensors.manoeuvres import Manoeuvre
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.estimator.evidence.consistency import chi_square
+from sinan.experiments.bias_observability import segments
+from sinan.experiments.bias_observability.case import case_of_recording, case_of_scenario
+from sinan.experiments.bias_observability.directions import simple_structure
+from sinan.experiments.bias_observability.document import advice, document, summary
+from sinan.experiments.bias_observability.study import Study, smallest, study
+from sinan.experiments.commands.observability import case_of, run
+from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 RUNS = 30
 FALSE_ALARM = 0.001

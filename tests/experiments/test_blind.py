@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.score import DETECTABLE_LAMBDA
-from experiments.blind import benchmark
-from experiments.blind.benchmark import REPORTS, graded, refused
-from experiments.blind.examine import index_of
-from experiments.blind.grade import Grade, grade
-from experiments.blind.maker.make import (
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.experiments.blind import benchmark
+from sinan.experiments.blind.benchmark import REPORTS, graded, refused
+from sinan.experiments.blind.examine import index_of
+from sinan.experiments.blind.grade import Grade, grade
+from sinan.experiments.blind.maker.make import (
     ANSWER_FILE,
     CLASS_SHARES,
     INDEX_FILE,
@@ -27,7 +27,7 @@ from experiments.blind.maker.make import (
     make_one,
     run_name,
 )
-from experiments.blind.rates import (
+from sinan.experiments.blind.rates import (
     ALARM,
     BETA,
     CLASS,
@@ -45,8 +45,8 @@ from experiments.blind.rates import (
     table,
     text,
 )
-from experiments.report.blind_page import blind_page
-from sensors.errors import InputError
+from sinan.experiments.report.blind_page import blind_page
+from sinan.sensors.errors import InputError
 
 SEED = 2
 #: Of 24 poses of seeds 1 and 2 one each fails: wrong readings that lie across the field, so that its norm does not show

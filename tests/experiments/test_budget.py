@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.flight_model import flight_model
-from experiments.residual_loop.budget import Budget
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.term import Term
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.residual_loop.budget import Budget
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.simulate import simulate
 
 CURRENT = "mag.current=0.006,0,0.002"
 

@@ -12,15 +12,15 @@ import pytest
 from scipy.stats import kstest
 from typer.testing import CliRunner
 
-from calibration.camera import fit, form
-from calibration.views import View, Views, read_corners, write_corners
-from experiments.camera.command import board_of
-from experiments.camera.loop import CameraTrace, document, evidence, trace
-from experiments.camera.study import as_json, study
-from experiments.cli import app
-from experiments.labs import run as run_lab
-from sensors.camera import Intrinsics
-from sensors.errors import InputError
+from sinan.calibration.cameras.camera import fit, form
+from sinan.calibration.cameras.views import View, Views, read_corners, write_corners
+from sinan.experiments.camera.loop import CameraTrace, document, evidence, trace
+from sinan.experiments.camera.study import as_json, study
+from sinan.experiments.commands.camera import board_of
+from sinan.experiments.commands.cli import app
+from sinan.experiments.labs import run as run_lab
+from sinan.sensors.camera import Intrinsics
+from sinan.sensors.errors import InputError
 from tests.calibration.test_camera import LEFT, SIZE, simulated
 
 NOISE = 0.15

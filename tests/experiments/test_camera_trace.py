@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from sensors.formats.plain import write_recording
+from sinan.experiments.commands.cli import app
+from sinan.sensors.formats.plain import write_recording
 from tests.estimator.test_camera_filter import SIZES, flown
 
 

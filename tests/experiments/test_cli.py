@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import trace_command
-from experiments.cli import _spread
-from experiments.scenarios import simulate_to_folder
-from sensors.errors import InputError
+from sinan.experiments.commands import trace as trace_command
+from sinan.experiments.commands.cli import _spread
+from sinan.experiments.scenarios import simulate_to_folder
+from sinan.sensors.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def sinan(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error::RuntimeWarning", "-m", "experiments", *arguments]
+    command = [sys.executable, "-W", "error::RuntimeWarning", "-m", "sinan", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # whatever is installed, wherever it runs
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, env=environment, check=False)
 
@@ -36,7 +36,7 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_help_imports_no_numerics() -> None:
     heavy = ("numpy", "scipy", "matplotlib", "numba", "pandas")
-    code = f"import experiments.cli, sys; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sinan.experiments.commands.cli, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 
@@ -47,7 +47,8 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 import numpy as np
-from experiments import cli, labs
+from sinan.experiments import labs
+from sinan.experiments.commands import cli
 
 def run(name, out):
     np.array([0.0]) / 0.0

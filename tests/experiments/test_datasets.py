@@ -12,22 +12,14 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from experiments.datasets import (
-    DataFile,
-    Dataset,
-    called,
-    convert,
-    dataset_names,
-    load_dataset,
-    resolve,
-)
-from experiments.datasets import fetch as fetch_module
-from experiments.datasets.fetch import fetch
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.map_file import read_map
-from sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
-from sensors.rotation import quaternion_interpolate, rotate
+from sinan.experiments.datasets import DataFile, Dataset, called, convert, dataset_names, load_dataset, resolve
+from sinan.experiments.datasets import fetch as fetch_module
+from sinan.experiments.datasets.fetch import fetch
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.map_file import read_map
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.rotation import quaternion_interpolate, rotate
 
 SINGLE_PRECISION = 1e-6
 ALL_LOGS = [f"{name}/{log}" for name in dataset_names() for log in load_dataset(name).logs()]
@@ -209,13 +201,13 @@ def test_unknown_input(text: str, expected: str) -> None:
 
 
 def test_data_set_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiments.datasets.inputs.data_roots", lambda: iter([tmp_path]))
+    monkeypatch.setattr("sinan.experiments.datasets.inputs.data_roots", lambda: iter([tmp_path]))
     with pytest.raises(InputError, match="sinan fetch rfly_course"):
         resolve("rfly_course/AccRaw.mat")
 
 
 def test_file_with_another_checksum_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiments.datasets.inputs.data_roots", lambda: iter([tmp_path]))
+    monkeypatch.setattr("sinan.experiments.datasets.inputs.data_roots", lambda: iter([tmp_path]))
     (tmp_path / "rfly_course").mkdir()
     (tmp_path / "rfly_course" / "AccRaw.mat").write_bytes(b"other")
     with pytest.raises(InputError, match="sha256"):

@@ -8,19 +8,19 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from experiments import effects_page
-from experiments.cli import app
-from experiments.effects_command import run
-from experiments.scenarios import scenario_names
-from sensors.effects import CATALOGUE
-from sensors.errors import InputError
+from sinan.experiments import effects_page
+from sinan.experiments.commands.cli import app
+from sinan.experiments.commands.effects import run
+from sinan.experiments.scenarios import scenario_names
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.errors import InputError
 
 HEAVY = ("numba", "scipy", "pandas", "matplotlib")
 
 
 def test_the_page_is_what_its_script_makes() -> None:
     kept = effects_page.PAGE.read_text(encoding="utf-8")
-    assert kept == effects_page.page(), "a declaration has changed: python -m experiments.effects_page"
+    assert kept == effects_page.page(), "a declaration has changed: python -m sinan.experiments.effects_page"
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -64,6 +64,6 @@ def test_the_command_prints_it() -> None:
 
 
 def test_the_command_is_light() -> None:
-    code = f"import sys; from experiments.effects_command import run; run(None); run('baro.lag'); \
+    code = f"import sys; from sinan.experiments.commands.effects import run; run(None); run('baro.lag'); \
 assert not [m for m in {HEAVY} if m in sys.modules]"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from estimator.smoother import smooth
-from experiments import estimate_command
-from experiments.datasets import resolve
-from experiments.scenarios import load_scenario
-from sensors.formats.plain import write_recording
-from sensors.recording import Truth
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.estimator.filter.smoother import smooth
+from sinan.experiments.commands import estimate as estimate_command
+from sinan.experiments.datasets import resolve
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import Truth
+from sinan.sensors.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments import estimate_command, trace_command
-from experiments.report.words import per_unit, unit_words
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.effects import CATALOGUE
-from sensors.recording import MAG, Recording, Stream
-from sensors.simulate import simulate
+from sinan.experiments.commands import estimate as estimate_command
+from sinan.experiments.commands import trace as trace_command
+from sinan.experiments.report.words import per_unit, unit_words
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.recording import MAG, Recording, Stream
+from sinan.sensors.simulate import simulate
 
 #: A compass beside a motor lead: reading = B + b I, with B of 48 uT turned to all sides and b in uT/A.
 FIELD, PER_AMPERE = 48.0, np.array([0.9, -0.4, 0.6])

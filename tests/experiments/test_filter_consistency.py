@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.estimate_command import run as estimate
-from experiments.filter_consistency import errors, flights, heading
-from experiments.filter_consistency.__main__ import main
-from experiments.filter_consistency.scenarios import matched_scenarios, other_scenarios, why_not
-from experiments.monte_carlo import run
-from experiments.one_flight import fly
-from experiments.scenarios import load_scenario, scenario_names, simulate_to_folder
-from sensors.errors import InputError
-from sensors.manoeuvres import Manoeuvre
-from sensors.recording import Recording, Stream
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.experiments.commands.estimate import run as estimate
+from sinan.experiments.filter_consistency import errors, flights, heading
+from sinan.experiments.filter_consistency.__main__ import main
+from sinan.experiments.filter_consistency.scenarios import matched_scenarios, other_scenarios, why_not
+from sinan.experiments.monte_carlo.one_flight import fly
+from sinan.experiments.monte_carlo.study import run
+from sinan.experiments.scenarios import load_scenario, scenario_names, simulate_to_folder
+from sinan.sensors.errors import InputError
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 LEVEL = 1e-3  # false alarm of each test, with fixed seeds
 
@@ -87,7 +87,7 @@ def flown_with(
         recording, truth = simulate(scenario, rng)
         return flaw(recording), truth
 
-    monkeypatch.setattr("experiments.filter_consistency.flights.simulate", flawed)
+    monkeypatch.setattr("sinan.experiments.filter_consistency.flights.simulate", flawed)
     return flights.fly(count, seed=4, scenarios={"short": short()})
 
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from experiments.fleet import batch
-from experiments.fleet.command import run as command
-from experiments.fleet.logs import Log, in_order, logs_in
-from experiments.fleet.one_log import Answer, answer, failed
-from experiments.fleet.ranking import fleet
-from experiments.scenarios import simulate_to_folder
-from sensors.errors import InputError
-from sensors.formats import facts_of
+from sinan.experiments.commands.batch import run as command
+from sinan.experiments.commands.cli import app
+from sinan.experiments.fleet import batch
+from sinan.experiments.fleet.logs import Log, in_order, logs_in
+from sinan.experiments.fleet.one_log import Answer, answer, failed
+from sinan.experiments.fleet.ranking import fleet
+from sinan.experiments.scenarios import simulate_to_folder
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of
 from tests.experiments.test_monte_carlo import cluster  # noqa: F401
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_ulog as px4

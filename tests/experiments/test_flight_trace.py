@@ -10,29 +10,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.flight_model import flight_model
-from estimator.score import statistic_of
-from experiments.blind.maker.make import make_one
-from experiments.datasets import resolve
-from experiments.refused import doubted_shares, refused
-from experiments.report.trace_page import trace_page
-from experiments.report.trace_words import effect_line
-from experiments.report.verdict_words import trace_summary, worded
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.flight_passes import FlightPasses
-from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.select import select
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Traced
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.recording import Initial, Recording, SensorSpec, Stream
-from sensors.rotation import cos_tilt, quaternion_interpolate
-from sensors.simulate import simulate
+from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.blind.maker.make import make_one
+from sinan.experiments.commands.refused import doubted_shares, refused
+from sinan.experiments.datasets import resolve
+from sinan.experiments.report.trace_page import trace_page
+from sinan.experiments.report.trace_words import effect_line
+from sinan.experiments.report.verdict_words import trace_summary, worded
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.flight_passes import FlightPasses
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import cos_tilt, quaternion_interpolate
+from sinan.sensors.simulate import simulate
 
 #: Of an accelerometer, 3 sigma [m/s^2].
 PLAUSIBLE_BIAS = 0.15

@@ -10,18 +10,18 @@ import numpy as np
 import pymap3d
 import pytest
 
-from estimator import integrity
-from estimator.location import Location, locate
-from estimator.score import statistic_of
-from experiments.gnss import run
-from experiments.gnss_command import summary
-from experiments.gnss_reference import read_reference
-from experiments.residual_loop import pseudoranges as source
-from experiments.residual_loop.pseudorange_trace import trace_ranges
-from sensors.constants import EARTH_RATE
-from sensors.errors import InputError
-from sensors.formats.rinex import read_navigation, read_observations
-from sensors.pseudorange import Pseudoranges, pseudoranges
+from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.positioning import integrity
+from sinan.estimator.positioning.location import Location, locate
+from sinan.experiments.commands.gnss import summary
+from sinan.experiments.gnss.reference import read_reference
+from sinan.experiments.gnss.study import run
+from sinan.experiments.residual_loop import pseudoranges as source
+from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
+from sinan.sensors.constants import EARTH_RATE
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.rinex import read_navigation, read_observations
+from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 from tests.estimator import gnss_simulation as simulation
 
 ESBJERG = "gnss/esbjerg_static_2020/"

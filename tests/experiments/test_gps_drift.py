@@ -7,22 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.flight_model import flight_model
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.flight_passes import FlightPasses
-from experiments.residual_loop.gps_drift import (
-    GpsDrift,
-    Law,
-    Whitening,
-    error_at_nodes,
-    nodes_for,
-    rows_of,
-)
-from experiments.residual_loop.select import select
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.arrays import FloatArray
-from sensors.recording import POSITION, Recording
-from sensors.simulate import simulate
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.flight_passes import FlightPasses
+from sinan.experiments.residual_loop.gps_drift import GpsDrift, Law, Whitening, error_at_nodes, nodes_for, rows_of
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import POSITION, Recording
+from sinan.sensors.simulate import simulate
 
 TAU, SHARE = 4.0, 0.8
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.benchmarks import halves, prediction, replication
-from experiments.benchmarks.halves import Halves, halved, parsed
-from experiments.benchmarks.prediction import (
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.experiments.benchmarks import halves, prediction, replication
+from sinan.experiments.benchmarks.halves import Halves, halved, parsed
+from sinan.experiments.benchmarks.prediction import (
     Comparison,
     Errors,
     Interval,
@@ -23,14 +24,13 @@ from experiments.benchmarks.prediction import (
     tiled,
     withheld_in_turn,
 )
-from experiments.benchmarks.replication import Replicated, least_lambda, replicated
-from experiments.blind.grade import effects_of
-from experiments.measured.flights import LOGS
-from experiments.measured.preparation import Prepared, prepared
-from experiments.scenarios import load_scenario
-from sensors.recording import Recording
-from sensors.simulate import simulate
-from sensors.window import between
+from sinan.experiments.benchmarks.replication import Replicated, least_lambda, replicated
+from sinan.experiments.blind.grade import effects_of
+from sinan.experiments.measured.flights import LOGS
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 
 LATE = 0.3
 

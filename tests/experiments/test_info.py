@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from experiments.info_command import gaps, run
-from sensors.errors import InputError
-from sensors.formats.choice import Choice
-from sensors.formats.plain import read_recording, write_recording
-from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from sinan.experiments.commands.cli import app
+from sinan.experiments.commands.info import gaps, run
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.plain import read_recording, write_recording
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_formats_logs as logs
 

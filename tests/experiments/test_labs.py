@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.labs import LABS, run
-from experiments.labs.course_flight import flown, rms
-from experiments.labs.scan_height import FLOWN, flight
+from sinan.experiments.labs import LABS, run
+from sinan.experiments.labs.course_flight import flown, rms
+from sinan.experiments.labs.scan_height import FLOWN, flight
 
 SIMULATED = ("heading", "sonar_height", "scan_height")  # the others need the course's data
 

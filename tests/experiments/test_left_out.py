@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.residual_loop.left_out import gains_left_out, log_p_left_out
-from sensors.arrays import FloatArray, IntArray
+from sinan.experiments.residual_loop.left_out import gains_left_out, log_p_left_out
+from sinan.sensors.arrays import FloatArray, IntArray
 
 BLOCKS = 25
 LEVEL = 0.01

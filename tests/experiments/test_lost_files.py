@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli import app
-from experiments.datasets import convert
-from experiments.monte_carlo import run
-from experiments.scenarios import simulate_to_folder
-from sensors.errors import InputError
-from sensors.formats.plain import read_recording
+from sinan.experiments.commands.cli import app
+from sinan.experiments.datasets import convert
+from sinan.experiments.monte_carlo.study import run
+from sinan.experiments.scenarios import simulate_to_folder
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plain import read_recording
 from tests.killing import ROOT, is_write, killed, no_file_beyond
 
 #: A moment of flight, with all its streams.
@@ -173,7 +173,7 @@ def test_a_full_disk_in_montecarlo_leaves_what_was_finished(flight: Path, tmp_pa
     before = digest(tmp_path / "kept")
     command = ["montecarlo", str(flight / "short.toml"), "--workers", workers, "--resume", "kept", "--runs", "4"]
     done = subprocess.run(
-        [sys.executable, "-m", "experiments", *command],
+        [sys.executable, "-m", "sinan", *command],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120,
         check=False, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600)),
     )  # fmt: skip
@@ -186,7 +186,7 @@ def test_a_full_disk_in_montecarlo_leaves_what_was_finished(flight: Path, tmp_pa
 
 def test_a_full_standard_output_is_said() -> None:
     with Path("/dev/full").open("w") as full:
-        command = [sys.executable, "-m", "experiments", "effects"]
+        command = [sys.executable, "-m", "sinan", "effects"]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False)
     assert done.returncode == 1
     assert done.stderr == "sinan: standard output: No space left on device; expected more room on its disk\n"
@@ -251,7 +251,7 @@ def test_no_command_writes_at_the_place_of_a_file(tmp_path: Path, measured_data:
 
 def _watched(session: list[list[str]]) -> None:
     """Run commands, then print the paths of all files that were opened for writing."""
-    from experiments.cli import app
+    from sinan.experiments.commands.cli import app
 
     written: list[str] = []
 

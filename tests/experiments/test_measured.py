@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.flight_model import FlightModel, flight_model
-from experiments.measured import flights
-from experiments.measured.preparation import prepared, settled
-from experiments.measured.reference import (
+from sinan.calibration.levels.preparation import prepared, settled
+from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.experiments.measured import flights
+from sinan.experiments.measured.reference import (
     Mounted,
     attitude_error,
     errors_of,
@@ -19,17 +19,17 @@ from experiments.measured.reference import (
     mounted,
     without_jumps,
 )
-from experiments.residual_loop.open_flight import flight_source
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.recording import GYRO, Environment, Initial, Recording, SensorSpec, Stream
-from sensors.rotation import (
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.recording import GYRO, Environment, Initial, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_exp,
     quaternion_log,
     quaternion_multiply,
     rpy_from_quaternion,
 )
-from sensors.simulate import simulate
+from sinan.sensors.simulate import simulate
 
 DEGREE = np.deg2rad(1.0)
 QUATERNION = ("qw", "qx", "qy", "qz")

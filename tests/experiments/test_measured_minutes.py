@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from estimator.score import DETECTABLE_LAMBDA
-from estimator.sensitivity import sensitivity_pass
-from experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
-from experiments.blind.maker.drawing import draw_warm_up
-from experiments.blind.maker.flight_recording import as_streams, draw_payload, draw_vibration, report_sensors
-from experiments.blind.maker.flights import draw_multirotor
-from experiments.blind.maker.instruments import Instrument, specs
-from experiments.blind.maker.measure import DELAYS, Plan, clean_reading
-from experiments.blind.maker.scene import Scene
-from experiments.blind.measured import benchmark, command
-from experiments.blind.measured.command import named
-from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
-from experiments.blind.measured.grade import grade
-from experiments.blind.measured.knowing import gain
-from experiments.blind.measured.minute import (
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
+from sinan.experiments.blind.maker.drawing import draw_warm_up
+from sinan.experiments.blind.maker.flight_recording import as_streams, draw_payload, draw_vibration, report_sensors
+from sinan.experiments.blind.maker.flights import draw_multirotor
+from sinan.experiments.blind.maker.instruments import Instrument, specs
+from sinan.experiments.blind.maker.measure import DELAYS, Plan, clean_reading
+from sinan.experiments.blind.maker.scene import Scene
+from sinan.experiments.blind.measured import benchmark, command
+from sinan.experiments.blind.measured.command import named
+from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
+from sinan.experiments.blind.measured.grade import grade
+from sinan.experiments.blind.measured.knowing import gain
+from sinan.experiments.blind.measured.minute import (
     Minute,
     added,
     lasting,
@@ -38,7 +38,7 @@ from experiments.blind.measured.minute import (
     seen_by,
     wander_of,
 )
-from experiments.blind.measured.page import (
+from sinan.experiments.blind.measured.page import (
     BETA,
     FURTHER,
     IN_CLASS,
@@ -54,18 +54,18 @@ from experiments.blind.measured.page import (
     rates,
     sizes_of,
 )
-from experiments.blind.measured.surroundings import Shaken
-from experiments.blind.measured.wander import imu_wander, wander
-from experiments.cli import app
-from experiments.measured.flights import LOGS
-from experiments.measured.minutes import lively_starts
-from sensors.arrays import FloatArray
-from sensors.covariates import covariates_for
-from sensors.effects import effect
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
-from sensors.vibration import vibration_power
-from sensors.window import between
+from sinan.experiments.blind.measured.surroundings import Shaken
+from sinan.experiments.blind.measured.wander import imu_wander, wander
+from sinan.experiments.commands.cli import app
+from sinan.experiments.measured.flights import LOGS
+from sinan.experiments.measured.minutes import lively_starts
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.effects import effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
+from sinan.sensors.vibration import vibration_power
+from sinan.sensors.window import between
 
 SEED, LENGTH = 3, 72.0
 #: What the log's own motion makes of an effect, over what it is: the share that its errors may spoil.

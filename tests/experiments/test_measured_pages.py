@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.flight_model import flight_model
-from experiments.datasets import resolve
-from experiments.measured import engines, flights, gallery, table
-from experiments.measured.engines import AGREEMENT, Agreement, agreement, difference, shortened
-from experiments.measured.flights import LOGS, predictions
-from experiments.measured.gallery_page import block, blocks_of, page
-from experiments.measured.preparation import prepared
-from experiments.measured.published import PUBLISHED
-from experiments.measured.scoring import withheld_errors
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.term import Term
-from experiments.scenarios import load_scenario
-from sensors.simulate import simulate
+from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured import engines, flights, gallery, table
+from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement, difference, shortened
+from sinan.experiments.measured.flights import LOGS, predictions
+from sinan.experiments.measured.gallery_page import block, blocks_of, page
+from sinan.experiments.measured.published import PUBLISHED
+from sinan.experiments.measured.scoring import withheld_errors
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.simulate import simulate
 
 #: Logs of every trio of sensors, short, and how much of them is run on both engines [s].
 SHORT = {"course, quadrotor": 5.0, "robot, LSM9DS0": 5.0, "variometer": 3.0, "PX4, IMU at 10 Hz": 60.0}
@@ -102,7 +102,7 @@ def test_gallery_finds_what_was_published(data: Path) -> None:
 @pytest.mark.parametrize(("log", "sensor"), list(PUBLISHED))
 def test_published_calibrations_make_the_norm_constant(data: Path, log: str, sensor: str) -> None:
     """To what they leave on these readings: a unit or a sign that is wrong spreads it over tens of per cent."""
-    from experiments.residual_loop.open_source import triad_readings
+    from sinan.experiments.residual_loop.open_source import triad_readings
 
     readings = triad_readings(resolve(log), sensor)
     raw = readings.reading * readings.normalised_by

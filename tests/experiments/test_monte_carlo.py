@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.monte_carlo import Kept, MonteCarlo, averaged, digest_of, label, outside, run
-from experiments.one_flight import Flight, fly, noiseless, rng_of
-from experiments.scenarios import load_scenario
-from sensors.errors import InputError
-from sensors.manoeuvres import Manoeuvre
-from sensors.recording import Recording, Stream
-from sensors.scenario import Scenario
-from sensors.simulate import simulate
+from sinan.experiments.monte_carlo.one_flight import Flight, fly, noiseless, rng_of
+from sinan.experiments.monte_carlo.study import Kept, MonteCarlo, averaged, digest_of, label, outside, run
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.scenario import Scenario
+from sinan.sensors.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -58,7 +58,7 @@ def test_noise_that_is_not_declared_is_noticed(monkeypatch: pytest.MonkeyPatch) 
         ), truth
 
     assert not any(line.startswith("NIS of gps") for line in outside(run(short(), 8, workers=1).summary()))
-    monkeypatch.setattr("experiments.one_flight.simulate", boastful)
+    monkeypatch.setattr("sinan.experiments.monte_carlo.one_flight.simulate", boastful)
     assert any(line.startswith("NIS of gps") for line in outside(run(short(), 8, workers=1).summary()))
 
 

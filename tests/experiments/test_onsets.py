@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from experiments.residual_loop.onsets import Rows, Step, best_onsets
-from experiments.residual_loop.source import LocalFinding
-from sensors.arrays import FloatArray
+from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets
+from sinan.experiments.residual_loop.source import LocalFinding
+from sinan.sensors.arrays import FloatArray
 
 END = 100.0
 T = np.arange(0.0, END, 0.05)

@@ -13,11 +13,11 @@ import pymap3d
 import pytest
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from experiments.scenarios.loader import load_scenario
-from sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording
-from sensors.simulate import simulate
-from sensors.window import window
+from sinan.experiments.commands.cli import app
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording
+from sinan.sensors.simulate import simulate
+from sinan.sensors.window import window
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_rosbag as ros
 from tests.sensors import test_ulog as px4

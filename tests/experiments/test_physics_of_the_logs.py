@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.datasets import dataset_names, load_dataset, resolve
-from experiments.measured.logs import COMPASSES, FLIGHTS
-from experiments.measured.reference import without_jumps
-from sensors.formats.map_file import read_map
-from sensors.geomagnetism import earth_field, inclination
-from sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, Stream
-from sensors.rotation import (
+from sinan.experiments.datasets import dataset_names, load_dataset, resolve
+from sinan.experiments.measured.logs import COMPASSES, FLIGHTS
+from sinan.experiments.measured.reference import without_jumps
+from sinan.sensors.formats.map_file import read_map
+from sinan.sensors.geomagnetism import earth_field, inclination
+from sinan.sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, Stream
+from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_conjugate,
     quaternion_interpolate,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.residual_loop.pose_faults import at_an_end, poses_that_measured
-from sensors.arrays import FloatArray
+from sinan.experiments.residual_loop.pose_faults import at_an_end, poses_that_measured
+from sinan.sensors.arrays import FloatArray
 
 SIGMA = 0.01
 

@@ -9,19 +9,19 @@ from typing import cast
 import numpy as np
 import pytest
 
-from estimator.flight_model import flight_model
-from estimator.score import Evidence
-from experiments.residual_loop import prove
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.prove import rolled_back
-from experiments.residual_loop.select import Selection, select
-from experiments.residual_loop.source import Fit, Part, Source, StreamResidual, held_out
-from experiments.residual_loop.term import Term
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.arrays import FloatArray
-from sensors.effects import Effect, effect
-from sensors.errors import InputError
-from sensors.simulate import simulate
+from sinan.estimator.evidence.score import Evidence
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.experiments.residual_loop import prove
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.prove import rolled_back
+from sinan.experiments.residual_loop.select import Selection, select
+from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual, held_out
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import Effect, effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.simulate import simulate
 
 TERM = Term("mag.declination")
 

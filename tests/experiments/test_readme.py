@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import typer.main
 
-from experiments.cli import app
-from experiments.datasets import resolve
-from experiments.residual_loop.open_source import triad_readings
-from experiments.scenarios.loader import load_scenario, scenario_names
-from sensors.effects import CATALOGUE
-from sensors.formats.plain import write_recording
-from sensors.recording import ACCEL, GYRO, MAG
-from sensors.simulate import simulate
+from sinan.experiments.commands.cli import app
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.open_source import triad_readings
+from sinan.experiments.scenarios.loader import load_scenario, scenario_names
+from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import ACCEL, GYRO, MAG
+from sinan.sensors.simulate import simulate
 
 README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
 FORMATS, SCENARIOS = (

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
-from experiments.residual_loop.remaining import _bursts, patches, remaining
-from experiments.residual_loop.source import Fit, StreamResidual
-from experiments.residual_loop.term import Term
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, Effect, effect
-from sensors.effects.streams import STREAMS
-from sensors.motion import Motion
+from sinan.experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
+from sinan.experiments.residual_loop.remaining import _bursts, patches, remaining
+from sinan.experiments.residual_loop.source import Fit, StreamResidual
+from sinan.experiments.residual_loop.term import Term
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.motion import Motion
 from tests.estimator.analytic_flight import analytic_motion
 
 ALPHA = 0.01  # level of each test

@@ -10,24 +10,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.calibrate import as_json, calibrate_triad
-from experiments.calibrate import summary as calibration_summary
-from experiments.calibrate import warnings_of as calibration_warnings
-from experiments.calibrate_command import run as calibrate
-from experiments.demo import HIDDEN, hidden_and_found
-from experiments.estimate import BiasCourse
-from experiments.estimate_command import summary as estimate_summary
-from experiments.estimate_command import warnings_of as innovation_warnings
-from experiments.labs.magnetometer import sign_errors
-from experiments.monte_carlo_command import remark
-from experiments.report.console import progress, working
-from experiments.report.estimate_page import innovations, verdict
-from experiments.report.figures import biases_over_time
-from experiments.report.page import Page
-from experiments.report.trace_page import evidence, trace_page
-from experiments.report.trace_words import REFUSED, effect_line, interval_words, known_together, remaining_sentence
-from experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
-from experiments.report.words import (
+from sinan.experiments.calibrate import as_json, calibrate_triad
+from sinan.experiments.calibrate import summary as calibration_summary
+from sinan.experiments.calibrate import warnings_of as calibration_warnings
+from sinan.experiments.commands.calibrate import run as calibrate
+from sinan.experiments.commands.demo import HIDDEN, hidden_and_found
+from sinan.experiments.commands.estimate import summary as estimate_summary
+from sinan.experiments.commands.estimate import warnings_of as innovation_warnings
+from sinan.experiments.commands.monte_carlo import remark
+from sinan.experiments.estimate import BiasCourse
+from sinan.experiments.labs.magnetometer import sign_errors
+from sinan.experiments.report.console import progress, working
+from sinan.experiments.report.estimate_page import innovations, verdict
+from sinan.experiments.report.figures import biases_over_time
+from sinan.experiments.report.page import Page
+from sinan.experiments.report.trace_page import evidence, trace_page
+from sinan.experiments.report.trace_words import (
+    REFUSED,
+    effect_line,
+    interval_words,
+    known_together,
+    remaining_sentence,
+)
+from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
+from sinan.experiments.report.words import (
     bias_rows,
     change,
     counted,
@@ -38,11 +44,11 @@ from experiments.report.words import (
     trace_call,
     with_sigma,
 )
-from experiments.residual_loop.open_source import pose_source, triad_readings
-from experiments.residual_loop.report import report
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Traced
-from experiments.residual_loop.trials import (
+from sinan.experiments.residual_loop.open_source import pose_source, triad_readings
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.residual_loop.trials import (
     BESIDE_ERROR,
     IMPOSSIBLE,
     NO_EVIDENCE,
@@ -53,12 +59,12 @@ from experiments.residual_loop.trials import (
     UNTRIED,
     Finding,
 )
-from experiments.scenarios import parse_effect
-from experiments.scenarios.loader import load_scenario
-from sensors.covariates import covariates_for
-from sensors.formats.plain import write_recording
-from sensors.recording import MAG, Stream
-from sensors.simulate import simulate
+from sinan.experiments.scenarios import parse_effect
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import MAG, Stream
+from sinan.sensors.simulate import simulate
 
 Report = tuple[Traced, dict[str, Any]]
 

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.score import log_p_of_deviance
-from experiments.datasets import resolve
-from experiments.residual_loop.least_squares_source import LeastSquaresSource
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.poses import NormPoses
-from experiments.residual_loop.report import report
-from experiments.residual_loop.select import select
-from experiments.residual_loop.source import log_p_needed
-from experiments.residual_loop.term import Term, declaration
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Traced
-from experiments.residual_loop.wrong_readings import isolated_outliers
-from sensors.errors import InputError
-from sensors.motion import Motion
+from sinan.estimator.evidence.score import log_p_of_deviance
+from sinan.experiments.datasets import resolve
+from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
+from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.poses import NormPoses
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.source import log_p_needed
+from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.residual_loop.wrong_readings import isolated_outliers
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
 
 
 def poses(
@@ -102,7 +102,7 @@ def test_p_values_are_uniform_without_an_effect() -> None:
 
 
 def _plain_statistics(source: LeastSquaresSource):
-    from estimator.score import statistic_of
+    from sinan.estimator.evidence.score import statistic_of
 
     evidence = source.evidence(source.fit(()))
     return [statistic_of(evidence, entry.name) for entry in source.candidates]

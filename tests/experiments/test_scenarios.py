@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scenarios import (
+from sinan.experiments.scenarios import (
     interval_note,
     load_scenario,
     parse_effect,
@@ -16,8 +16,8 @@ from experiments.scenarios import (
     simulate_to_folder,
     size_note,
 )
-from sensors.errors import InputError
-from sensors.formats.plain import read_recording
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plain import read_recording
 
 
 def test_every_scenario_says_what_it_is() -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from estimator.score import squared_correlation
-from experiments import separation, separation_page
-from experiments.residual_loop.manoeuvre import (
+from sinan.estimator.evidence.score import squared_correlation
+from sinan.experiments.residual_loop.manoeuvre import (
     CLASS_BOUND,
     SEEN_FROM,
     alike,
@@ -16,9 +15,11 @@ from experiments.residual_loop.manoeuvre import (
     scenes,
     separating_manoeuvre,
 )
-from experiments.scenarios import load_scenario, scenario_names
-from experiments.separation import Run, evidence_of, pairs_in, runs
-from sensors.effects import effect
+from sinan.experiments.scenarios import load_scenario, scenario_names
+from sinan.experiments.separation import page as separation_page
+from sinan.experiments.separation import study as separation
+from sinan.experiments.separation.study import Run, evidence_of, pairs_in, runs
+from sinan.sensors.effects import effect
 
 ANOTHER_DRAW = 0.05  # of r^2: linear algebra of another machine and what the estimated motion adds
 NO_HEIGHT = ("accel", "gyro", "mag", "gps")
@@ -82,7 +83,7 @@ def test_the_table_is_what_its_script_makes(scenario: str) -> None:
 
 def test_the_page_is_what_its_script_makes() -> None:
     kept = separation_page.PAGE.read_text(encoding="utf-8")
-    assert kept == separation_page.page(), "the table has changed: python -m experiments.separation_page"
+    assert kept == separation_page.page(), "the table has changed: python -m sinan.experiments.separation.page"
 
 
 def test_what_decides_sees_both_and_correlates_less() -> None:

@@ -12,19 +12,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from experiments import calibrate_command, trace_command
-from experiments.cli import app
-from experiments.report.trace_page import evidence
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.source import log_p_needed
-from experiments.residual_loop.traced import Traced
-from experiments.scenarios import parse_effect
-from experiments.scenarios.loader import load_scenario
-from sensors.errors import InputError
-from sensors.formats.plain import write_recording
-from sensors.recording import Recording
-from sensors.simulate import simulate
+from sinan.experiments.commands import calibrate as calibrate_command
+from sinan.experiments.commands import trace as trace_command
+from sinan.experiments.commands.cli import app
+from sinan.experiments.report.trace_page import evidence
+from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.source import log_p_needed
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.scenarios import parse_effect
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
 from tests.experiments.test_residual_loop import SCHEMA
 from tests.experiments.test_verdict import RULES
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.bias_observability.case import case_of_recording
-from experiments.calibrate import calibrate_turns
-from experiments.measured.preparation import prepared
-from experiments.residual_loop.open_source import pose_source
-from experiments.residual_loop.run import trace_recording
-from experiments.scenarios import load_scenario
-from sensors.errors import InputError
-from sensors.recording import Environment, Recording
-from sensors.simulate import simulate
+from sinan.calibration.levels.preparation import prepared
+from sinan.experiments.bias_observability.case import case_of_recording
+from sinan.experiments.calibrate import calibrate_turns
+from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Environment, Recording
+from sinan.sensors.simulate import simulate
 
 
 @pytest.fixture(scope="module")

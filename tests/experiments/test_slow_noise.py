@@ -7,10 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from estimator.score import CONFUSED
-from experiments.residual_loop.slow_noise import _TIME_CONSTANTS, _VARIANCES, SlowNoise
-from experiments.residual_loop.sudden import jumps
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.score import CONFUSED
+from sinan.experiments.residual_loop.slow_noise import _TIME_CONSTANTS, _VARIANCES, SlowNoise
+from sinan.experiments.residual_loop.sudden import jumps
+from sinan.sensors.arrays import FloatArray
 
 CELLS, READINGS = 25, 500
 GRID = np.arange(CELLS) * (READINGS / CELLS)

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments.processes import MOST_RESTARTS, in_processes
-from experiments.scenarios import simulate_to_folder
-from experiments.stopping import Stopped, going_on, listening
-from sensors.errors import InputError
+from sinan.experiments.scenarios import simulate_to_folder
+from sinan.experiments.workers.processes import MOST_RESTARTS, in_processes
+from sinan.experiments.workers.stopping import Stopped, going_on, listening
+from sinan.sensors.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 #: A command and its workers end in a tenth of a second, on a machine that has nothing else to do [s].
@@ -35,7 +35,7 @@ class Command:
         (cwd / "short.toml").write_text(SHORT)
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "experiments", *arguments],
+            [sys.executable, "-m", "sinan", *arguments],
             cwd=cwd, env=environment, text=True, start_new_session=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
@@ -260,7 +260,7 @@ def test_an_error_in_a_task_does_not_wait_for_the_others() -> None:
 def test_there_is_no_other_pool() -> None:
     """What the tests above show of one pool, they show of all."""
     makes = re.compile(r"\bProcessPoolExecutor\b|\bPool\(|\bLocalCluster\b|\.Process\(|\bos\.fork\b")
-    folders = ("sensors", "estimator", "calibration", "experiments")
+    folders = ("sinan", "sensors", "estimator", "calibration", "experiments")
     sources = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     assert [path.name for path in sources if makes.search(path.read_text())] == ["processes.py"]
 
@@ -294,7 +294,7 @@ def test_a_signal_that_is_ignored_stays_so() -> None:
 #: A library that swallows what is raised in it, in three ways, and then goes on for a minute.
 SWALLOWS = """
 import os, signal, sys, time
-from experiments.stopping import listening
+from sinan.experiments.workers.stopping import listening
 
 class Deleted:
     def __del__(self):
@@ -345,14 +345,14 @@ class Interrupt:
 way, module, sys.argv[1:] = sys.argv[1], sys.argv[2], ["--help"]
 sys.meta_path.insert(0, Interrupt())
 if way == "module":
-    runpy.run_module("experiments", run_name="__main__")
+    runpy.run_module("sinan", run_name="__main__")
 else:
     name, function = way.split(":")
     getattr(__import__(name, fromlist=[function]), function)()
 """
 
 
-@pytest.mark.parametrize("module", ["typer", "inspect", "experiments.labs"])
+@pytest.mark.parametrize("module", ["typer", "inspect", "sinan.experiments.labs"])
 @pytest.mark.parametrize("way", ["module", "script"])
 def test_ctrl_c_while_the_command_is_loaded(way: str, module: str) -> None:
     if way == "script":

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments import estimate_command, trace_command
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.formats.plain import write_recording
-from sensors.recording import Recording, Truth
-from sensors.simulate import simulate
+from sinan.experiments.commands import estimate as estimate_command
+from sinan.experiments.commands import trace as trace_command
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import Recording, Truth
+from sinan.sensors.simulate import simulate
 
 #: The autopilot logs nothing between them [s].
 SILENT = (22.0, 34.0)

@@ -8,13 +8,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from estimator.score import Evidence, statistic_of
-from experiments.residual_loop.options import not_slow_noise, option_of
-from experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trials import IMPOSSIBLE, best_of
-from sensors.arrays import FloatArray
-from sensors.effects import effect
+from sinan.estimator.evidence.score import Evidence, statistic_of
+from sinan.experiments.residual_loop.options import not_slow_noise, option_of
+from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trials import IMPOSSIBLE, best_of
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
 
 PLAUSIBLE = effect("baro.scale").parameters[0].plausible
 

@@ -7,24 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.residual_loop.flight import FlightSource
-from experiments.residual_loop.flight_passes import Fitted
-from experiments.residual_loop.onsets import Rows
-from experiments.residual_loop.open_flight import flight_source
-from experiments.residual_loop.remaining import remaining
-from experiments.residual_loop.select import select
-from experiments.residual_loop.turning import (
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.flight_passes import Fitted
+from sinan.experiments.residual_loop.onsets import Rows
+from sinan.experiments.residual_loop.open_flight import flight_source
+from sinan.experiments.residual_loop.remaining import remaining
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.turning import (
     IN_STEP,
     TurningPoint,
     log_p_beside_turning,
     turning_point,
     turning_regressor,
 )
-from experiments.scenarios import load_scenario, parse_effect
-from sensors.arrays import FloatArray
-from sensors.effects import effect
-from sensors.motion import Motion
-from sensors.simulate import simulate
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
+from sinan.sensors.motion import Motion
+from sinan.sensors.simulate import simulate
 
 ARM = np.array([0.2, -0.1, 0.05])
 

@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.gyro import read_turns
-from experiments.residual_loop.least_squares_source import LeastSquaresSource
-from experiments.residual_loop.report import report
-from experiments.residual_loop.shared_ends import told_as_one
-from experiments.residual_loop.source import Fit, log_p_needed
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Traced
-from experiments.residual_loop.trials import Finding
-from experiments.residual_loop.turns import GyroTurns
-from sensors.arrays import FloatArray
+from sinan.calibration.poses.gyro import read_turns
+from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.shared_ends import told_as_one
+from sinan.experiments.residual_loop.source import Fit, log_p_needed
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.residual_loop.trials import Finding
+from sinan.experiments.residual_loop.turns import GyroTurns
+from sinan.sensors.arrays import FloatArray
 from tests.calibration.test_gyro import turned_log
 
 OFFSET = np.array([0.004, -0.003, 0.005])

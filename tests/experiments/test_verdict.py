@@ -14,22 +14,22 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from experiments.report.trace_page import trace_page
-from experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
-from experiments.residual_loop.least_squares_source import LeastSquaresSource
-from experiments.residual_loop.poses import NormPoses
-from experiments.residual_loop.report import report
-from experiments.residual_loop.run import trace_recording
-from experiments.residual_loop.select import select
-from experiments.residual_loop.source import Fit
-from experiments.residual_loop.term import Term
-from experiments.residual_loop.trace import trace
-from experiments.residual_loop.traced import Traced
-from experiments.residual_loop.verdict import Scores, in_place, settle, twins_of
-from experiments.scenarios import parse_effect
-from experiments.scenarios.loader import load_scenario
-from sensors.arrays import FloatArray
-from sensors.simulate import simulate
+from sinan.experiments.report.trace_page import trace_page
+from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
+from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
+from sinan.experiments.residual_loop.poses import NormPoses
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.source import Fit
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.trace import trace
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.residual_loop.verdict import Scores, in_place, settle, twins_of
+from sinan.experiments.scenarios import parse_effect
+from sinan.experiments.scenarios.loader import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.simulate import simulate
 from tests.experiments.test_report import a_document
 from tests.experiments.test_residual_loop import poses
 
@@ -232,7 +232,7 @@ def test_terminal_json_and_page_say_the_same(tmp_path: Path) -> None:
 
 
 def test_a_page_says_version_command_and_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from experiments.report.page import Page
+    from sinan.experiments.report.page import Page
 
     monkeypatch.setattr("sys.argv", ["/usr/bin/sinan", "trace", "my log.csv", "--html", "page.html"])
     Page("A title").write(tmp_path / "page.html")

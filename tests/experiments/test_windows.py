@@ -9,13 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments import calibrate_command, estimate_command, trace_command
-from experiments.bias_observability.case import case_of_recording
-from experiments.bias_observability.command import case_of
-from experiments.datasets import convert, resolve
-from experiments.measured.preparation import prepared
-from experiments.report.words import trace_call
-from experiments.scenarios import simulate_to_folder
+from sinan.calibration.levels.preparation import prepared
+from sinan.experiments.bias_observability.case import case_of_recording
+from sinan.experiments.commands import (
+    calibrate as calibrate_command,
+)
+from sinan.experiments.commands import (
+    estimate as estimate_command,
+)
+from sinan.experiments.commands import (
+    trace as trace_command,
+)
+from sinan.experiments.commands.observability import case_of
+from sinan.experiments.datasets import convert, resolve
+from sinan.experiments.report.words import trace_call
+from sinan.experiments.scenarios import simulate_to_folder
 
 SPAN = (20.0, 45.0)
 

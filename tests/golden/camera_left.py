@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.views import Board, views_of, write_corners
+from sinan.calibration.cameras.views import Board, views_of, write_corners
 
 ROOT = Path(__file__).resolve().parents[2]
 

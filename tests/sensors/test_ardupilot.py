@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import facts_of, open_log
-from sensors.formats.choice import Choice
-from sensors.formats.dataflash_messages import read_messages
-from sensors.recording import ACCEL, GYRO, MAG, VELOCITY
-from sensors.rotation import rpy_from_quaternion
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of, open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.dataflash_messages import read_messages
+from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY
+from sinan.sensors.rotation import rpy_from_quaternion
 
 #: How a letter is stored, by ArduPilot's LogStructure.h.
 STORED = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensors.atmosphere import height_from_pressure, pressure_from_height, speed_of_sound
+from sinan.sensors.atmosphere import height_from_pressure, pressure_from_height, speed_of_sound
 
 #: Geopotential height [m] and pressure [Pa]: ISO 2533:1975, table 5
 TABLE = np.array([[-1000.0, 113929.0], [0.0, 101325.0], [1000.0, 89874.6], [5000.0, 54019.9], [11000.0, 22632.0]])

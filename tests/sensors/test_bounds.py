@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.bounds import Bounds
-from sensors.motion import Motion
+from sinan.sensors.bounds import Bounds
+from sinan.sensors.motion import Motion
 
 
 def a_motion() -> Motion:

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 import scipy.io
 
-from sensors.errors import InputError, printable
-from sensors.formats import open_log
-from sensors.formats.columns import FileOptions, read_columns
-from sensors.formats.plain import read_recording
-from sensors.formats.rinex import read_observations
-from sensors.formats.toml_table import load_toml
-from sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.errors import InputError, printable
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.columns import FileOptions, read_columns
+from sinan.sensors.formats.plain import read_recording
+from sinan.sensors.formats.rinex import read_observations
+from sinan.sensors.formats.toml_table import load_toml
+from sinan.sensors.recording import ACCEL, Recording, Stream
 from tests.estimator import gnss_simulation as simulation
 
 MIB = 2**20
@@ -72,7 +72,7 @@ def test_packed_text_is_read(tmp_path: Path, pack: Callable[[bytes], bytes]) -> 
 def test_what_a_few_bytes_unfold_to_is_bounded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pack: Callable[[bytes], bytes]
 ) -> None:
-    monkeypatch.setattr("sensors.formats.packed.LARGEST", MIB)
+    monkeypatch.setattr("sinan.sensors.formats.packed.LARGEST", MIB)
     (tmp_path / "log").write_bytes(pack(b"0" * (MIB + 1)))
     text = error(lambda: read_columns(tmp_path / "log", OPTIONS, {"1"}))
     assert text.startswith(f"{tmp_path}/log: more than 1 MiB once unfolded; expected at most 1 MiB")
@@ -93,9 +93,9 @@ def test_damaged_in_any_way_is_one_line(tmp_path: Path, pack: Callable[[bytes], 
 _READ = """
 import resource, sys
 from pathlib import Path
-from sensors.errors import InputError
-from sensors.formats.columns import FileOptions, read_columns
-from sensors.formats.rinex import read_observations
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.columns import FileOptions, read_columns
+from sinan.sensors.formats.rinex import read_observations
 import pandas, sensors.formats.packed
 sensors.formats.packed.LARGEST = {bound}
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
@@ -136,8 +136,8 @@ def test_compact_rinex_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     text = simulation.observation_3(simulation.observe(navigation, simulation.START + 30.0 * np.arange(20)))
     (tmp_path / "log").write_bytes(hatanaka.rnx2crx(text.encode()))
     assert len(read_observations(tmp_path / "log").t) > 0
-    monkeypatch.setattr("sensors.formats.packed.LARGEST", len(text) // 2)
-    monkeypatch.setattr("sensors.formats.packed.size_shown", str)
+    monkeypatch.setattr("sinan.sensors.formats.packed.LARGEST", len(text) // 2)
+    monkeypatch.setattr("sinan.sensors.formats.packed.size_shown", str)
     found = error(lambda: read_observations(tmp_path / "log"))
     assert f"more than {len(text) // 2}" in found
 
@@ -145,7 +145,7 @@ def test_compact_rinex_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_rinex_packed_by_compress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ncompress = pytest.importorskip("ncompress")
     (tmp_path / "log").write_bytes(ncompress.compress(b"0" * 5 * MIB))
-    monkeypatch.setattr("sensors.formats.packed.LARGEST", MIB)
+    monkeypatch.setattr("sinan.sensors.formats.packed.LARGEST", MIB)
     assert "more than 1 MiB once unfolded" in error(lambda: read_observations(tmp_path / "log"))
 
 
@@ -194,7 +194,7 @@ def test_text_cells_of_columns_that_nobody_asked_for_are_not_kept(tmp_path: Path
     (tmp_path / "log").write_bytes((b"1" + b",a" * 200 + b"\n") * 40_000)
     code = (
         "import resource, sys\nfrom pathlib import Path\n"
-        "from sensors.formats.columns import FileOptions, read_columns\n"
+        "from sinan.sensors.formats.columns import FileOptions, read_columns\n"
         "import pandas\nbefore = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "n = len(read_columns(Path(sys.argv[1]), FileOptions(), {'1'})['1'])\n"
         "print(n, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
@@ -206,7 +206,7 @@ def test_text_cells_of_columns_that_nobody_asked_for_are_not_kept(tmp_path: Path
 
 
 def test_numbers_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sensors.formats.packed.MOST_NUMBERS", 20)
+    monkeypatch.setattr("sinan.sensors.formats.packed.MOST_NUMBERS", 20)
     rows = [ROW.replace("0", str(k), 1) for k in range(4)]
     assert "28 numbers; expected at most 20" in error(lambda: read_recording(imu(tmp_path, PLAIN, *rows)))
 
@@ -283,7 +283,7 @@ def test_bytes_count_as_the_doubles_that_they_become(tmp_path: Path) -> None:
 
 
 def test_numbers_of_a_matlab_file_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sensors.formats.packed.MOST_NUMBERS", 20)
+    monkeypatch.setattr("sinan.sensors.formats.packed.MOST_NUMBERS", 20)
     scipy.io.savemat(tmp_path / "a.mat", {"x": np.ones(11), "y": np.ones(11)}, do_compression=True)
     assert "22 numbers; expected at most 20" in error(lambda: open_log(tmp_path / "a.mat"))
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.arrays import FloatArray
-from sensors.camera import LOOKS_AHEAD, M2, Camera, Intrinsics
-from sensors.lenses import LENSES, bend, straighten
-from sensors.motion import Motion
-from sensors.rotation import matrix_from_quaternion, quaternion_from_rpy, rotation_exp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import LOOKS_AHEAD, M2, Camera, Intrinsics
+from sinan.sensors.lenses import LENSES, bend, straighten
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_rpy, rotation_exp
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "golden" / "camera_opencv.json").read_text())
 NANOPIXEL = 1e-9
@@ -135,7 +135,7 @@ def test_folding_counts_in_every_direction() -> None:
 
 
 def test_what_has_not_settled_is_not_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sensors.lenses._ROUNDS", 1)
+    monkeypatch.setattr("sinan.sensors.lenses._ROUNDS", 1)
     assert np.all(np.isnan(straighten(np.array([[0.5, 0.0], [-0.5, 0.0]]), np.array([-0.2, 0.0, 0.0, 0.0]))))
     for off in (0.5, -0.5):
         camera = Intrinsics(np.ones(2), np.zeros(2), "fisheye", np.array([np.sign(off) * 0.2]))

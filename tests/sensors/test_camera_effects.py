@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sensors.arrays import FloatArray
-from sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
-from sensors.effects import CATALOGUE, effect, effects_for
-from sensors.motion import Motion
-from sensors.rotation import matrix_from_quaternion, quaternion_exp, rotation_exp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
+from sinan.sensors.effects import CATALOGUE, effect, effects_for
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import matrix_from_quaternion, quaternion_exp, rotation_exp
 
 CENTRE, F, K = np.array([320.0, 242.0]), np.array([500.0, 505.0]), np.array([-0.1, 0.02, 1e-3, -2e-3, 0.0])
 L_B = np.array([0.2, -0.05, 0.1])

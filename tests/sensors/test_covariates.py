@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.scenarios import load_scenario
-from sensors.covariates import covariates_for
-from sensors.recording import Recording, Stream
-from sensors.simulate import simulate
-from sensors.vehicle import Vehicle
-from sensors.vibration import WINDOW, vibration_power
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.simulate import simulate
+from sinan.sensors.vehicle import Vehicle
+from sinan.sensors.vibration import WINDOW, vibration_power
 
 
 def test_each_sensor_has_its_own_temperature() -> None:

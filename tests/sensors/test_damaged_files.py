@@ -24,14 +24,14 @@ import numpy as np
 import pytest
 import scipy.io
 
-from experiments.gnss_reference import read_reference
-from experiments.scenarios import load_scenario
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.choice import Choice
-from sensors.formats.plain import read_recording, write_recording
-from sensors.formats.rinex import read_navigation, read_observations
-from sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
+from sinan.experiments.gnss.reference import read_reference
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.plain import read_recording, write_recording
+from sinan.sensors.formats.rinex import read_navigation, read_observations
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, SensorSpec, Stream
 from tests.estimator import gnss_simulation as simulation
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_formats_logs as logs

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import facts_of, open_log
-from sensors.formats.choice import Choice
-from sensors.recording import ACCEL, GYRO, POSITION, VELOCITY
-from sensors.rotation import matrix_from_quaternion, rpy_from_quaternion
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of, open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.recording import ACCEL, GYRO, POSITION, VELOCITY
+from sinan.sensors.rotation import matrix_from_quaternion, rpy_from_quaternion
 
 GRAVITY = 9.80665
 START = 1_403_636_579_758_555_392

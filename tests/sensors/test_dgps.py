@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.location import locate
-from sensors import dgps
-from sensors.errors import InputError
-from sensors.pseudorange import Pseudoranges, pseudoranges
+from sinan.estimator.positioning.location import locate
+from sinan.sensors import dgps
+from sinan.sensors.errors import InputError
+from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE, CENTIMETRE = 1e-3, 1e-2

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensors import dgps
-from sensors.arrays import FloatArray
-from sensors.constants import SPEED_OF_LIGHT
-from sensors.dgps import Corrections
-from sensors.errors import InputError
-from sensors.formats.rinex_text import WEEK
-from sensors.pseudorange import Pseudoranges, pseudoranges
+from sinan.sensors import dgps
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.dgps import Corrections
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.rinex_text import WEEK
+from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3

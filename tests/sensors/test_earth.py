@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensors.earth import normal_gravity
+from sinan.sensors.earth import normal_gravity
 
 MICROGAL = 1e-8  # m/s^2
 

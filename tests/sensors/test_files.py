@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from sensors import files
-from sensors.errors import InputError
-from sensors.files import new_file, new_folder, together, write_bytes, write_text
+from sinan.sensors import files
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import new_file, new_folder, together, write_bytes, write_text
 from tests.killing import killed, no_file_beyond
 
 OLD, NEW = "old\n" * 300, "new\n" * 300

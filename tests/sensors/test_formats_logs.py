@@ -12,14 +12,14 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.datasets import resolve
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.columns import FileOptions, content_of, read_columns
-from sensors.formats.matlab import read_matlab
-from sensors.formats.mwlog import read_mwlog
-from sensors.formats.records import RecordLayout, read_records
-from sensors.formats.ubx import read_ubx
+from sinan.experiments.datasets import resolve
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.columns import FileOptions, content_of, read_columns
+from sinan.sensors.formats.matlab import read_matlab
+from sinan.sensors.formats.mwlog import read_mwlog
+from sinan.sensors.formats.records import RecordLayout, read_records
+from sinan.sensors.formats.ubx import read_ubx
 
 POSES = np.array([[0.0, 0.0, -9.8], [9.8, 0.0, 0.0], [0.0, 9.8, 0.1], [0.0, -9.8, 0.2]])
 
@@ -178,7 +178,7 @@ def test_matlab_dimensions_beyond_the_data(tmp_path: Path) -> None:
 
 
 def test_matlab_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sensors.formats.matlab.UNFOLDED_LIMIT", 10_000)
+    monkeypatch.setattr("sinan.sensors.formats.matlab.UNFOLDED_LIMIT", 10_000)
     scipy.io.savemat(tmp_path / "a.mat", {"mag": np.zeros((3, 10_000))}, do_compression=True)
     assert "in compressed elements" in message(tmp_path / "a.mat")
 
@@ -390,7 +390,7 @@ def test_compressed_text_damaged(tmp_path: Path, content: bytes) -> None:
 def test_compressed_text_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import gzip
 
-    monkeypatch.setattr("sensors.formats.packed.LARGEST", 1000)
+    monkeypatch.setattr("sinan.sensors.formats.packed.LARGEST", 1000)
     (tmp_path / "a").write_bytes(gzip.compress(b"0" * 100_000))
     with pytest.raises(InputError, match="once unfolded"):
         read_columns(tmp_path / "a", FileOptions(), {"1"})

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording
 
 ROUNDING = 1e-12
 TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"

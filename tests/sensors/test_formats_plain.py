@@ -11,10 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.plain import read_recording, write_recording
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, Environment, Initial, Recording, SensorSpec, Stream, Truth
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.plain import read_recording, write_recording
+from sinan.sensors.recording import (
+    ACCEL,
+    GYRO,
+    MAG,
+    POSITION,
+    Environment,
+    Initial,
+    Recording,
+    SensorSpec,
+    Stream,
+    Truth,
+)
 
 MILLIMETRE = 1e-3
 FLIGHT = 'format = 1\nkind = "flight"\n'

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensors.arrays import FloatArray
-from sensors.errors import InputError
-from sensors.formats.plausible import check_field, check_units
-from sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
-from sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plausible import check_field, check_units
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
 RATE = 100.0
 

@@ -7,7 +7,7 @@ from datetime import date
 import numpy as np
 import pytest
 
-from sensors.geomagnetism import decimal_year, declination, earth_field
+from sinan.sensors.geomagnetism import decimal_year, declination, earth_field
 
 NANOTESLA = 1e-9  # T
 HALF_A_DAY = 0.2 * NANOTESLA  # change of the field between midnight and noon

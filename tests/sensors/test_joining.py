@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.filter import run_filter
-from estimator.flight_model import flight_model
-from sensors.errors import InputError
-from sensors.joining import joined
-from sensors.recording import Initial, SensorSpec
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.errors import InputError
+from sinan.sensors.joining import joined
+from sinan.sensors.recording import Initial, SensorSpec
 from tests.estimator.analytic_flight import fly
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.laser import (
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.laser import (
     Laser,
     course_scan_error,
     ground_points,
@@ -18,10 +18,10 @@ from sensors.laser import (
     scan_range_of_the_course,
     slant_from_height,
 )
-from sensors.motion import Motion
-from sensors.ranging import tilt_compensated_height
-from sensors.rotation import quaternion_from_rpy
-from sensors.simulate import simulate
+from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import tilt_compensated_height
+from sinan.sensors.rotation import quaternion_from_rpy
+from sinan.sensors.simulate import simulate
 
 MICROMETRE, CENTIMETRE = 1e-6, 1e-2
 #: Not symmetric: a wrong sign of an angle cancels over a symmetric scan.

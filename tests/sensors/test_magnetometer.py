@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimator.alignment import attitude_from_vectors
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.magnetometer import Magnetometer, tilt_compensated_heading
-from sensors.motion import Motion
-from sensors.recording import MAG
-from sensors.rotation import quaternion_from_rpy, rpy_from_quaternion
-from sensors.simulate import simulate
+from sinan.estimator.filter.alignment import attitude_from_vectors
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.magnetometer import Magnetometer, tilt_compensated_heading
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import MAG
+from sinan.sensors.rotation import quaternion_from_rpy, rpy_from_quaternion
+from sinan.sensors.simulate import simulate
 
 MICRORADIAN = 1e-6
 FIELD = np.array([0.5, -0.06, 0.86])

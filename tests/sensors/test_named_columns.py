@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import open_log
-from sensors.formats.named_columns import Meaning, meaning
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, Recording
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import open_log
+from sinan.sensors.formats.named_columns import Meaning, meaning
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Recording
 
 GRAVITY = 9.80665
 

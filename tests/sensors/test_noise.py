@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sensors.noise import BiasProcess, colour, density_of, random_walk, sample_std
+from sinan.sensors.noise import BiasProcess, colour, density_of, random_walk, sample_std
 
 FALSE_ALARM = 1e-3
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.constants import SPEED_OF_LIGHT, WGS84_GM
-from sensors.effects import (
+from sinan.sensors.constants import SPEED_OF_LIGHT, WGS84_GM
+from sinan.sensors.effects import (
     effect,
     pseudorange_earth_rotation,
     pseudorange_group_delay,
@@ -17,11 +17,11 @@ from sensors.effects import (
     pseudorange_relativity,
     pseudorange_troposphere,
 )
-from sensors.ephemeris import geostationary, kepler_orbit, runge_kutta, satellite_states
-from sensors.formats.rinex import read_navigation
-from sensors.formats.rinex_text import WEEK, gps_seconds
-from sensors.motion import Motion
-from sensors.pseudorange import circumstances, full_size, pseudoranges
+from sinan.sensors.ephemeris import geostationary, kepler_orbit, runge_kutta, satellite_states
+from sinan.sensors.formats.rinex import read_navigation
+from sinan.sensors.formats.rinex_text import WEEK, gps_seconds
+from sinan.sensors.motion import Motion
+from sinan.sensors.pseudorange import circumstances, full_size, pseudoranges
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3

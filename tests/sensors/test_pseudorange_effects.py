@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensors.effects import effect
-from sensors.effects.pseudorange_ionosphere import klobuchar
-from sensors.effects.pseudorange_troposphere import zenith_delay
-from sensors.motion import Motion
+from sinan.sensors.effects import effect
+from sinan.sensors.effects.pseudorange_ionosphere import klobuchar
+from sinan.sensors.effects.pseudorange_troposphere import zenith_delay
+from sinan.sensors.motion import Motion
 
 MILLIMETRE = 1e-3
 

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensors.arrays import FloatArray
-from sensors.constants import SPEED_OF_LIGHT, WGS84_A
-from sensors.effects.pseudorange_troposphere import zenith_delay
-from sensors.formats.rinex import GLONASS, Navigation
-from sensors.formats.rinex_observation import Observations
-from sensors.formats.rinex_text import WEEK
-from sensors.motion import Motion
-from sensors.pseudorange import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import SPEED_OF_LIGHT, WGS84_A
+from sinan.sensors.effects.pseudorange_troposphere import zenith_delay
+from sinan.sensors.formats.rinex import GLONASS, Navigation
+from sinan.sensors.formats.rinex_observation import Observations
+from sinan.sensors.formats.rinex_text import WEEK
+from sinan.sensors.motion import Motion
+from sinan.sensors.pseudorange import (
     MODELLED,
     Pseudoranges,
     circumstances,

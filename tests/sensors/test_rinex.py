@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sensors.errors import InputError
-from sensors.formats.rinex import read_navigation, read_observations
-from sensors.formats.rinex_text import fixed_point
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats.rinex import read_navigation, read_observations
+from sinan.sensors.formats.rinex_text import fixed_point
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3  # m, the resolution of a RINEX pseudorange

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import facts_of, open_log
-from sensors.formats.choice import Choice
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
-from sensors.rotation import matrix_from_quaternion, rpy_from_quaternion
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of, open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sinan.sensors.rotation import matrix_from_quaternion, rpy_from_quaternion
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sensors.arrays import FloatArray
-from sensors.rotation import (
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.rotation import (
     cross,
     matrix_from_quaternion,
     quaternion_exp,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from experiments.scenarios import load_scenario, scenario_names
-from sensors.arrays import FloatArray
-from sensors.effects import CATALOGUE, effect
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
-from sensors.rotation import (
+from sinan.experiments.scenarios import load_scenario, scenario_names
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import CATALOGUE, effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_exp,
     quaternion_log,
@@ -22,8 +22,8 @@ from sensors.rotation import (
     rotate_back,
     rpy_from_quaternion,
 )
-from sensors.scenario import Instrument, Scenario
-from sensors.simulate import Present, simulate
+from sinan.sensors.scenario import Instrument, Scenario
+from sinan.sensors.simulate import Present, simulate
 
 NANORADIAN = 1e-9  # rad
 MICROMETRE = 1e-6  # m

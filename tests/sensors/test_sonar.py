@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.scenarios import load_scenario
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.rotation import quaternion_from_rpy
-from sensors.simulate import simulate
-from sensors.sonar import Sonar, range_from_time_of_flight
+from sinan.experiments.scenarios import load_scenario
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import quaternion_from_rpy
+from sinan.sensors.simulate import simulate
+from sinan.sensors.sonar import Sonar, range_from_time_of_flight
 
 SONAR = Sonar(0.03, minimum=0.5, maximum=8.0, beam_angle=np.deg2rad(30.0))
 

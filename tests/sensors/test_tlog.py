@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import facts_of, open_log
-from sensors.formats.choice import Choice
-from sensors.formats.columns import content_of
-from sensors.formats.mavlink_frames import read_telemetry
-from sensors.recording import ACCEL, GYRO, MAG
-from sensors.rotation import rpy_from_quaternion
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of, open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.columns import content_of
+from sinan.sensors.formats.mavlink_frames import read_telemetry
+from sinan.sensors.recording import ACCEL, GYRO, MAG
+from sinan.sensors.rotation import rpy_from_quaternion
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 START = 1_700_000_000_000_000

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.formats import facts_of, open_log
-from sensors.formats.choice import Choice
-from sensors.formats.logged import rising
-from sensors.formats.ulog_messages import read_topics
+from sinan.sensors.errors import InputError
+from sinan.sensors.formats import facts_of, open_log
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.logged import rising
+from sinan.sensors.formats.ulog_messages import read_topics
 
 WHOLE = "px4_esc_lidar_flight/esc_status_log.ulg"
 DAMAGED = "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg"

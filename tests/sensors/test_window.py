@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensors.errors import InputError
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, Initial, Recording, SensorSpec, Stream, Truth
-from sensors.window import WHOLE, between, span_words, window
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Initial, Recording, SensorSpec, Stream, Truth
+from sinan.sensors.window import WHOLE, between, span_words, window
 
 #: What the clock of the log shows at its first IMU sample [s].
 START = 1000.0

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.curves import Curve
-from experiments.blind.maker.turning import cross_rows, exp_rotation, mat_vec, vee
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.curves import Curve
+from sinan.experiments.blind.maker.turning import cross_rows, exp_rotation, mat_vec, vee
+from sinan.sensors.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Hand:
     gravity: float
 
     def __call__(self, t: FloatArray) -> Body:
-        from experiments.blind.maker.curves import Rise, rise_derivatives
+        from sinan.experiments.blind.maker.curves import Rise, rise_derivatives
 
         C = np.repeat(self.start[None], len(t), axis=0)
         w, dw = np.zeros((len(t), 3)), np.zeros((len(t), 3))

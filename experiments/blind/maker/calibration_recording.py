@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.blind.maker.body import Motion
-from experiments.blind.maker.catalogue import HAND, needed
-from experiments.blind.maker.curves import Curve, Sine
-from experiments.blind.maker.drawing import (
+from sinan.experiments.blind.maker.body import Motion
+from sinan.experiments.blind.maker.catalogue import HAND, needed
+from sinan.experiments.blind.maker.curves import Curve, Sine
+from sinan.experiments.blind.maker.drawing import (
     Made,
     Order,
     also_true,
@@ -19,19 +19,19 @@ from experiments.blind.maker.drawing import (
     draw_outside,
     draw_warm_up,
 )
-from experiments.blind.maker.flight_recording import CURRENT_NOISE, TEMPERATURE_NOISE, columns, logged
-from experiments.blind.maker.flights import draw_hand
-from experiments.blind.maker.instruments import Instrument, draw_imu, draw_mag, specs
-from experiments.blind.maker.measure import STAMP_DECIMALS, Plan, Reported, plain_reading, report, stamps
-from experiments.blind.maker.rough import Rough, draw_rough
-from experiments.blind.maker.scene import Scene, WarmUp
-from experiments.blind.maker.still import draw_poses, draw_tumbling
-from experiments.blind.maker.truth import hidden_on_clock, outside_on_clock, truth_stream
-from sensors.arrays import FloatArray
-from sensors.recording import ACCEL as ACCEL_COLUMNS
-from sensors.recording import GYRO as GYRO_COLUMNS
-from sensors.recording import MAG as MAG_COLUMNS
-from sensors.recording import Environment, Recording, SensorSpec, Stream
+from sinan.experiments.blind.maker.flight_recording import CURRENT_NOISE, TEMPERATURE_NOISE, columns, logged
+from sinan.experiments.blind.maker.flights import draw_hand
+from sinan.experiments.blind.maker.instruments import Instrument, draw_imu, draw_mag, specs
+from sinan.experiments.blind.maker.measure import STAMP_DECIMALS, Plan, Reported, plain_reading, report, stamps
+from sinan.experiments.blind.maker.rough import Rough, draw_rough
+from sinan.experiments.blind.maker.scene import Scene, WarmUp
+from sinan.experiments.blind.maker.still import draw_poses, draw_tumbling
+from sinan.experiments.blind.maker.truth import hidden_on_clock, outside_on_clock, truth_stream
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import ACCEL as ACCEL_COLUMNS
+from sinan.sensors.recording import GYRO as GYRO_COLUMNS
+from sinan.sensors.recording import MAG as MAG_COLUMNS
+from sinan.sensors.recording import Environment, Recording, SensorSpec, Stream
 
 #: How often noise levels are declared.
 DECLARED = 0.7

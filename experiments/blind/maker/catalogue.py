@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.turning import random_direction
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.turning import random_direction
+from sinan.sensors.arrays import FloatArray
 
 KINDS = ("flight", "hand", "accel_poses", "mag_poses", "gyro_turns")
 FLIGHT, HAND, ACCEL, MAG, TURNS = KINDS

@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 #: s(x) = 126 x^5 - 420 x^6 + 540 x^7 - 315 x^8 + 70 x^9: from 0 to 1 with four derivatives zero at both ends.
 STEP = Polynomial([0.0, 0.0, 0.0, 0.0, 0.0, 126.0, -420.0, 540.0, -315.0, 70.0])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.catalogue import (
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.catalogue import (
     CATALOGUE,
     FLIGHT,
     LOCAL_KINDS,
@@ -19,13 +19,13 @@ from experiments.blind.maker.catalogue import (
     draw_names,
     log_uniform,
 )
-from experiments.blind.maker.curves import Curve, Sine
-from experiments.blind.maker.instruments import Instrument
-from experiments.blind.maker.outside import DRAWERS, NEEDS, Outside, Setting
-from experiments.blind.maker.rough import Rough
-from experiments.blind.maker.scene import Scene, WarmUp
-from sensors.arrays import FloatArray
-from sensors.recording import Recording, Stream
+from sinan.experiments.blind.maker.curves import Curve, Sine
+from sinan.experiments.blind.maker.instruments import Instrument
+from sinan.experiments.blind.maker.outside import DRAWERS, NEEDS, Outside, Setting
+from sinan.experiments.blind.maker.rough import Rough
+from sinan.experiments.blind.maker.scene import Scene, WarmUp
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import Recording, Stream
 
 CLASSES = ("none", "one", "several", "outside")
 
@@ -152,7 +152,7 @@ def also_true(rough: Rough) -> tuple[str, ...]:
 
 def with_flight_needs(order: Order) -> frozenset[str]:
     """Covariates and sensors that an order's effects and disturbance need."""
-    from experiments.blind.maker.catalogue import needed
+    from sinan.experiments.blind.maker.catalogue import needed
 
     extra = {order.outside_needs} - {""} if order.kind == FLIGHT else set()
     return needed(order.names) | extra

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.catalogue import log_uniform
-from experiments.blind.maker.curves import Curve, Sine
-from experiments.blind.maker.drawing import (
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.catalogue import log_uniform
+from sinan.experiments.blind.maker.curves import Curve, Sine
+from sinan.experiments.blind.maker.drawing import (
     Made,
     Order,
     also_true,
@@ -20,9 +20,9 @@ from experiments.blind.maker.drawing import (
     draw_warm_up,
     with_flight_needs,
 )
-from experiments.blind.maker.flights import STYLES, TILTING, draw_multirotor
-from experiments.blind.maker.geodetic import to_geodetic
-from experiments.blind.maker.instruments import (
+from sinan.experiments.blind.maker.flights import STYLES, TILTING, draw_multirotor
+from sinan.experiments.blind.maker.geodetic import to_geodetic
+from sinan.experiments.blind.maker.instruments import (
     Instrument,
     draw_baro,
     draw_gps,
@@ -32,7 +32,7 @@ from experiments.blind.maker.instruments import (
     random_walk,
     specs,
 )
-from experiments.blind.maker.measure import (
+from sinan.experiments.blind.maker.measure import (
     READING_DECIMALS,
     STAMP_DECIMALS,
     Plan,
@@ -41,12 +41,12 @@ from experiments.blind.maker.measure import (
     report,
     stamps,
 )
-from experiments.blind.maker.rough import Rough, draw_rough
-from experiments.blind.maker.scene import Scene, Vibration
-from experiments.blind.maker.truth import hidden_on_clock, outside_on_clock, truth_stream
-from experiments.blind.maker.turning import exp_rotation, quaternion
-from sensors.arrays import FloatArray
-from sensors.recording import (
+from sinan.experiments.blind.maker.rough import Rough, draw_rough
+from sinan.experiments.blind.maker.scene import Scene, Vibration
+from sinan.experiments.blind.maker.truth import hidden_on_clock, outside_on_clock, truth_stream
+from sinan.experiments.blind.maker.turning import exp_rotation, quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import (
     ACCEL,
     GEODETIC,
     GYRO,

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from experiments.blind.maker.body import Hand, Multirotor
-from experiments.blind.maker.catalogue import log_uniform
-from experiments.blind.maker.curves import STEP_ACCELERATION, STEP_SPEED, Curve, Rise, Sine
-from experiments.blind.maker.turning import random_direction, random_rotation
+from sinan.experiments.blind.maker.body import Hand, Multirotor
+from sinan.experiments.blind.maker.catalogue import log_uniform
+from sinan.experiments.blind.maker.curves import STEP_ACCELERATION, STEP_SPEED, Curve, Rise, Sine
+from sinan.experiments.blind.maker.turning import random_direction, random_rotation
 
 #: No multirotor of the usual kind tilts further outside acrobatics, and a beam along body down loses the ground [rad].
 TILT_LIMIT = 0.9

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.scene import Surroundings
-from experiments.blind.maker.turning import cross_rows, exp_rotation, rot_z
-from sensors.arrays import FloatArray
-from sensors.constants import REFERENCE_TEMPERATURE
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.scene import Surroundings
+from sinan.experiments.blind.maker.turning import cross_rows, exp_rotation, rot_z
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import REFERENCE_TEMPERATURE
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import lfilter
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.forward import Forward, Seen, diagonal, warm
-from experiments.blind.maker.scene import Surroundings
-from experiments.blind.maker.turning import rot_x, rot_y
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.forward import Forward, Seen, diagonal, warm
+from sinan.experiments.blind.maker.scene import Surroundings
+from sinan.experiments.blind.maker.turning import rot_x, rot_y
+from sinan.sensors.arrays import FloatArray
 
 #: Height over which the rotors' wash dies out near the ground [m] (EFFECTS: baro.propwash).
 WASH_HEIGHT = 2.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
-from sensors.constants import WGS84_A, WGS84_INVERSE_FLATTENING
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import WGS84_A, WGS84_INVERSE_FLATTENING
 
 _E2 = (2.0 - 1.0 / WGS84_INVERSE_FLATTENING) / WGS84_INVERSE_FLATTENING
 

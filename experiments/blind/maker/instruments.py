@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from experiments.blind.maker.catalogue import log_uniform
-from sensors.arrays import FloatArray
-from sensors.recording import SensorSpec
+from sinan.experiments.blind.maker.catalogue import log_uniform
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import SensorSpec
 
 
 @dataclass(frozen=True)

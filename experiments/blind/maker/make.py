@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.blind.maker.calibration_recording import make_hand, make_poses, make_turns
-from experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, KINDS, MAG, TURNS
-from experiments.blind.maker.drawing import CLASSES, Made, Order, draw_order
-from experiments.blind.maker.flight_recording import make_flight
-from experiments.blind.maker.rough import WORLDS
-from sensors.errors import InputError
-from sensors.files import new_folder, together, write_text
-from sensors.formats.plain import write_recording
-from sensors.recording import Stream
+from sinan.experiments.blind.maker.calibration_recording import make_hand, make_poses, make_turns
+from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, KINDS, MAG, TURNS
+from sinan.experiments.blind.maker.drawing import CLASSES, Made, Order, draw_order
+from sinan.experiments.blind.maker.flight_recording import make_flight
+from sinan.experiments.blind.maker.rough import WORLDS
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import new_folder, together, write_text
+from sinan.sensors.formats.plain import write_recording
+from sinan.sensors.recording import Stream
 
 INDEX_FILE, ANSWER_FILE, TRUTH_FILE = "index.json", "answer.json", "truth.csv"
 MAKERS = {FLIGHT: make_flight, HAND: make_hand, ACCEL: make_poses, MAG: make_poses, TURNS: make_turns}

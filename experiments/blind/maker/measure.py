@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.catalogue import LOCAL_KINDS, OUTLIER_SIZE, Hidden
-from experiments.blind.maker.forward import VECTOR_EFFECTS, Seen
-from experiments.blind.maker.forward_heights import HEIGHT_EFFECTS, beam_range
-from experiments.blind.maker.instruments import Instrument, random_walk, white
-from experiments.blind.maker.outside import Outside
-from experiments.blind.maker.rough import Rough, isolated, jittered, markov, outside_gaps
-from experiments.blind.maker.scene import Scene
-from sensors.arrays import BoolArray, FloatArray
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.catalogue import LOCAL_KINDS, OUTLIER_SIZE, Hidden
+from sinan.experiments.blind.maker.forward import VECTOR_EFFECTS, Seen
+from sinan.experiments.blind.maker.forward_heights import HEIGHT_EFFECTS, beam_range
+from sinan.experiments.blind.maker.instruments import Instrument, random_walk, white
+from sinan.experiments.blind.maker.outside import Outside
+from sinan.experiments.blind.maker.rough import Rough, isolated, jittered, markov, outside_gaps
+from sinan.experiments.blind.maker.scene import Scene
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 FORWARD = {**VECTOR_EFFECTS, **HEIGHT_EFFECTS}
 #: Time stamps are written to the microsecond, readings to this many decimals.

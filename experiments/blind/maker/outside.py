@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, MAG, TURNS, log_uniform
-from experiments.blind.maker.forward import Seen
-from experiments.blind.maker.instruments import Instrument
-from experiments.blind.maker.scene import Scene
-from experiments.blind.maker.turning import random_direction
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, MAG, TURNS, log_uniform
+from sinan.experiments.blind.maker.forward import Seen
+from sinan.experiments.blind.maker.instruments import Instrument
+from sinan.experiments.blind.maker.scene import Scene
+from sinan.experiments.blind.maker.turning import random_direction
+from sinan.sensors.arrays import FloatArray
 
 Add = Callable[[str, Seen], FloatArray]
 Distort = Callable[[str, FloatArray, FloatArray], FloatArray]

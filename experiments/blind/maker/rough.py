@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from experiments.blind.maker.catalogue import log_uniform
-from experiments.blind.maker.instruments import Instrument
-from sensors.arrays import BoolArray, FloatArray
+from sinan.experiments.blind.maker.catalogue import log_uniform
+from sinan.experiments.blind.maker.instruments import Instrument
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 WORLDS = ("declared", "rough")
 #: Noise is off by up to a third either way.

@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from experiments.blind.maker.body import Body, Motion
-from experiments.blind.maker.curves import Curve
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.body import Body, Motion
+from sinan.experiments.blind.maker.curves import Curve
+from sinan.sensors.arrays import FloatArray
 
 #: Throttle at which a multirotor of usual thrust reserve hovers.
 HOVER_THROTTLE = 0.45

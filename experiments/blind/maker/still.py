@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.blind.maker.body import Body
-from experiments.blind.maker.curves import Curve, Sine
-from experiments.blind.maker.turning import exp_rotation, random_rotation
-from sensors.arrays import FloatArray
+from sinan.experiments.blind.maker.body import Body
+from sinan.experiments.blind.maker.curves import Curve, Sine
+from sinan.experiments.blind.maker.turning import exp_rotation, random_rotation
+from sinan.sensors.arrays import FloatArray
 
 
 def at_rest(t: FloatArray, C: FloatArray, gravity: float) -> Body:

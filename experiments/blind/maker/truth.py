@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.blind.maker.catalogue import Hidden
-from experiments.blind.maker.measure import STAMP_DECIMALS, Reported
-from experiments.blind.maker.outside import Outside
-from experiments.blind.maker.scene import Scene
-from experiments.blind.maker.turning import quaternion
-from sensors.arrays import FloatArray
-from sensors.recording import POSITION, VELOCITY, Stream
+from sinan.experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.maker.measure import STAMP_DECIMALS, Reported
+from sinan.experiments.blind.maker.outside import Outside
+from sinan.experiments.blind.maker.scene import Scene
+from sinan.experiments.blind.maker.turning import quaternion
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import POSITION, VELOCITY, Stream
 
 #: Rows a second: motion of a few hertz is linear between them to a centimetre.
 TRUTH_RATE = 50.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray
 
 
 def skew(v: FloatArray) -> FloatArray:

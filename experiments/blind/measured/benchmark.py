@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from experiments.blind.benchmark import kept_in, refused
-from experiments.blind.examine import examined
-from experiments.blind.grade import REFUSED
-from experiments.blind.maker.catalogue import Hidden
-from experiments.blind.measured.draw import PUT, draw, sized
-from experiments.blind.measured.grade import grade
-from experiments.blind.measured.knowing import gain
-from experiments.blind.measured.minute import Minute, minute_of, put, rng_of
-from experiments.datasets import resolve
-from experiments.measured.flights import LOGS
-from experiments.processes import in_processes
-from experiments.report.files import write_json
-from experiments.stopping import going_on
-from sensors.errors import InputError
-from sensors.recording import Recording
+from sinan.experiments.blind.benchmark import kept_in, refused
+from sinan.experiments.blind.examine import examined
+from sinan.experiments.blind.grade import REFUSED
+from sinan.experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.measured.draw import PUT, draw, sized
+from sinan.experiments.blind.measured.grade import grade
+from sinan.experiments.blind.measured.knowing import gain
+from sinan.experiments.blind.measured.minute import Minute, minute_of, put, rng_of
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.flights import LOGS
+from sinan.experiments.report.files import write_json
+from sinan.experiments.workers.processes import in_processes
+from sinan.experiments.workers.stopping import going_on
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
 
 CONTROLS, RUNS = "controls", "runs"
 #: What a tracer may say instead of a report.

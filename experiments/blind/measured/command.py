@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.blind.measured import benchmark
-from experiments.blind.measured.page import page, rates, sizes_of
-from experiments.blind.rates import shown
-from experiments.measured.flights import LOGS
-from experiments.report.console import progress
-from experiments.report.files import write_json
-from sensors.errors import InputError
-from sensors.files import together, write_text
+from sinan.experiments.blind.measured import benchmark
+from sinan.experiments.blind.measured.page import page, rates, sizes_of
+from sinan.experiments.blind.rates import shown
+from sinan.experiments.measured.flights import LOGS
+from sinan.experiments.report.console import progress
+from sinan.experiments.report.files import write_json
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import together, write_text
 
 
 def run(out: Path, runs: int, seed: int, logs: Sequence[str], workers: int, table: Path | None) -> str:

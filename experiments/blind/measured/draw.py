@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.blind.maker.catalogue import (
+from sinan.experiments.blind.maker.catalogue import (
     CATALOGUE,
     LOCAL_STREAMS,
     OUTLIER_SHARE,
@@ -16,10 +16,10 @@ from experiments.blind.maker.catalogue import (
     draw_interval,
     log_uniform,
 )
-from experiments.blind.maker.turning import random_direction
-from experiments.blind.measured.minute import Minute, lasting, local, wander_of
-from sensors.arrays import FloatArray
-from sensors.effects.streams import STREAMS
+from sinan.experiments.blind.maker.turning import random_direction
+from sinan.experiments.blind.measured.minute import Minute, lasting, local, wander_of
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.streams import STREAMS
 
 #: Sizes of lasting effects in units of what the control's report says is detectable.
 SIZES = (0.5, 1.0, 2.0, 4.0)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.blind.grade import deviation, effects_of, is_same, names_of
-from experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.grade import deviation, effects_of, is_same, names_of
+from sinan.experiments.blind.maker.catalogue import Hidden
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.filter import run_filter
-from experiments.blind.maker.catalogue import Hidden
-from experiments.blind.measured.minute import Minute, put
-from sensors.effects import effect
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.measured.minute import Minute, put
+from sinan.sensors.effects import effect
 
 
 def gain(minute: Minute, hidden: Hidden) -> float | None:

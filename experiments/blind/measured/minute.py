@@ -14,10 +14,11 @@ from zlib import crc32
 
 import numpy as np
 
-from estimator.events import height_of, position_of
-from experiments.blind.maker.catalogue import CATALOGUE, LOCAL_KINDS, Hidden, log_uniform
-from experiments.blind.maker.drawing import draw_warm_up
-from experiments.blind.maker.flight_recording import (
+from sinan.calibration.levels.preparation import Prepared, settled
+from sinan.estimator.filter.events import height_of, position_of
+from sinan.experiments.blind.maker.catalogue import CATALOGUE, LOCAL_KINDS, Hidden, log_uniform
+from sinan.experiments.blind.maker.drawing import draw_warm_up
+from sinan.experiments.blind.maker.flight_recording import (
     CURRENT_NOISE,
     IDLE,
     LOAD,
@@ -25,17 +26,16 @@ from experiments.blind.maker.flight_recording import (
     draw_payload,
     logged,
 )
-from experiments.blind.maker.forward import Seen
-from experiments.blind.maker.measure import DELAYS, FORWARD, local_offset
-from experiments.blind.maker.scene import POWER_EXPONENT
-from experiments.blind.measured.surroundings import Along, along
-from experiments.blind.measured.wander import errors, imu_wander, scatter, wander
-from experiments.measured.minutes import lively_starts
-from experiments.measured.preparation import Prepared, settled
-from sensors.arrays import FloatArray
-from sensors.constants import STANDARD_GRAVITY
-from sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
-from sensors.window import between
+from sinan.experiments.blind.maker.forward import Seen
+from sinan.experiments.blind.maker.measure import DELAYS, FORWARD, local_offset
+from sinan.experiments.blind.maker.scene import POWER_EXPONENT
+from sinan.experiments.blind.measured.surroundings import Along, along
+from sinan.experiments.blind.measured.wander import errors, imu_wander, scatter, wander
+from sinan.experiments.measured.minutes import lively_starts
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.constants import STANDARD_GRAVITY
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.window import between
 
 #: Length of a minute, the step of its possible starts, and what is kept on either side for readings that come late [s].
 LENGTH, EVERY, MARGIN = 60.0, 30.0, 5.0

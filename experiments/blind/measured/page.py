@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from estimator.score import DETECTABLE_LAMBDA
-from experiments.blind.grade import REFUSED, SIGMAS
-from experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, detectable
-from experiments.blind.rates import count, shown
-from experiments.report.words import number
-from sensors.arrays import FloatArray
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
+from sinan.experiments.blind.grade import REFUSED, SIGMAS
+from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, detectable
+from sinan.experiments.blind.rates import count, shown
+from sinan.experiments.report.words import number
+from sinan.sensors.arrays import FloatArray
 
 #: By "seed log" and effect, what is detectable of each component; None: nothing.
 Sizes = Mapping[str, Mapping[str, Sequence[float | None]]]

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import savgol_filter
 
-from estimator.smoother import estimated_motion
-from experiments.blind.maker.body import Body
-from experiments.measured.preparation import Prepared
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.recording import ACCEL, Recording, Stream
-from sensors.rotation import matrix_from_quaternion
+from sinan.calibration.levels.preparation import Prepared
+from sinan.estimator.filter.smoother import estimated_motion
+from sinan.experiments.blind.maker.body import Body
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.rotation import matrix_from_quaternion
 
 #: Rates are smoothed by parabolas over so long before their slope is taken [s]; three samples are the least, which
 #: leave them as they are.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimator.flight_model import FlightModel
-from sensors.arrays import FloatArray
-from sensors.motion import Motion
-from sensors.recording import SensorSpec
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import SensorSpec
 
 #: Median absolute deviation of a normal number of variance one.
 MAD = 0.6745

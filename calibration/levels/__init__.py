@@ -1,0 +1,1 @@
+"""What a log does not declare: noise, colour, field, heading."""

@@ -1,0 +1,387 @@
+"""Everything about a flight that its recording does not declare, as parameters with priors: the likeliest of them.
+
+reading = truth + bias (random walk) + first-order colour + white noise. What a class of instruments is known to do is
+the prior of each size: a median, and how far it is off in the logarithm. The log-likelihood of the filter's innovations
+and the priors together are maximised, with the exact gradient of `estimator.evidence.level_scores`. What is declared
+stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import field as default
+
+import numpy as np
+
+from sinan.calibration.levels.noise_start import datum, imu_density, reading_noise, readings_of
+from sinan.estimator.evidence.level_scores import LevelScores, level_scores
+from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import height_of
+from sinan.estimator.filter.flight_model import FlightModel, InStep, flight_model
+from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
+from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.tails import log_density
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.bounds import Bounds
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
+
+#: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
+#: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
+TAIL = 4.0
+#: How far the stamps of a magnetometer may be off those of the gyroscope [s]: a reading of its register and a filter.
+STAMP_STD = 0.01
+
+
+#: Iterations of the search: it gains less than a tenth of log L in each from there on.
+MOST = 20
+#: Zeros of two height sensors that differ by less are the same [m].
+SAME_ZERO = 0.5
+#: Step of the differences that give the slope by a time, in its spread.
+STEP = 0.1
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size that nobody declared.
+
+    Attributes
+    ----------
+    sensor, key : such as ("gps", "colour_std"); of noise in step with the motion ("in_step", "gyro"), of a bound
+        ("bounds", "place")
+    median : of the prior
+    spread : standard deviation of its logarithm in the prior; of a time ("latency", "gps") of itself
+    linear : it is a time, not a size
+    """
+
+    sensor: str
+    key: str
+    median: float
+    spread: float
+    linear: bool = False
+
+    def at(self, theta: float) -> float:
+        """The size at so many spreads from its median."""
+        return self.median + self.spread * theta if self.linear else self.median * float(np.exp(self.spread * theta))
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Sizes of everything that is not told, and the model that they make.
+
+    Attributes
+    ----------
+    specs : by sensor, complete
+    in_step : noise of the IMU that goes with the motion
+    bounds : of the motion, where no position is measured
+    m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
+    tail, stamp_std : see `FlightModel`
+    found : the sizes that the log gave, with their 1-sigma in the logarithm where it is known
+    log_posterior : of the log at these sizes
+    """
+
+    specs: Mapping[str, SensorSpec]
+    in_step: InStep
+    bounds: Bounds | None
+    m_n: FloatArray | None
+    field: FloatArray | None
+    tail: float | None
+    stamp_std: float
+    latency: Mapping[str, float] = default(default_factory=dict)
+    found: tuple[Size, ...] = ()
+    log_posterior: float = float("nan")
+
+    def model(self, recording: Recording) -> FlightModel:
+        """The model of a recording with these sizes."""
+        return flight_model(
+            recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
+            field=self.field, tail=self.tail, stamp_std=self.stamp_std, gate_level=None, latency=self.latency,
+        )  # fmt: skip
+
+    def with_size(self, size: Size, value: float) -> Levels:
+        """With another value of one size."""
+        if size.sensor == "in_step":
+            return replace(self, in_step=replace(self.in_step, **{size.key: value}))
+        if size.sensor == "latency":
+            return replace(self, latency={**self.latency, size.key: value})
+        if size.sensor == "bounds":
+            assert self.bounds is not None
+            return replace(self, bounds=replace(self.bounds, **{size.key: value}))
+        spec = replace(self.specs[size.sensor], **{size.key: value})  # type: ignore[arg-type]
+        return replace(self, specs={**self.specs, size.sensor: spec})
+
+    def value(self, size: Size) -> float:
+        """Of one size."""
+        if size.sensor == "latency":
+            return self.latency[size.key]
+        holder = {"in_step": self.in_step, "bounds": self.bounds}.get(size.sensor) or self.specs[size.sensor]
+        return float(getattr(holder, size.key))
+
+
+#: What the scale, the axes and the lever arm of a consumer IMU make of a hand's motion, as white noise; where no
+#: position is measured nothing in the log tells it from the motion [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)].
+OF_THE_MOTION = {"accel": 0.05, "gyro": 1e-3}
+
+
+def sizes_of(recording: Recording) -> list[Size]:
+    """The sizes that the recording does not declare, with their priors."""
+    streams = recording.streams
+    sizes: list[Size] = []
+    unaided = 0.0 if "gps" in streams else 1.0
+    for name, columns, bias, walk in (("accel", ACCEL, 0.05, 1e-3), ("gyro", GYRO, 0.01, 3e-5)):
+        density = float(np.hypot(imu_density(recording, columns), unaided * OF_THE_MOTION[name]))
+        sizes += [
+            Size(name, "noise_density", density, 1.0),
+            Size(name, "bias_std", bias, 0.7),
+            Size(name, "bias_walk", walk, 1.0),
+            Size("in_step", name, 1.0 / 6.0, 0.7),
+        ]
+    sizes.append(Size("in_step", "rate", 0.004, 0.7))
+    if "mag" in streams:
+        m = streams["mag"].array(MAG)
+        norm = float(np.median(np.linalg.norm(m, axis=1)))
+        sizes += [
+            Size("mag", "noise_std", max(reading_noise(m), (0.065 if unaided else 0.01) * norm), 1.0),
+            Size("mag", "colour_std", 0.045 * norm, 0.7),
+            Size("mag", "colour_time", 3.0, 0.7),
+            Size("mag", "bias_std", 0.06 * norm, 0.7),
+            Size("latency", "mag", 0.01, 0.01, linear=True),
+        ]
+    if "baro" in streams:
+        sizes += [
+            Size("baro", "noise_std", reading_noise(height_of(recording)[:, None]), 1.0),
+            Size("baro", "colour_std", 0.2, 1.0),
+            Size("baro", "colour_time", 3.0, 1.0),
+            Size("baro", "bias_walk", 0.03, 1.0),
+        ]
+    for name in ("sonar", "laser"):
+        if name in streams:
+            sizes += [
+                Size(name, "noise_std", reading_noise(readings_of(recording, name)), 1.0),
+                Size(name, "colour_std", 0.05, 1.0),
+                Size(name, "colour_time", 1.0, 1.0),
+            ]
+    if "gps" in streams:
+        white = reading_noise(readings_of(recording, "gps"))
+        sizes += [Size("gps", "noise_std", white, 1.0)]
+        sizes += [Size("gps", "colour_std", max(0.2, 2.0 * white), 1.5), Size("gps", "colour_time", 2.0, 1.0)]
+        if streams["gps"].has(VELOCITY):
+            white = reading_noise(readings_of(recording, "gps", "velocity_noise_std"))
+            sizes += [Size("gps", "velocity_noise_std", white, 1.0)]
+            sizes += [Size("gps", "velocity_colour_std", max(0.1, 2.0 * white), 1.5)]
+        sizes += [Size("gps", "bias_walk", 0.05, 1.0), Size("latency", "gps", 0.1, 0.1, linear=True)]
+    else:
+        sizes += [Size("bounds", "place", 0.5, 1.0), Size("bounds", "speed", 1.0, 1.0)]
+    return [size for size in sizes if not _declared(recording, size)]
+
+
+def _declared(recording: Recording, size: Size) -> bool:
+    """Whether the recording says the size, or says white noise alone."""
+    if size.sensor == "in_step":
+        name = "gyro" if size.key == "rate" else size.key
+        return recording.spec(name).noise_density is not None
+    if size.sensor == "bounds":
+        return False
+    if size.sensor == "latency":
+        return recording.spec(size.key).noise_std is not None or size.key in declared_lateness(recording)
+    spec = recording.spec(size.sensor)
+    if size.key in ("colour_std", "colour_time", "velocity_colour_std"):
+        return spec.noise_std is not None
+    return getattr(spec, size.key) is not None
+
+
+def declared_lateness(recording: Recording) -> dict[str, float]:
+    """By stream, how late its stamps are where that is among the declared effects [s].
+
+    Levels are found with it, but the filter's model must not have it: declared effects are added to that.
+    """
+    late = {name: beta[0] for name, beta in recording.effects.items() if name.endswith((".latency", ".time_offset"))}
+    return {name.split(".")[0]: value for name, value in late.items()}
+
+
+def first_levels(
+    recording: Recording, sizes: Sequence[Size], m_n: FloatArray | None, field: FloatArray | None
+) -> Levels:
+    """All sizes at the medians of their priors."""
+    specs = {name: recording.spec(name) for name in ("accel", "gyro", "gps", "mag", "baro", "sonar", "laser", "base")}
+    undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency"}
+    if "gps" in recording.streams and specs["gps"].bias_std is None:
+        specs["gps"] = replace(specs["gps"], bias_std=2.0)
+    for name in ("baro", "sonar", "laser"):
+        if name in recording.streams and specs[name].bias_std is None and name in undeclared:
+            std = float(np.hypot(2.0 if name == "baro" else 0.0, datum(recording, name)))
+            walk = specs[name].bias_walk or 0.0
+            specs[name] = replace(specs[name], bias_std=std if std > SAME_ZERO else 0.0, bias_walk=walk)
+    if "mag" in recording.streams and specs["mag"].bias_walk is None:
+        specs["mag"] = replace(specs["mag"], bias_walk=0.0)
+    levels = Levels(
+        specs, InStep(), None if "gps" in recording.streams else Bounds(1.0, 1.0), m_n, field,
+        TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0, declared_lateness(recording),
+    )  # fmt: skip
+    for size in sizes:
+        levels = levels.with_size(size, size.median)
+    return levels
+
+
+class Problem:
+    """Log-posterior over theta: (log value - log median) / spread of each size."""
+
+    def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
+        self.recording, self.sizes, self.first = recording, tuple(sizes), first
+        self.runs = 0
+
+    def levels(self, theta: FloatArray) -> Levels:
+        """Sizes at theta."""
+        levels = self.first
+        for size, x in zip(self.sizes, theta, strict=True):
+            levels = levels.with_size(size, size.at(float(x)))
+        return levels
+
+    def inputs(self, levels: Levels) -> RunInputs:
+        """What the filter runs on."""
+        return prepare(self.recording, levels.model(self.recording))
+
+    def value(self, theta: FloatArray) -> float:
+        """Log-posterior by a forward pass alone."""
+        self.runs += 1
+        journal = run(self.inputs(self.levels(theta)), "numba", 0)
+        return journal.log_likelihood - 0.5 * float(theta @ theta)
+
+    def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Log-posterior and its gradient."""
+        self.runs += 3
+        levels = self.levels(theta)
+        inputs = self.inputs(levels)
+        scores = level_scores(inputs)
+        value = student(inputs, scores)
+        gradient = np.zeros(len(theta))
+        for i, size in enumerate(self.sizes):
+            if size.key == "colour_time" or size.linear:
+                shifted = theta.copy()
+                shifted[i] += STEP
+                other = run(self.inputs(self.levels(shifted)), "numba", 0).log_likelihood
+                gradient[i] = (other - value) / STEP
+            else:
+                gradient[i] = size.spread * slope(inputs, scores, levels, size)
+        return value - 0.5 * float(theta @ theta), gradient - theta
+
+    def maximise(self, theta: FloatArray, most: int = 25) -> tuple[FloatArray, float]:
+        """Quasi-Newton; the best point that was seen."""
+        from scipy.optimize import minimize
+
+        best: list[object] = [-np.inf, theta]
+
+        def negative(x: FloatArray) -> tuple[float, FloatArray]:
+            try:
+                value, gradient = self.value_and_gradient(x)
+            except InputError:
+                return 1e12, np.zeros(len(x))
+            if value > best[0]:  # type: ignore[operator]
+                best[:] = [value, x.copy()]
+            return -value, -gradient
+
+        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(theta),
+                 options={"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5})  # fmt: skip
+        return best[1], float(best[0])  # type: ignore[return-value, arg-type]
+
+
+def student(inputs: RunInputs, scores: LevelScores) -> float:
+    """Log-likelihood of a run with scores, by the law that the model gives its innovations."""
+    events = inputs.events
+    used = scores.loglik != 0.0
+    m = np.diff(events.row)[used]
+    return float(
+        np.sum(log_density(inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]))
+    )
+
+
+_ROWS = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}
+
+
+def slope(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
+    """d log L / d log of a size."""
+    model, imu, events = inputs.model, inputs.imu, inputs.events
+    layout = model.layout
+    if size.sensor in ("accel", "gyro") and size.key == "noise_density":
+        q, by = (imu.q_accel, scores.q_accel) if size.sensor == "accel" else (imu.q_gyro, scores.q_gyro)
+        own = levels.value(size) ** 2
+        return float(2.0 * np.sum(by * np.minimum(own, q)))
+    if size.sensor == "in_step":
+        u, only = imu.u, InStep(**{size.key: levels.value(size)})
+        if size.key == "accel":
+            return float(np.sum(scores.q_accel * in_step_accel(imu.t, u, only)))
+        factor = 2.0 if size.key == "rate" else 1.0
+        return float(factor * np.sum(scores.q_gyro * in_step_gyro(imu.t, u, only)))
+    if size.sensor == "bounds" or size.key in _ROWS:
+        name = size.key if size.sensor == "bounds" else size.sensor
+        if name not in events.sensors:
+            return 0.0
+        k = np.flatnonzero(events.sensor == events.sensors.index(name))
+        width = model.sensors[name].size
+        columns = np.arange(width)[_ROWS.get(size.key, slice(None))] if name == "gps" else np.arange(width)
+        rows = (events.row[k][:, None] + columns).ravel()
+        return float(2.0 * np.sum(scores.r[rows]) * levels.value(size) ** 2)
+    kinds = {"colour_std": "c_", "velocity_colour_std": "c_", "bias_std": "b_", "bias_walk": "b_"}
+    block = kinds[size.key] + size.sensor
+    block += "_velocity" if size.key == "velocity_colour_std" else ""
+    if not layout.has(block):
+        return 0.0
+    walk = 2.0 * float(np.sum(scores.bias[layout.slice(block)])) if size.key != "bias_std" else 0.0
+    return walk + _slope_of_start(inputs, scores, levels, size)
+
+
+def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
+    """What the first covariance contributes: tr(d P0 / d log size  1/2 (r0 r0' - N0))."""
+    if size.key == "bias_walk":
+        return 0.0
+    other = levels.with_size(size, levels.value(size) * 1.01).model(inputs.recording)
+    _, P = first_state(inputs.recording, other)
+    return float(np.sum((P - inputs.P) * scores.start) / np.log(1.01))
+
+
+def fit_levels(
+    recording: Recording, m_n: FloatArray | None = None, field: FloatArray | None = None, most: int = MOST
+) -> Levels:
+    """The likeliest sizes of what a flight does not declare.
+
+    Parameters
+    ----------
+    m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
+    most : iterations
+    """
+    sizes = sizes_of(recording)
+    first = first_levels(recording, sizes, m_n, field)
+    if "gps" not in recording.streams:
+        first = widest_bounds_needed(recording, first)
+        sizes = [size for size in sizes if is_told_without_position(size)]
+    if not sizes:
+        return first
+    problem = Problem(recording, sizes, first)
+    theta, value = problem.maximise(np.zeros(len(sizes)), most)
+    return replace(problem.levels(theta), found=tuple(sizes), log_posterior=value)
+
+
+#: Bounds that are tried: those of a hand, a swing or a robot arm, and so many times as wide.
+HAND, WIDER = Bounds(0.5, 1.0), (1.0, 3.0, 10.0, 30.0, 100.0)
+
+
+def widest_bounds_needed(recording: Recording, levels: Levels) -> Levels:
+    """With the likeliest of the bounds on place and speed: each alone may be so wide that it says nothing."""
+    tried = []
+    for place in WIDER:
+        for speed in WIDER[:3]:
+            bounds = Bounds(HAND.place * place, HAND.speed * speed)
+            one = replace(levels, bounds=bounds)
+            tried.append((run(prepare(recording, one.model(recording)), "numba", 0).log_likelihood, one))
+    return max(tried, key=lambda pair: pair[0])[1]
+
+
+def is_told_without_position(size: Size) -> bool:
+    """Whether a log without position tells a size.
+
+    Its innovations are colour on the scale of the motion, of which the one-step likelihood makes instruments that are
+    too good; a time is told by the motion itself, and a height sensor's noise by the sensor.
+    """
+    return size.sensor in ("latency", "baro", "sonar", "laser") or (size.sensor, size.key) == ("mag", "bias_std")

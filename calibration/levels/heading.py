@@ -1,0 +1,62 @@
+"""The first heading of a log without a magnetometer: the one that makes its flight likeliest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import collect
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.inputs import prepare
+from sinan.sensors.recording import Recording, SensorSpec
+from sinan.sensors.rotation import quaternion_multiply
+
+#: Headings that are tried [rad] and the step of the second round: a filter started within 10 deg
+#: finds home.
+COARSE, FINE = np.deg2rad(20.0), np.deg2rad(4.0)
+#: What the search leaves, about each axis [rad].
+LEFT = np.deg2rad(5.0)
+#: Readings with a smaller tail probability of their NIS weigh less: far from the right heading most of them do.
+OUTLIER_LEVEL = 1e-3
+
+
+def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recording:
+    """The recording with the first attitude that its GPS and IMU agree on best; unchanged where a compass shows it.
+
+    The filter runs once for each of 18 headings about the vertical of the first second, and again about the best one.
+    Its linearisation does not find the way from a heading that is half a circle off.
+
+    Parameters
+    ----------
+    recording : a flight with GPS
+    specs : noise levels
+    """
+    initial = recording.initial
+    if "mag" in recording.streams or "gps" not in recording.streams or initial.quaternion is not None:
+        return recording
+    model = flight_model(recording, specs=specs, gate_level=None, robust_level=OUTLIER_LEVEL)
+    events = collect(recording, model)
+    x, _ = first_state(recording, model)
+
+    def turned(heading: float) -> Recording:
+        turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])
+        first = replace(initial, quaternion=quaternion_multiply(turn, x[6:10]), attitude_std=LEFT)
+        return recording.replace(initial=first)
+
+    def surprise(heading: float) -> float:
+        """Bounded NIS and log |S|; the readings that `OUTLIER_LEVEL` calls outliers count with a logarithm."""
+        journal = run(prepare(turned(heading), model, events=events), "numba", stride=0)
+        limit = np.array([model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
+        over = np.maximum(journal.nis / limit, 1.0)
+        bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
+        return float(np.sum((bounded - journal.nis - 2.0 * journal.loglik)[journal.accepted]))
+
+    best = min(np.arange(0.0, 2.0 * np.pi, COARSE), key=surprise)
+    best = min(best + np.arange(-0.5 * COARSE, 0.5 * COARSE + 1e-9, FINE), key=surprise)
+    found = turned(float(best))
+    note = f"heading: {np.rad2deg(best) % 360.0:.0f} deg about the first vertical is the likeliest"
+    return found.replace(notes=(*recording.notes, note))

@@ -1,0 +1,146 @@
+"""First guesses of noise levels from the readings alone: still stretches, differences, resolution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sinan.calibration.levels.allan import white_density
+from sinan.calibration.poses.segments import still_rows
+from sinan.estimator.filter.events import height_of, position_of, ranges_of
+from sinan.sensors.arrays import FloatArray, runs_of
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
+
+#: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
+LEAST_STILL = 1.0
+#: Readings that repeat their neighbour tell the resolution, not the noise; rounding makes noise of a step over
+#: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
+ROUNDING = 1.0 / np.sqrt(12.0)
+SAME, OFTEN = 1e-3, 0.05
+#: The streams whose readings update the filter.
+READINGS = ("mag", "baro", "sonar", "laser", "gps", "base")
+#: Median of the magnitude of a standard normal.
+MEDIAN_NORMAL = 0.6745
+
+
+def within_imu(recording: Recording) -> Recording:
+    """The recording without readings before the first and after the last IMU sample: the filter uses none of them.
+
+    A GPS that was switched on long before, or logged long after, would else give its own flight's noise and datum.
+
+    Raises
+    ------
+    InputError : a stream with readings, all of them outside
+    """
+    imu = recording.streams["imu"]
+    kept = {}
+    for name, stream in recording.streams.items():
+        inside = (stream.t >= imu.t[0]) & (stream.t <= imu.t[-1])
+        if name in READINGS and len(stream) and not np.any(inside):
+            found = f"{len(stream)} readings from {stream.t[0]:g} to {stream.t[-1]:g} s"
+            expected = f"some within the IMU's time, {imu.t[0]:g} to {imu.t[-1]:g} s: one clock for all streams"
+            raise InputError(recording.where, found, expected, f"stream {name}")
+        kept[name] = stream if name not in READINGS or np.all(inside) else stream.rows(inside)
+    if all(kept[name] is stream for name, stream in recording.streams.items()):
+        return recording
+    return recording.replace(streams=kept)
+
+
+def imu_density(recording: Recording, names: tuple[str, ...] = ACCEL) -> float:
+    """White-noise density [unit/sqrt(Hz)] of a triad of the IMU: the root mean square over its axes.
+
+    From the longest still stretch of the log, else from all of it; then motion and vibration count as noise, and the
+    value is an upper bound.
+    """
+    imu = recording.streams["imu"]
+    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    values = imu.array(names)
+    start, stop = longest_still(recording)
+    if imu.t[stop - 1] - imu.t[start] >= LEAST_STILL:
+        values = values[start:stop]
+    density = float(np.sqrt(np.mean([white_density(column, rate) ** 2 for column in values.T])))
+    return max(density, resolution(imu.array(names)) * ROUNDING / np.sqrt(rate))
+
+
+def longest_still(recording: Recording) -> tuple[int, int]:
+    """Rows [start, stop) of the longest stretch in which the IMU lies still; one row where it never does."""
+    imu = recording.streams["imu"]
+    still = still_rows(imu.t, imu.array(ACCEL), imu.array(GYRO))
+    return max(runs_of(still), key=lambda run: run[1] - run[0], default=(0, 1))
+
+
+def reading_noise(values: FloatArray) -> float:
+    """Standard deviation of the white noise of one reading, of the columns together; deaf to smooth motion and jumps.
+
+    Third differences of white noise have 20 times its variance and of a parabola none; their median magnitude does not
+    see outliers. Not below the noise of rounding.
+
+    Parameters
+    ----------
+    values : (n, columns)
+    """
+    floor = resolution(values) * ROUNDING
+    if len(values) < 8:
+        return max(float(np.sqrt(np.mean(np.var(values, axis=0)))), floor)
+    third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
+    spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
+    spread = np.where(spread > 0.0, spread, np.std(third, axis=0))
+    return max(float(np.sqrt(np.mean(spread**2))), floor)
+
+
+def resolution(values: FloatArray) -> float:
+    """Smallest step between readings, of the column whose is largest; tiny where readings hardly ever repeat.
+
+    The tenth percentile of the steps; what is below `SAME` of the column's spread is none (rounding in the last digit
+    of a float, or the turn of the grid from degrees to metres).
+    """
+    coarse = [float(np.finfo(float).tiny)]
+    for column in values.T if len(values) > 1 else ():
+        step = np.abs(np.diff(column))
+        moved = step > SAME * max(float(np.std(column)), coarse[0])
+        if np.mean(~moved) > OFTEN and np.any(moved):  # noise finer than the step repeats readings
+            coarse.append(float(np.percentile(step[moved], 10)))
+    return max(coarse)
+
+
+def scatter(recording: Recording, name: str, key: str) -> float:
+    """Root mean square of what a sensor reads about its mean: no noise is larger. A density for the IMU."""
+    return float(np.sqrt(np.mean(np.var(readings_of(recording, name, key), axis=0)))) * _density_factor(recording, name)
+
+
+def datum(recording: Recording, name: str) -> float:
+    """How far the first height of a height sensor is from the first of the GPS [m]: their zeros need not agree.
+
+    0 without a GPS: then the sensor itself says where the flight begins.
+    """
+    if "gps" not in recording.streams:
+        return 0.0
+    down = float(position_of(recording, "gps")[0, 2])
+    first = float(np.min(readings_of(recording, name)[0]))  # of a scan the beam nearest to the vertical
+    if name == "baro":
+        return abs(first + down)
+    return abs(first - (recording.environment.ground_down - down))
+
+
+def rounding(recording: Recording, name: str, key: str) -> float:
+    """Noise of rounding of a sensor's readings, which no level is below; a density for the IMU."""
+    return resolution(readings_of(recording, name, key)) * ROUNDING * _density_factor(recording, name)
+
+
+def _density_factor(recording: Recording, name: str) -> float:
+    """Density of the noise of the IMU over its standard deviation [s^0.5]; 1 of other sensors."""
+    return float(np.sqrt(np.median(np.diff(recording.streams["imu"].t)))) if name in ("accel", "gyro") else 1.0
+
+
+def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:
+    """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
+    stream = recording.streams["imu" if name in ("accel", "gyro") else name]
+    if name == "baro":
+        return height_of(recording)[:, None]
+    if name in ("sonar", "laser"):
+        return stream.array(ranges_of(stream))
+    if key == "velocity_noise_std":
+        return stream.array(VELOCITY)
+    if name in ("gps", "base"):
+        return position_of(recording, name)
+    return stream.array({"accel": ACCEL, "gyro": GYRO, "mag": MAG}[name])

@@ -1,0 +1,1 @@
+"""Calibration at rest and by turns: poses of a three-axis sensor, a gyroscope between them."""

@@ -1,0 +1,1 @@
+"""What a journal says: scores, sensitivities, consistency, observability."""

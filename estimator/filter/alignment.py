@@ -1,0 +1,256 @@
+"""The first state: from what the recording declares, and what it does not declare from its first readings.
+
+Attitude from the mean specific force (down) and the field (heading), with the covariance that biases, noise and the
+motion during the window leave, and its correlation with the biases. Position and velocity from the first readings of
+GPS and barometer, with a sigma so wide that using them again as updates does not count them twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.laser import Laser, scan_height
+from sinan.sensors.ranging import tilt_compensated_height
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sinan.sensors.rotation import (
+    cross,
+    quaternion_conjugate,
+    quaternion_from_matrix,
+    quaternion_interpolate,
+    quaternion_log,
+    quaternion_multiply,
+    rotate,
+    rpy_from_quaternion,
+    turned_since_start,
+)
+from sinan.sensors.sonar import Sonar
+
+WINDOW = 1.0  # s, over which the first specific force and field are averaged
+WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
+AT_REST = 4.0  # times the noise: what a sensor at rest may scatter or stand off zero
+UNKNOWN_ATTITUDE = np.pi / np.sqrt(3.0)  # rad, of a heading that nothing shows: uniform over the circle
+UNKNOWN_VELOCITY = 5.0  # m/s, of a body of which nothing is known but that it is carried or flies
+UNKNOWN_POSITION = 1.0  # m, along axes that nothing aids: the origin is where the recording starts
+
+
+def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+    """Nominal state (n + 1,) and covariance (n, n) at the first IMU sample.
+
+    Raises
+    ------
+    InputError : a first state that cannot be: not finite, a quaternion of no length, negative sigmas
+    """
+    layout, initial = model.layout, recording.initial
+    _check(recording)
+    x, P = np.zeros(layout.n + 1), np.zeros((layout.n, layout.n))
+    for process in model.processes:
+        block = layout.slice(process.block)
+        P[block, block] = np.eye(process.size) * process.std**2
+    if model.field is not None:
+        P[layout.slice("field"), layout.slice("field")] = model.field
+    q, P_attitude, beside = _first_attitude(recording, model)
+    x[6:10], P[6:9, 6:9] = q, P_attitude
+    for name, block_beside in beside.items():
+        if layout.has(name):
+            P[6:9, layout.slice(name)] = block_beside
+            P[layout.slice(name), 6:9] = block_beside.T
+    position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
+    for name, declared, std, found in (
+        ("position", initial.position, initial.position_std, position),
+        ("velocity", initial.velocity, initial.velocity_std, velocity),
+    ):
+        block = layout.slice(name)
+        x[block] = found[0] if declared is None else declared
+        if model.translation:
+            P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
+    return x, P
+
+
+def _first_attitude(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """q_nb, its covariance (3, 3) and that with the biases: what is declared, the rest as `align` finds it."""
+    initial, known = recording.initial, {}
+    if initial.quaternion is not None:
+        known["q"] = initial.quaternion / np.linalg.norm(initial.quaternion)
+    if initial.attitude_std is not None:
+        known["P"] = np.eye(3) * initial.attitude_std**2
+    if len(known) == 2:
+        return known["q"], known["P"], {}
+    q, P, beside = align(recording, model)
+    return known.get("q", q), known.get("P", P), {} if "P" in known else beside
+
+
+def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray) -> FloatArray:
+    """(..., 4) q_nb that turns f_b (..., 3) exactly, and m_b (..., 3) as nearly as it can, to f_n and m_n; no field:
+    north is ahead (TRIAD).
+
+    Source: M. D. Shuster, S. D. Oh, J. Guidance 4(1), 1981, eqs. 6 to 14.
+    """
+    if m_b is None:
+        is_ahead = np.abs(f_b[..., :1]) > 0.9 * np.linalg.norm(f_b, axis=-1, keepdims=True)
+        m_b, m_n = np.where(is_ahead, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    return quaternion_from_matrix(np.swapaxes(_triad(f_n, m_n), -1, -2) @ _triad(f_b, m_b))
+
+
+def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(..., 3, 3) orthonormal rows along `first`, across both, and the third."""
+    a = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    across = cross(a, second)
+    b = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.stack([np.broadcast_to(a, b.shape), b, cross(a, b)], axis=-2)
+
+
+def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with the biases and the colour in it.
+
+    Force and field are turned back to the first instant with the gyroscope and averaged; the force is that of gravity
+    and,
+    where a GPS gives velocities, of the acceleration between them.
+
+        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n) + J_n d(m_n)
+
+    J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
+    The field
+    counts with the noise of one reading, since the filter uses the same readings again.
+
+    Neglects accel.scale, accel.misalignment and every mag.* effect; the gyroscope's bias over the window.
+    """
+    imu = recording.streams["imu"]
+    t0, window = imu.t[0], imu.t <= imu.t[0] + WINDOW
+    turn = turned_since_start(imu.t[window], imu.array(GYRO)[window])
+    f = rotate(turn, imu.array(ACCEL)[window])
+    f_b = f.mean(axis=0)
+    if np.linalg.norm(f_b) < 0.1 * np.linalg.norm(model.g_n):
+        raise InputError(recording.where, "free fall in the first second", "[initial] quaternion", "stream imu")
+    a_n, spread = _acceleration(recording, model)
+    at_rest = _at_rest(f, imu.array(GYRO)[window], model)
+    if spread is None:
+        a_n, spread = np.zeros(3), _unknown_acceleration(f, f_b, model, at_rest)
+    f_n, m_b = a_n - model.g_n, None
+    if "mag" in model.sensors and float(np.hypot(*model.m_n[:2])) > 0.0:
+        stream = recording.streams["mag"]
+        near = np.flatnonzero((stream.t >= t0) & (stream.t <= t0 + WINDOW))
+        near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t0)))])
+        back = quaternion_interpolate(np.clip(stream.t[near], t0, imu.t[window][-1]), imu.t[window], turn)
+        m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    q = attitude_from_vectors(f_b, m_b, f_n, model.m_n)
+    J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
+    noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
+    covariance = noise * J_f @ J_f.T
+    beside = {"b_accel": -(model.accel.bias_std**2) * J_f}
+    if m_b is None:
+        covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
+        return q, covariance, beside
+    mag, field_b = model.sensors["mag"], m_b
+    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
+    errors = [process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None]
+    variance = sum(process.std**2 for process in errors) + float(mag.R[0, 0])
+    covariance = covariance + variance * J_m @ J_m.T
+    beside |= {e.block: -(e.std**2) * J_m for e in errors}
+    if model.field is not None:
+        J_n = _differences(lambda v: attitude_from_vectors(f_b, field_b, f_n, v), model.m_n, q)
+        covariance, beside["field"] = covariance + J_n @ model.field @ J_n.T, J_n @ model.field
+    return q, covariance, beside
+
+
+def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:
+    """Mean acceleration over the window from the GPS velocities around it [m/s^2], and its 1-sigma; None: not known."""
+    if "gps" not in model.sensors or not recording.streams["gps"].has(VELOCITY):
+        return np.zeros(3), None
+    gps, t0 = recording.streams["gps"], recording.streams["imu"].t[0]
+    i0, i1 = int(np.argmin(np.abs(gps.t - t0))), int(np.argmin(np.abs(gps.t - t0 - WINDOW)))
+    missed = abs(gps.t[i0] - t0) + abs(gps.t[i1] - t0 - WINDOW)
+    if i1 == i0 or missed > 0.5 * WINDOW:
+        return np.zeros(3), None
+    v = gps.array(VELOCITY)
+    span = float(gps.t[i1] - gps.t[i0])
+    a_n = (v[i1] - v[i0]) / span
+    return a_n, float(np.sqrt(2.0 * model.sensors["gps"].R[3, 3]) / span + np.linalg.norm(a_n) * missed / WINDOW)
+
+
+def _at_rest(f: FloatArray, w: FloatArray, model: FlightModel) -> bool:
+    """Whether force and rate scatter and stand as those of instruments at rest."""
+    quiet = np.all(np.std(f, axis=0) < AT_REST * model.accel.sigma) and np.all(
+        np.std(w, axis=0) < AT_REST * model.gyro.sigma
+    )
+    return bool(quiet and np.all(np.abs(w.mean(axis=0)) < AT_REST * (model.gyro.bias_std + model.gyro.sigma)))
+
+
+def _unknown_acceleration(f: FloatArray, f_b: FloatArray, model: FlightModel, at_rest: bool) -> float:
+    """1-sigma per axis of the mean acceleration, of which nothing is known but what the force shows [m/s^2].
+
+    At rest none. In motion a horizontal acceleration a makes |f|^2 = g^2 + a^2, and what changes over the window
+    shows too.
+    """
+    if at_rest:
+        return 0.0
+    g = float(np.linalg.norm(model.g_n))
+    return float(np.hypot(np.sqrt(abs(f_b @ f_b - g * g) / 2.0), np.std(f, axis=0).max()))
+
+
+def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q: FloatArray) -> FloatArray:
+    """(3, 3) derivative of the rotation vector q^-1 q(v) with v, central differences; `function` takes (n, 3)."""
+    step = 1e-5 * float(np.linalg.norm(v))
+    ends = function(v + step * np.concatenate([np.eye(3), -np.eye(3)]))
+    turns = quaternion_log(quaternion_multiply(quaternion_conjugate(q), ends))
+    return np.asarray((turns[:3] - turns[3:]).T / (2.0 * step))
+
+
+def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and its 1-sigma from the first GPS fix, else the first height; a range's with the first tilt."""
+    p, sigma = np.zeros(3), np.full(3, UNKNOWN_POSITION)
+    if "gps" in model.sensors:
+        stream, gps = recording.streams["gps"], model.sensors["gps"]
+        waited = max(0.0, float(stream.t[0] - recording.streams["imu"].t[0]))
+        spread = np.hypot(np.sqrt(gps.R[0, 0]), 0.0 if gps.bias is None else gps.bias.std)
+        return stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
+    for name in ("baro", "laser", "sonar"):
+        if name not in model.sensors:
+            continue
+        from sinan.estimator.filter.events import readings
+
+        sensor = model.sensors[name]
+        first = readings(recording, model, name)[0][:1]
+        roll, pitch, _ = rpy_from_quaternion(q_nb[None]).T
+        if isinstance(sensor, Laser):
+            height = scan_height(first, sensor.angles, roll, pitch) - model.ground_down
+        elif isinstance(sensor, Sonar):
+            height = tilt_compensated_height(first[:, 0], roll, pitch) - model.ground_down
+        else:
+            height = first[:, 0]
+        p[2] = -float(height[0])
+        sigma[2] = WIDE * np.hypot(np.sqrt(sensor.R[0, 0]), 0.0 if sensor.bias is None else sensor.bias.std)
+        break
+    return p, sigma
+
+
+def _first_velocity(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+    """Velocity [m/s] and its 1-sigma from the first GPS velocity, else unknown."""
+    if "gps" in model.sensors and recording.streams["gps"].has(VELOCITY):
+        stream, gps = recording.streams["gps"], model.sensors["gps"]
+        waited = max(0.0, float(stream.t[0] - recording.streams["imu"].t[0]))
+        return stream.array(VELOCITY)[0], np.full(3, WIDE * np.sqrt(gps.R[3, 3]) + UNKNOWN_VELOCITY * min(waited, 1.0))
+    return np.zeros(3), np.full(3, UNKNOWN_VELOCITY)
+
+
+def _check(recording: Recording) -> None:
+    initial = recording.initial
+    for key in ("position", "velocity", "quaternion"):
+        value = getattr(initial, key)
+        length = 4 if key == "quaternion" else 3
+        if value is None:
+            continue
+        value = np.asarray(value, dtype=np.float64)
+        if value.shape != (length,) or not np.all(np.isfinite(value)):
+            raise InputError(recording.where, f"{value.tolist()}", f"{length} finite numbers", f"[initial] {key}")
+        if key == "quaternion" and not 0.5 < float(np.linalg.norm(value)) < 2.0:
+            found = f"a quaternion of length {np.linalg.norm(value):.3g}"
+            raise InputError(recording.where, found, "length 1, scalar first", "[initial] quaternion")
+    for key in ("position_std", "velocity_std", "attitude_std"):
+        value = getattr(initial, key)
+        if value is not None and not (np.isfinite(value) and value >= 0.0):
+            raise InputError(recording.where, f"{value:g}", "zero or a positive number", f"[initial] {key}")

@@ -1,0 +1,374 @@
+"""Effects in the filter: what they put into each reading along a known motion, handed to the engines as arrays.
+
+An effect on the IMU is taken off the samples: c = e(f) - f at the f that solves u = e(f) + b, so the exact inverse.
+An effect on another sensor changes its prediction: z_pred = h(x) + offset + D (x (-) x_ref), with offset = e(h(x_ref))
+- h(x_ref) in its exact form and D its derivative by the state: exact in beta, and first order in the distance from the
+reference. A lateness moves the stamps instead. The reference is the smoothed motion of the pass before; the passes are
+repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.engine import Engine, run
+from sinan.estimator.filter.events import FORM_ONLY, StreamForm, collect, stamps
+from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.estimator.filter.imu import ImuTable, imu_table
+from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.smoother import estimated_motion, smooth, with_imu
+from sinan.estimator.filter.wiener import signal_part, without_vibration
+from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
+from sinan.sensors.covariates import covariates_for
+from sinan.sensors.effects import Effect, effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.motion import Motion
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
+
+#: Steps of the differences that give D: position [m], velocity [m/s], attitude [rad].
+STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
+#: Rounds of f <- u - b - c(f); each gains the size of the effect, a few per cent, so five reach rounding's reach.
+INVERSION_ROUNDS = 5
+#: A round that changes nothing by more than this was the last [m/s^2, rad/s].
+INVERTED = 1e-9
+#: Rows on which it is found out by which states an effect changes, and those that are evaluated at once: few cost as
+#: much as the calls, and many more leave the processor's cache.
+PROBES, AT_ONCE = 32, 4000
+#: What of the motion goes with position, velocity or attitude: an effect that needs none of it does not.
+OF_STATE = frozenset({"p_n", "v_n", "q_nb", "m_b", "airspeed"})
+
+
+def is_lateness(entry: Effect) -> bool:
+    """Whether the effect is a lateness of its stream, which moves the stamps."""
+    return entry.name == "gps.latency" or entry.name.endswith(".time_offset")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Effects with their parameters, those of one name with one interval once."""
+
+    pairs: tuple[tuple[Effect, FloatArray], ...] = ()
+
+    @staticmethod
+    def of(betas: Mapping[Any, FloatArray] | Iterable[tuple[Any, FloatArray]]) -> Terms:
+        """From a mapping or pairs; an effect is named, or given.
+
+        Raises
+        ------
+        ValueError : beta of the wrong length
+        """
+        pairs = []
+        for key, beta in betas.items() if isinstance(betas, Mapping) else betas:
+            entry = effect(key) if isinstance(key, str) else key
+            values = np.atleast_1d(np.asarray(beta, dtype=np.float64))
+            if values.shape != (entry.size,) or not np.all(np.isfinite(values)):
+                raise ValueError(f"beta of `{entry.name}` is {values.tolist()}; expected {entry.size} finite numbers")
+            pairs.append((entry, values))
+        return Terms(tuple(pairs))
+
+    def joined(self, other: Terms) -> Terms:
+        """These, and those of `other` that are not named here."""
+        names = {entry.name for entry, _ in self.pairs}
+        return Terms(self.pairs + tuple(pair for pair in other.pairs if pair[0].name not in names))
+
+    def of_stream(self, stream: str, lateness: bool = False) -> tuple[tuple[Effect, FloatArray], ...]:
+        """Those that enter one stream: its latenesses, or the others."""
+        return tuple((e, b) for e, b in self.pairs if e.stream == stream and is_lateness(e) == lateness)
+
+    def lateness(self, stream: str) -> float:
+        """How late the stream's stamps are [s]."""
+        return float(sum(beta[0] for _, beta in self.of_stream(stream, lateness=True)))
+
+    def beta(self, entry: Effect) -> FloatArray:
+        """The parameters of an effect; zero where it is not among the terms."""
+        for other, beta in self.pairs:
+            if other.name == entry.name and other.interval == entry.interval:
+                return beta
+        return np.zeros(entry.size)
+
+    def __bool__(self) -> bool:
+        return bool(self.pairs)
+
+
+def declared_terms(recording: Recording) -> Terms:
+    """The effects that the recording declares.
+
+    Raises
+    ------
+    InputError : no such effect, or a beta of the wrong length
+    """
+    try:
+        return Terms.of({name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()})
+    except (KeyError, ValueError) as error:
+        raise InputError(recording.where, str(error.args[0]), "effects of the catalogue", "[effects]") from None
+
+
+def run_with_effects(
+    recording: Recording,
+    model: FlightModel,
+    terms: Terms,
+    *,
+    engine: Engine = "auto",
+    stride: int = 1,
+    passes: int = 6,
+    tolerance: float = 1e-3,
+    motion: Motion | None = None,
+    first: tuple[FloatArray, FloatArray] | None = None,
+) -> Journal:
+    """Filter, smooth, evaluate the effects along the smoothed motion, filter again, until the innovations settle.
+
+    Parameters
+    ----------
+    motion : the reference of the first evaluation, at the samples of the IMU table; default: from a plain pass
+    passes, tolerance : see `run_filter`
+    first : state and covariance to start from; default: those of `first_state`
+    """
+    table, model = imu_table(recording, model), _checked(recording, model, terms)
+    if motion is None:
+        judged = model.replace(gate_level=None) if model.relinearise else model  # a coarse start is no outlier
+        journal = run(prepare(recording, judged, imu=table, first=first), engine, 0)
+        motion = reference_motion(recording, journal, terms, table)
+    white: FloatArray | None = None
+    for count in range(1, passes + 1):
+        journal = run(Along(recording, model, terms, motion, table, first).inputs, engine, stride)
+        change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
+        if change < tolerance or count == passes:
+            break
+        white = journal.white
+        motion = reference_motion(recording, journal, terms, table)
+    return replace(journal, iterations=count)
+
+
+def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightModel:
+    """The model, once every effect is known to enter a stream that the run has."""
+    for entry, _ in terms.pairs:
+        if entry.stream not in (*DRIVERS, *model.sensors):
+            raise InputError(recording.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
+    return model
+
+
+def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
+    """Smoothed motion at the samples of the IMU table; f_b and w_ib_b solve reading = e(f) + b."""
+    assert isinstance(journal.run, RunInputs)
+    motion = estimated_motion(replace(journal, run=replace(journal.run, imu=table)), smoothed=smooth(journal))
+    if not (terms.of_stream("accel") or terms.of_stream("gyro")):
+        return motion
+    as_read, corrections = np.hstack([motion.f_b, motion.w_ib_b]), np.zeros_like(table.u)
+    for _ in range(INVERSION_ROUNDS - 1):
+        better = imu_corrections(recording, terms, motion)
+        settled = np.max(np.abs(better - corrections), initial=0.0) < INVERTED
+        corrections = better
+        if settled:
+            break
+        motion = with_imu(motion, as_read - corrections)
+    return motion
+
+
+def imu_corrections(recording: Recording, terms: Terms, motion: Motion) -> FloatArray:
+    """(N, 6) what the effects put into accelerometer and gyroscope along the motion."""
+    parts = []
+    for stream, plain in (("accel", motion.f_b), ("gyro", motion.w_ib_b)):
+        pairs = terms.of_stream(stream)
+        along = with_covariates(recording, stream, motion) if pairs else motion
+        parts.append(sum((e.change(plain, b, along) for e, b in pairs), np.zeros_like(plain)))
+    return np.concatenate(parts, axis=1)
+
+
+def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion:
+    """The motion with what the recording knows beside the readings, at the motion's instants."""
+    return motion.with_covariates(**covariates_for(recording, stream, motion.t))
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A recording and the effects in its model along one motion: what several passes ask for is evaluated once.
+
+    Attributes
+    ----------
+    recording, model : of a flight
+    terms : effects in the model
+    motion : at the samples of the IMU table
+    imu : table of the recording's IMU, where it is known
+    first : state and covariance to start from; default: those of `first_state`, where the first attitude is that
+        without the effects
+    """
+
+    recording: Recording
+    model: FlightModel
+    terms: Terms
+    motion: Motion
+    imu: ImuTable | None = None
+    first: tuple[FloatArray, FloatArray] | None = None
+    _at: dict[str, Motion] = field(default_factory=dict, init=False, repr=False)
+    _finer: dict[str, tuple[Motion, FloatArray, IntArray]] = field(default_factory=dict, init=False, repr=False)
+
+    def at(self, name: str) -> Motion:
+        """The motion, with covariates, at the instants at which a sensor's readings were valid."""
+        if name not in self._at:
+            names = tuple(self.model.sensors) if self.model.relinearise else (name,)  # where all will be asked for
+            t = [stamps(self.recording, self.model, n) - self.terms.lateness(n) for n in names]
+            ends = np.cumsum([0, *map(len, t)])
+            together = self.motion.at(np.concatenate(t))
+            for n, (first, last) in zip(names, pairwise(ends), strict=True):
+                self._at[n] = with_covariates(self.recording, n, together.rows(slice(first, last)))
+        return self._at[name]
+
+    def finer(self, name: str) -> tuple[Motion, FloatArray, IntArray]:
+        """The motion at the IMU's instants and at those of a sensor's readings, with covariates, the perfect readings
+        along it, and the rows of the sensor's own.
+        """
+        if name not in self._finer:
+            own = self.at(name).t
+            t = np.unique(np.concatenate([self.motion.t, own]))
+            fine = with_covariates(self.recording, name, self.motion.at(t))
+            self._finer[name] = fine, self.model.sensors[name].predict(fine), np.searchsorted(t, own)
+        return self._finer[name]
+
+    @cached_property
+    def table(self) -> ImuTable:
+        """Of the IMU as read."""
+        return imu_table(self.recording, self.model) if self.imu is None else self.imu
+
+    @cached_property
+    def corrected(self) -> ImuTable:
+        """Of the IMU without the effects."""
+        return replace(self.table, u=self.table.u - imu_corrections(self.recording, self.terms, self.motion))
+
+    @cached_property
+    def added(self) -> Mapping[str, StreamForm]:
+        """By sensor, what the effects of its stream add to its prediction."""
+        return {name: stream_form(self, name) for name in self.model.sensors if self.terms.of_stream(name)}
+
+    @cached_property
+    def without_effects(self) -> Recording:
+        """The recording without the effects in what the first attitude is found from."""
+        return _without_effects(self.recording, self.corrected, self.added) if self.terms else self.recording
+
+    @cached_property
+    def inputs(self) -> RunInputs:
+        """Of a pass with the effects in the model."""
+        linear = [name for name in self.model.sensors if self.model.relinearise or name in FORM_ONLY]
+        forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
+        events = collect(
+            self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}
+        )
+        first = first_state(self.without_effects, self.model) if self.first is None else self.first
+        return prepare(
+            self.recording, self.model, imu=self.corrected, events=events, first=first, aligned=self.without_effects
+        )
+
+    @cached_property
+    def of_signal(self) -> Motion:
+        """The motion with what of force and rate is signal: see `estimator.filter.wiener`."""
+        return replace(
+            self.motion,
+            f_b=signal_part(self.motion.f_b, self.model.accel.sigma),
+            w_ib_b=signal_part(self.motion.w_ib_b, self.model.gyro.sigma),
+        )
+
+    @cached_property
+    def of_vehicle(self) -> Along:
+        """The same along the motion without its vibration."""
+        return replace(self, motion=without_vibration(self.motion))
+
+
+def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, StreamForm]) -> Recording:
+    """What the first attitude is found from, force and field, with the effects taken off."""
+    streams = dict(recording.streams)
+    streams["imu"] = Stream(table.t, dict(zip((*ACCEL, *GYRO), table.u.T, strict=True)))
+    if "mag" in forms:
+        field = streams["mag"].array(MAG) - forms["mag"].offset
+        streams["mag"] = Stream(streams["mag"].t, dict(zip(MAG, field.T, strict=True)))
+    return recording.replace(streams=streams)
+
+
+def stream_form(along: Along, name: str) -> StreamForm:
+    """What the effects of one stream do to its prediction.
+
+    Raises
+    ------
+    InputError : an effect needs a covariate that the recording lacks
+    """
+    at, sensor, pairs = along.at(name), along.model.sensors[name], []
+    offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
+    for entry, beta in along.terms.of_stream(name):
+        lacking = entry.missing(at)
+        if lacking:
+            found = f"no {', '.join(lacking)} for {entry.name}"
+            raise InputError(along.recording.where, found, "it among the streams", name)
+        if entry.other_instants:
+            offset += over_time(along, name, entry, beta)
+        else:
+            pairs.append((entry, beta))
+
+    def added(m: Motion, pairs: Sequence[tuple[Effect, FloatArray]]) -> FloatArray:
+        plain = sensor.predict(m)
+        return sum((entry.change(plain, beta, m, sensor) for entry, beta in pairs), np.zeros_like(plain))
+
+    offset += added(at, pairs)
+    moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
+    if moving:
+        of_moving = partial(added, pairs=moving)
+        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+        slopes = _slopes(of_moving, probe, range(9))
+        states = [k for k in range(9) if np.any(np.abs(slopes[k]) > 1e-12)]
+        if states:
+            D[:, :, states] = np.moveaxis(_slopes(of_moving, at, states), 0, -1)
+    return StreamForm(
+        zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
+    )
+
+
+def _slopes(function: Callable[[Motion], FloatArray], motion: Motion, states: Sequence[int]) -> FloatArray:
+    """(states, n, m) derivative of a function of the motion, (n, m), by components of position, velocity and attitude:
+    differences over `STEPS`, so many from one call as make no more rows than `AT_ONCE`.
+    """
+    each = np.eye(9)[list(states)] * STEPS
+    ends, together = np.concatenate([each, -each]), max(1, AT_ONCE // len(motion))
+    parts = [function(displaced(motion, ends[k : k + together])) for k in range(0, len(ends), together)]
+    ahead, behind = np.concatenate(parts).reshape(2, len(each), len(motion), -1)
+    with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
+        return np.asarray((ahead - behind) / (2.0 * STEPS[list(states), None, None]))
+
+
+def linear_form(along: Along, name: str) -> StreamForm:
+    """Prediction and Jacobian of one sensor along a motion, with the effects of its stream."""
+    at, sensor = along.at(name), along.model.sensors[name]
+    plain = replace(at, m_n=along.model.m_n[None, :])  # the field's error is a state, whose part of H adds it
+    z_pred, D = sensor.predict(plain), np.zeros((len(at), sensor.size, 9))
+    with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, and the reading is left out
+        jacobian = sensor.jacobian(at)
+    for place, block in enumerate(("position", "velocity", "attitude")):
+        if block in jacobian:
+            D[:, :, 3 * place : 3 * place + 3] = np.nan_to_num(jacobian[block], posinf=0.0, neginf=0.0)
+    if name in along.added:
+        z_pred, D = z_pred + along.added[name].offset, D + along.added[name].D
+    return StreamForm(z_pred, D, np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1), replaces=True)
+
+
+def over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> FloatArray:
+    """(k, m) what an effect with a memory adds: evaluated at the IMU's instants too: nothing is lost in between.
+
+    Its memory is longer than the error of the reference is alike, so it adds nothing to H.
+    """
+    fine, plain, own = along.finer(name)
+    return entry.change(plain, beta, fine, along.model.sensors[name])[own]
+
+
+def displaced(motion: Motion, errors: FloatArray) -> Motion:
+    """The motion (n) with each of the errors (k, 9) of position, velocity and attitude, one after the other: (k n)."""
+    n = len(motion)
+    if len(errors) > 1:
+        motion = motion.rows(np.tile(np.arange(n), len(errors)))
+    d, turn = np.repeat(errors[:, :6], n, axis=0), np.repeat(quaternion_exp(errors[:, 6:]), n, axis=0)
+    q = quaternion_multiply(motion.q_nb, turn)
+    return replace(motion, p_n=motion.p_n + d[:, :3], v_n=motion.v_n + d[:, 3:], q_nb=q, m_b=rotate_back(q, motion.m_n))

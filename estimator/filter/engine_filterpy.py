@@ -1,0 +1,191 @@
+"""The readable engine: filterpy's Kalman filter on the error state, `predict()` then `update()`, step by step.
+
+In a notebook: ``for moment in ReadableFilter(inputs).steps(): ...`` stops after every step with everything in sight.
+filterpy 2.0's `predict_update` linearises before it predicts and keeps the old posterior as prior; so the two are
+called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+
+from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
+from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED, NO_PREDICTION, WITHHELD
+from sinan.estimator.filter.inputs import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
+from sinan.estimator.filter.strapdown import strapdown_step
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.rotation import (
+    matrix_from_quaternion,
+    quaternion_conjugate,
+    quaternion_log,
+    quaternion_multiply,
+    right_jacobian,
+)
+
+LOG_2_PI = 1.8378770664093453
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where the filter stands after a step: at an IMU sample (`event` is -1) or after a reading."""
+
+    t: float
+    sample: int
+    event: int
+
+
+class ReadableFilter:
+    """The filter of a run; its estimate is `x` (nominal) and `ekf.P`, its error state is zero between updates."""
+
+    def __init__(self, inputs: RunInputs, outputs: RunOutputs | None = None) -> None:
+        self.inputs, self.outputs = inputs, outputs or outputs_for(inputs)
+        self.model, n = inputs.model, inputs.model.layout.n
+        self.x, self.t = inputs.x.copy(), float(inputs.imu.t[0])
+        self.walk2, self.rate = bias_rates(self.model)
+        self.ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1)
+        self.ekf.x = np.zeros((n, 1))
+        self.ekf.P = 0.5 * (inputs.P + inputs.P.T)
+
+    def steps(self) -> Iterator[Moment]:
+        """Run, and stop after every IMU sample and every reading."""
+        for i0, i1, x, P in self.inputs.stretches:
+            self.x, self.t, self.ekf.P = x.copy(), float(self.inputs.imu.t[i0]), 0.5 * (P + P.T)
+            yield from self._stretch(i0, i1)
+
+    def _stretch(self, i: int, last: int) -> Iterator[Moment]:
+        """The same from the first sample of a stretch to the last."""
+        imu, events = self.inputs.imu, self.inputs.events
+        k, end = self.inputs.events_of(i, last)
+        self._log_sample(i)
+        while k < end or i < last:
+            if k < end and (i >= last or events.t[k] < imu.t[i + 1]):
+                if self.outputs.status[k] in (ACCEPTED, WITHHELD):
+                    self.advance(i, float(events.t[k]))
+                    self.read(k)
+                self.outputs.x_event[k, : len(self.x)] = self.x
+                self.outputs.var_event[k, : len(self.x) - 1] = np.diag(self.ekf.P)
+                k += 1
+                yield Moment(self.t, i, k - 1)
+            else:
+                self.advance(i, float(imu.t[i + 1]))
+                i += 1
+                self._log_sample(i)
+                yield Moment(self.t, i, -1)
+
+    def _log_sample(self, i: int) -> None:
+        stride = self.outputs.stride
+        if i == 0 or (stride and i % stride == 0):
+            self.outputs.x_imu[i // stride if stride else 0, : len(self.x)] = self.x
+            self.outputs.var_imu[i // stride if stride else 0, : len(self.x) - 1] = np.diag(self.ekf.P)
+
+    def advance(self, i: int, t_next: float) -> None:
+        """Predict from now to t_next, inside the IMU interval that begins with sample i."""
+        imu, model, h = self.inputs.imu, self.model, t_next - self.t
+        if h <= 0.0:
+            return
+        span = imu.t[i + 1] - imu.t[i]
+        a0, a1 = (self.t - imu.t[i]) / span, (t_next - imu.t[i]) / span
+        if t_next == imu.t[i + 1]:
+            a1 = 1.0
+        if model.averaged:
+            a0 = a1 = 1.0
+        u0 = (1.0 - a0) * imu.u[i] + a0 * imu.u[i + 1]
+        u1 = (1.0 - a1) * imu.u[i] + a1 * imu.u[i + 1]
+        self.x, step = strapdown_step(self.x, u0, u1, h, model.g_n, model.w_ie_n, model.translation)
+        phi, q = decay_over(h, self.walk2, self.rate)
+        self.x[10:] *= phi[9:]
+        self.ekf.F = transition(step, model.layout.n, model.translation, phi)
+        self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], q, model.translation)
+        self.ekf.predict()
+        self.t = t_next
+
+    def read(self, k: int) -> None:
+        """One reading: predict it, judge it, update with it, and count the error from the new estimate on."""
+        events, out, layout = self.inputs.events, self.outputs, self.model.layout
+        name = events.sensors[events.sensor[k]]
+        rows = slice(events.row[k], events.row[k + 1])
+        if not (np.all(np.isfinite(self.x)) and np.all(np.isfinite(self.ekf.P))):
+            raise_for(1, k, self.inputs)
+        z_pred, H = self.prediction(name, k)
+        if not np.all(np.isfinite(z_pred)):
+            out.status[k] = NO_PREDICTION
+            return
+        R = np.diag(events.r[rows])
+        nu, S = events.z[rows] - z_pred, H @ self.ekf.P @ H.T + R
+        try:
+            L = np.linalg.cholesky(S)
+        except np.linalg.LinAlgError:
+            raise_for(2, k, self.inputs)
+        white = np.linalg.solve(L, nu)
+        nis = float(white @ white)
+        out.nu[rows], out.white[rows], out.nis[k] = nu, white, nis
+        out.S[out.S_row[k] : out.S_row[k + 1]] = S.ravel()
+        out.loglik[k] = -0.5 * (nis + 2.0 * float(np.sum(np.log(np.diag(L)))) + len(nu) * LOG_2_PI)
+        if out.status[k] == WITHHELD:
+            return
+        if nis > self.model.threshold(name):
+            out.status[k] = GATED
+            return
+        spread = self.model.spread(name, nis)
+        if spread > 1.0:  # more noise, so that S grows so much
+            out.weight[k] = 1.0 / spread
+            R = R + (spread - 1.0) * S
+        self.ekf.update(nu[:, None], lambda _: H, lambda _: np.zeros((len(nu), 1)), R=R)
+        dx = self.ekf.x[:, 0]
+        self.x = layout.retract(self.x, dx)
+        self.x[6:10] /= np.linalg.norm(self.x[6:10])
+        reset = np.eye(layout.n)
+        reset[6:9, 6:9] = right_jacobian(dx[6:9])
+        self.ekf.P = reset @ self.ekf.P @ reset.T
+        self.ekf.P = 0.5 * (self.ekf.P + self.ekf.P.T)
+        self.ekf.x = np.zeros((layout.n, 1))
+
+    def prediction(self, name: str, k: int) -> tuple[FloatArray, FloatArray]:
+        """Predicted reading (m,) and H (m, n), from the sensor's own model, with what effects add."""
+        events, model, layout, x = self.inputs.events, self.model, self.model.layout, self.x
+        sensor = model.sensors[name]
+        m_n = model.m_n + x[layout.nominal("field")] if layout.has("field") else model.m_n
+        motion = Motion(
+            t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=m_n[None, :],
+            g_n=model.g_n, ground_down=model.ground_down,
+        )  # fmt: skip
+        z_pred, H = np.zeros(sensor.size), np.zeros((sensor.size, layout.n))
+        if name not in FORM_ONLY:
+            z_pred += sensor.predict(motion)[0]
+            for block, values in sensor.jacobian(motion).items():
+                H[:, layout.slice(block)] = values[0]
+        if name == "mag" and layout.has("field"):
+            replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in the field's error too
+            H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, 6:10] if replaced else x[6:10]).T
+        for start, process in model.colour_of(name):
+            part = slice(start, start + process.size) if process.size > 1 else slice(None)
+            H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0
+            z_pred[part] += x[layout.nominal(process.block)]
+        bias = BIAS_BLOCK.get(name, f"b_{name}")
+        if layout.has(bias):
+            z_pred += H[:, layout.slice(bias)] @ x[layout.nominal(bias)]
+        if events.has_form[events.sensor[k]]:
+            ref, D = events.ref[k], events.D[events.row[k] : events.row[k + 1]]
+            turn = quaternion_log(quaternion_multiply(quaternion_conjugate(ref[6:10]), x[6:10]))
+            if events.has_form[events.sensor[k]] == 2:  # linear about the reference: only the bias stays
+                z_pred = H[:, 9:] @ x[10:]
+                H[:, :9] = 0.0
+            z_pred += D @ np.concatenate([x[:6] - ref[:6], turn])
+            H[:, :6] += D[:, :6]
+            H[:, 6:9] += D[:, 6:] @ np.linalg.inv(right_jacobian(turn))
+        return z_pred, H
+
+
+def run_readable(inputs: RunInputs, outputs: RunOutputs) -> tuple[FloatArray, FloatArray]:
+    """The whole run; final state (n + 1,) and covariance (n, n)."""
+    engine = ReadableFilter(inputs, outputs)
+    for _ in engine.steps():
+        pass
+    if not np.all(np.isfinite(engine.x)):
+        raise_for(1, len(inputs.events), inputs)
+    return engine.x, engine.ekf.P

@@ -1,0 +1,276 @@
+"""All readings of a recording in the order of time, as flat arrays for the engines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.atmosphere import height_from_pressure
+from sinan.sensors.bounds import RATE
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+
+#: What became of a reading.
+ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
+STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty", "withheld")
+
+#: Sensors without equations of their own in the engines: their readings enter as forms that replace the prediction.
+FORM_ONLY = ("camera",)
+
+
+@dataclass(frozen=True)
+class StreamForm:
+    """How effects change the predicted reading of one stream, along a reference motion.
+
+    z_pred = h(x) + offset + D (x (-) x_ref):  exact in beta, first order in the distance from the reference.
+
+    Attributes
+    ----------
+    offset : (k, m) reading with the effects less the plain one, along the reference
+    D : (k, m, 9) its derivative by position, velocity and attitude error
+    ref : (k, 10) position, velocity and quaternion of the reference
+    replaces : offset and D are the whole reading, but for the bias, not what is added to h(x)
+    """
+
+    offset: FloatArray
+    D: FloatArray
+    ref: FloatArray
+    replaces: bool = False
+
+
+@dataclass(frozen=True)
+class Events:
+    """Readings in time order.
+
+    Attributes
+    ----------
+    sensors : names; `sensor` is the index
+    t : (K,) s, when the reading was valid (latency taken off)
+    sensor : (K,)
+    index : (K,) row in the stream
+    row : (K + 1,) first component in `z`
+    z : (rows,) readings, less the offsets of effects
+    r : (rows,) variance of the white noise of each component
+    status : (K,) what is known before the filter runs
+    D, ref : (rows, 9), (K, 10) of `StreamForm`; one row of zeros where no stream has a form
+    has_form : (sensors,) 1: a form is added, 2: it replaces the model's own prediction
+    notes : frozen stretches, readings outside the IMU's time
+    """
+
+    sensors: tuple[str, ...]
+    t: FloatArray
+    sensor: IntArray
+    index: IntArray
+    row: IntArray
+    z: FloatArray
+    r: FloatArray
+    status: IntArray
+    D: FloatArray
+    ref: FloatArray
+    has_form: IntArray
+    notes: tuple[Note, ...]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def readings(recording: Recording, model: FlightModel, name: str) -> tuple[FloatArray, FloatArray]:
+    """Readings (k, m) of one sensor and the instants (k,) at which they were valid [s].
+
+    Raises
+    ------
+    InputError : a column that the sensor needs is not there
+    """
+    t = stamps(recording, model, name)
+    if name == "level":
+        return window_means(recording, model, recording.streams["imu"].array(ACCEL)), t
+    if name in ("place", "speed"):
+        return np.zeros((len(t), 3)), t
+    stream, size = recording.streams[name], model.sensors[name].size
+    if name == "mag":
+        return stream.array(MAG), t
+    if name == "baro":
+        return height_of(recording)[:, None], t
+    if name == "camera":
+        return stream.array(("u", "v")), t
+    if name in ("sonar", "laser"):
+        columns = ranges_of(stream)
+        if columns != (("range",) if "range" in stream and size == 1 else tuple(f"range_{i}" for i in range(size))):
+            found = f"columns {', '.join(stream.columns)}"
+            expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
+            raise InputError(recording.where, found, expected, f"stream {name}")
+        return stream.array(columns), t
+    position = position_of(recording, name)
+    if name == "base":
+        return position - _base_position(recording), t
+    return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+
+
+def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+    """(k,) instants at which the readings of one sensor were valid [s]; of `level` the middles of its windows."""
+    if name == "level":
+        return window_means(recording, model, recording.streams["imu"].t)
+    if name in ("place", "speed"):
+        imu = recording.streams["imu"].t
+        return np.arange(imu[0], imu[-1], 1.0 / RATE)
+    return recording.streams[name].t - model.latency.get(name, 0.0)
+
+
+def variances(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+    """(k, m) variances of the white noise of each reading of one sensor.
+
+    A magnetometer whose stamps are uncertain by s reads, besides, the field of another instant: (s |w| |m|)^2 / 2 on an
+    axis on average, w from the gyroscope.
+    """
+    sensor, count = model.sensors[name], len(stamps(recording, model, name))
+    r = np.tile(np.diag(sensor.R), (count, 1))
+    if name == "mag" and model.stamp_std > 0.0:
+        imu = recording.streams["imu"]
+        rate = np.linalg.norm(imu.array(GYRO), axis=1)
+        w = np.interp(recording.streams["mag"].t, imu.t, rate)
+        r += 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n))[:, None] ** 2
+    return r
+
+
+def with_variances(events: Events, recording: Recording, model: FlightModel) -> Events:
+    """The events with the noise of another model."""
+    r = np.zeros_like(events.r)
+    for s, name in enumerate(events.sensors):
+        mine = np.flatnonzero(events.sensor == s)
+        at = events.row[mine][:, None] + np.arange(model.sensors[name].size)
+        r[at] = variances(recording, model, name)[events.index[mine]]
+    return replace(events, r=r)
+
+
+def ranges_of(stream: Stream) -> tuple[str, ...]:
+    """Columns of a range finder's readings: `range`, or `range_0`, `range_1`, ... of a scan, in this order."""
+    if "range" in stream:
+        return ("range",)
+    beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
+    return tuple(sorted(beams, key=lambda name: int(name.removeprefix("range_"))))
+
+
+def height_of(recording: Recording) -> FloatArray:
+    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
+
+    Raises
+    ------
+    InputError : a pressure of zero or less
+    """
+    baro = recording.streams["baro"]
+    if "height" in baro:
+        return baro["height"]
+    pressure = baro["pressure"]
+    if np.any(pressure <= 0.0):
+        row = int(np.argmax(pressure <= 0.0))
+        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
+    start = recording.streams["imu"].t[0] if "imu" in recording.streams else -np.inf
+    first = int(np.argmax(baro.t >= start))  # its very first where all are earlier
+    return height_from_pressure(pressure, reference=float(pressure[first]))
+
+
+def position_of(recording: Recording, name: str) -> FloatArray:
+    """(n, 3) NED [m] of a receiver's fixes, `gps` or `base`."""
+    if recording.streams[name].has(POSITION):
+        return recording.streams[name].array(POSITION)
+    from sinan.sensors.formats.geodetic import to_ned
+
+    streams, _, _ = to_ned(recording.where, recording.streams, recording.origin)
+    return streams[name].array(POSITION)
+
+
+def _base_position(recording: Recording) -> FloatArray:
+    place = recording.spec("base").base_position
+    if place is None:
+        raise InputError(
+            recording.where, "not declared", "where the base receiver stands", "[sensors.base] base_position"
+        )
+    if recording.origin is None:
+        return np.asarray(place, dtype=np.float64)
+    from sinan.sensors.formats.geodetic import ned_columns
+
+    columns = ned_columns(np.asarray(place, dtype=np.float64)[None, :], recording.origin)
+    return np.array([columns[axis][0] for axis in POSITION])
+
+
+def window_means(recording: Recording, model: FlightModel, values: FloatArray) -> FloatArray:
+    """(k, ...) means over the windows of `level` of what goes with the rows of `imu`, (n, ...); a window with a gap
+    inside is none.
+    """
+    t = recording.streams["imu"].t
+    window = max(1, round(model.sensors["level"].window * model.rate))  # type: ignore[attr-defined]
+    count = len(t) // window
+    cut = t[: count * window].reshape(count, window)
+    whole = cut[:, -1] - cut[:, 0] < 2.0 * window / model.rate
+    means = values[: count * window].reshape(count, window, *values.shape[1:]).mean(axis=1)
+    return np.asarray(means[whole])
+
+
+def collect(
+    recording: Recording,
+    model: FlightModel,
+    forms: Mapping[str, StreamForm] | None = None,
+    shifts: Mapping[str, float] | None = None,
+) -> Events:
+    """Put the readings of all sensors into one time order.
+
+    Parameters
+    ----------
+    forms : by sensor, what effects add to its prediction
+    shifts : by sensor, further lateness of its stamps [s], as an effect has it
+    """
+    forms, shifts = forms or {}, shifts or {}
+    names = tuple(model.sensors)
+    imu = recording.streams["imu"].t
+    parts, notes = [], []
+    for s, name in enumerate(names):
+        z, t = readings(recording, model, name)
+        late = shifts.get(name, 0.0)
+        t = t - late
+        status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
+        outside = int(np.sum(status == OUTSIDE))
+        if outside:
+            notes.append(
+                Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
+            )
+        if name not in ("level", "base", "place", "speed", "camera"):
+            for start, stop in frozen_runs(z):
+                status[start + 1 : stop] = FAULTY
+                notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
+            for start, stop in saturated_runs(z) if len(z) > 1 else []:
+                notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
+        form = forms.get(name)
+        if form is None and name in FORM_ONLY:  # the pass that finds the motion about which it is linear
+            status = np.where(status == ACCEPTED, NO_PREDICTION, status)
+        if form is not None:
+            there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
+            status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
+            z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
+        status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
+        parts.append((np.full(len(t), s), t, z, status, form))
+    sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
+    t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
+    index = np.concatenate([np.arange(len(part[1])) for part in parts]) if parts else np.empty(0, dtype=np.int64)
+    order = np.lexsort((index, sensor, t))
+    sensor, t, index = sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+    sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
+    row = np.concatenate([[0], np.cumsum(sizes[sensor])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
+    z, r, status = np.zeros(row[-1]), np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
+    formed = any(part[4] is not None for part in parts)
+    D, ref = np.zeros((row[-1] if formed else 1, 9)), np.zeros((len(t) if formed else 1, 10))
+    for s, (_, _, values, part_status, form) in enumerate(parts):
+        mine = np.flatnonzero(sensor == s)
+        at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
+        z[at] = values[index[mine]].ravel()
+        r[at] = variances(recording, model, names[s])[index[mine]].ravel()
+        status[mine] = part_status[index[mine]]
+        if form is not None:
+            D[at] = form.D[index[mine]].reshape(-1, 9)
+            ref[mine] = form.ref[index[mine]]
+    has_form = np.array([0 if part[4] is None else 1 + part[4].replaces for part in parts], dtype=np.int64)
+    return Events(names, t, sensor, index, row, z, r, status, D, ref, has_form, tuple(notes))

@@ -1,0 +1,101 @@
+"""Streams that stopped telling the truth without saying so: frozen and saturated stretches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinan.sensors.arrays import BoolArray, FloatArray, edges_of_runs
+
+#: False-alarm rate per stream of calling a run of equal readings frozen.
+FROZEN_LEVEL = 1e-6
+#: A saturated stretch: at least this many readings in a row at the stream's own extreme.
+SATURATED_RUN = 3
+
+
+@dataclass(frozen=True)
+class Note:
+    """One thing that was noticed about a stream, and what was done about it."""
+
+    stream: str
+    kind: str
+    start: float
+    stop: float
+    action: str
+
+    def __str__(self) -> str:
+        return f"{self.stream}: {self.kind} from {self.start:.3f} to {self.stop:.3f} s, {self.action}"
+
+
+def _equal_runs(same: BoolArray, least: float) -> list[tuple[int, int]]:
+    """[start, stop) of runs of more than `least` rows that equal their predecessor; `same` (n - 1,) bool."""
+    runs = edges_of_runs(same)
+    return [(start, stop + 1) for start, stop in runs[runs[:, 1] - runs[:, 0] > least].tolist()]
+
+
+def frozen_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which a stream repeats one reading for longer than its own habit explains.
+
+    A coarse converter repeats readings too: with a share r of repeats outside the longest run, a run of L repeats is
+    expected r^L times a reading. It is called frozen where that is below `FROZEN_LEVEL` over the whole stream.
+
+    Parameters
+    ----------
+    readings : (n, size)
+    """
+    n = len(readings)
+    if n < 4:
+        return []
+    return _unusual_runs(np.all(readings[1:] == readings[:-1], axis=1))
+
+
+def stuck_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which one component is frozen, as `frozen_runs` has it, while another moves as usual.
+
+    At rest a coarse converter repeats all of them: there nothing is stuck.
+    """
+    n, size = readings.shape
+    if n < 4 or size < 2:
+        return []
+    moves = np.abs(np.diff(readings, axis=0))
+    usual = np.median(moves, axis=0)
+    found = []
+    for k in range(size):
+        others = np.delete(np.arange(size), k)
+        for start, stop in _unusual_runs(moves[:, k] == 0.0):
+            here = np.median(moves[start : stop - 1][:, others], axis=0)
+            if usual[k] > 0.0 and np.any((here >= 0.5 * usual[others]) & (usual[others] > 0.0)):
+                found.append((start, stop))
+    return sorted(found)
+
+
+def _unusual_runs(same: BoolArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) of the runs of repeats longer than the habit of the stream explains; `same` (n - 1,)."""
+    n = len(same) + 1
+    runs = edges_of_runs(same)
+    if not len(runs):
+        return []
+    longest = int(np.max(runs[:, 1] - runs[:, 0]))
+    share = (np.count_nonzero(same) - longest + 1.0) / max(n - longest - 1, 1)
+    if share >= 0.9:  # a stream that hardly ever changes has no habit to be judged by
+        return []
+    needed = np.log(FROZEN_LEVEL / n) / np.log(share)
+    return _equal_runs(same, max(needed, 2.0))
+
+
+def saturated_runs(readings: FloatArray) -> list[tuple[int, int]]:
+    """Rows [start, stop) in which a component stays at the largest or smallest value that it ever reads.
+
+    White noise meets its own maximum once; a converter at its limit meets it again and again.
+
+    Parameters
+    ----------
+    readings : (n, size)
+    """
+    found: list[tuple[int, int]] = []
+    for column in readings.T:
+        pinned = (column == np.max(column)) | (column == np.min(column))
+        runs = _equal_runs(pinned[1:] & pinned[:-1], SATURATED_RUN - 2)
+        found += runs if runs and np.mean(column[1:] == column[:-1]) < 0.5 else []
+    return sorted(found)

@@ -1,0 +1,367 @@
+"""`FlightModel`: everything the filter believes about a recording before it sees the readings.
+
+Nothing is guessed: a noise that neither the recording declares nor the caller passes is an error that names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from dataclasses import field as default
+
+import numpy as np
+
+from sinan.estimator.filter.field import field_of_the_log
+from sinan.estimator.filter.layout import StateLayout, layout_for
+from sinan.sensors.accelerometer import Accelerometer
+from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.barometer import Barometer
+from sinan.sensors.bounds import ASSUMED, Bounds
+from sinan.sensors.constants import EARTH_RATE, STANDARD_GRAVITY
+from sinan.sensors.covariates import camera_of
+from sinan.sensors.errors import InputError
+from sinan.sensors.gps import BaseReceiver, Gps
+from sinan.sensors.gyroscope import Gyroscope
+from sinan.sensors.laser import Laser
+from sinan.sensors.level import Level
+from sinan.sensors.magnetometer import Magnetometer
+from sinan.sensors.model import SensorModel
+from sinan.sensors.noise import BiasProcess
+from sinan.sensors.noise import colour as coloured
+from sinan.sensors.recording import VELOCITY, Recording, SensorSpec
+from sinan.sensors.sonar import Sonar
+
+#: Streams that drive the filter, both in the table of the IMU.
+DRIVERS = ("accel", "gyro")
+#: Streams that can update the filter, in the order in which equal time stamps are processed.
+AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "camera", "level", "place", "speed")
+#: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
+GATE_LEVEL = 1e-6
+#: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
+LEVEL_SIGMA = 1.0
+LEVEL_WINDOW = 0.1  # s
+
+
+@dataclass(frozen=True)
+class InStep:
+    """Noise of the IMU in step with the motion: what integration between the samples misses, and errors of scale.
+
+    Attributes
+    ----------
+    accel, gyro : share of the local mean square of second differences that is the variance of a sample; 1/6 where the
+        samples are instants of a vibration faster than they show, whose integral is none
+    rate : white noise of the rate per unit of the rate [sqrt(s)]; a scale error s of a body that turns one way for
+        T makes s sqrt(T)
+    """
+
+    accel: float = 0.0
+    gyro: float = 0.0
+    rate: float = 0.0
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """Layout, sensor models with their noise, environment, and how doubtful readings are treated.
+
+    Attributes
+    ----------
+    layout : state blocks
+    accel, gyro : the drivers of the process, with the standard deviation of one sample
+    sensors : the sensors that update, by name, in the order of processing
+    rate : nominal IMU rate [Hz]
+    averaged : an IMU sample is the mean over the interval before its stamp
+    g_n, m_n : (3,) gravity [m/s^2] and magnetic field in NED
+    ground_down : down coordinate of the flat ground [m]
+    w_ie_n : (3,) rate of the Earth in NED [rad/s]; zero where NED counts as inertial
+    translation : position and velocity are estimated; False for an attitude estimator
+    latency : by stream, how late its stamps are [s]: the reading belongs to t - latency
+    gate_level : false-alarm rate of the chi-square gate on a whole reading; None: no gate
+    robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
+    colour : by sensor, first-order noise beside the white noise: first component of the reading, and the process
+    in_step : noise of the IMU that goes with the motion
+    field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
+    stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
+    tail : degrees of freedom of the Student law of every innovation; None: normal
+    relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
+    withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
+    notes : what was decided while the model was made, for the report
+    """
+
+    layout: StateLayout
+    accel: Accelerometer
+    gyro: Gyroscope
+    sensors: Mapping[str, SensorModel]
+    rate: float
+    averaged: bool
+    g_n: FloatArray
+    m_n: FloatArray
+    ground_down: float
+    w_ie_n: FloatArray
+    translation: bool = True
+    latency: Mapping[str, float] = default(default_factory=dict)
+    gate_level: float | None = GATE_LEVEL
+    robust_level: float | None = None
+    colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]] = default(default_factory=dict)
+    in_step: InStep = InStep()
+    field: FloatArray | None = None
+    stamp_std: float = 0.0
+    tail: float | None = None
+    relinearise: bool = False
+    withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def processes(self) -> tuple[BiasProcess, ...]:
+        """Every bias and colour that is a state."""
+        biases = (self.accel.bias, self.gyro.bias, *(sensor.bias for sensor in self.sensors.values()))
+        coloured = (process for parts in self.colour.values() for _, process in parts)
+        return tuple(process for process in (*biases, *coloured) if process is not None)
+
+    def colour_of(self, sensor: str) -> tuple[tuple[int, BiasProcess], ...]:
+        """Colour of one sensor's readings: first component, and the process."""
+        return self.colour.get(sensor, ())
+
+    def replace(self, **changes: object) -> FlightModel:
+        """A copy with some attributes changed."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def withholds(self, sensor: str, t: FloatArray) -> BoolArray:
+        """(n,) which readings of a sensor, by their stamps [s], are predicted but not used."""
+        found = np.zeros(len(t), dtype=bool)
+        for begin, end in self.withheld.get(sensor, ()):
+            found |= (t >= begin) & (t < end)
+        return found
+
+    def threshold(self, sensor: str) -> float:
+        """NIS above which a reading of the sensor is refused."""
+        return _quantile(self.gate_level, self.sensors[sensor].size)
+
+    def robust_threshold(self, sensor: str) -> float:
+        """NIS above which a reading of the sensor is given less weight."""
+        return _quantile(self.robust_level, self.sensors[sensor].size)
+
+    def tail_of(self, sensor: str) -> float | None:
+        """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
+        return None if sensor in ASSUMED else self.tail
+
+    def spread(self, sensor: str, nis: FloatArray | float) -> FloatArray:
+        """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
+
+        Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS)
+        of the nominal one (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
+        """
+        tail = self.tail_of(sensor)
+        if tail is not None:
+            return np.maximum(1.0, (tail + nis) / (tail + self.sensors[sensor].size))
+        return np.maximum(1.0, nis / self.robust_threshold(sensor))
+
+
+def _quantile(level: float | None, dof: int) -> float:
+    if level is None:
+        return float("inf")
+    from scipy.special import chdtri
+
+    return float(chdtri(dof, level))
+
+
+def flight_model(
+    recording: Recording,
+    *,
+    specs: Mapping[str, SensorSpec] | None = None,
+    use: Iterable[str] | None = None,
+    level: Level | None = None,
+    magnetic_field: FloatArray | None = None,
+    latency: Mapping[str, float] | None = None,
+    gate_level: float | None = GATE_LEVEL,
+    robust_level: float | None = None,
+    tail: float | None = None,
+    in_step: InStep | None = None,
+    field: FloatArray | None = None,
+    stamp_std: float = 0.0,
+    bounds: Bounds | None = None,
+    relinearise: bool = False,
+) -> FlightModel:
+    """The model of a recording: what it declares, completed by what the caller passes.
+
+    Parameters
+    ----------
+    recording : a flight
+    specs : noise estimated elsewhere, by sensor; what is set here goes before what the recording declares
+    use : the aiding streams to use; default: all that are there
+    level : the pseudo-sensor `level`; default: switched on, with `LEVEL_SIGMA`, where neither a GPS aids the position
+        nor `bounds` are given
+    magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
+    latency : by stream, how late its stamps are [s]
+    gate_level, robust_level, in_step, field, stamp_std, tail, relinearise : see `FlightModel`
+    bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
+
+    Raises
+    ------
+    InputError : not a flight, no IMU, a noise that nobody declared, zero or negative noise
+    """
+    where = recording.where
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
+        raise InputError(where, found, "a flight with an imu stream: poses are for `sinan calibrate` and `sinan trace`")
+    imu = recording.streams["imu"]
+    if len(imu) < 2:
+        raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
+    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *AIDING)}
+    wanted = set(AIDING if use is None else use)
+    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    notes: list[str] = []
+    sensors: dict[str, SensorModel] = {}
+    for name in AIDING:
+        if name in recording.streams and name in wanted:
+            sensors[name] = _sensor(where, name, declared[name], recording)
+    if "base" in sensors and "gps" not in sensors:
+        notes.append("base: left out, there is no gps whose bias it could see")
+        del sensors["base"]
+    elif "base" in sensors and sensors["gps"].bias is None:
+        notes.append("base: left out, the gps is declared to have no bias that it could see")
+        del sensors["base"]
+    if "gps" not in sensors and bounds is None and (level is not None or "level" in wanted):
+        chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
+        sensors["level"] = chosen
+        notes.append(f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt")
+    if "gps" not in sensors and bounds is not None:
+        sensors.update(bounds.sensors)
+    translation = bool(set(sensors) - {"mag", "base", "level"})
+    colour = {
+        name: parts
+        for name in sensors
+        if name in declared and (parts := _colour(where, name, declared[name], sensors[name].size))
+    }
+    if not set(sensors) - set(ASSUMED):
+        notes.append("no aiding stream: heading and position drift")
+    environment = recording.environment
+    m_n = environment.magnetic_field if magnetic_field is None else magnetic_field
+    if m_n is None:
+        m_n = np.zeros(3)
+        if "mag" in sensors:
+            m_n = field_of_the_log(recording)
+            notes.append("magnetic field: not declared, found from the log; north is magnetic north")
+    return FlightModel(
+        layout=layout_for(
+            [process.block for process in (model.bias for model in sensors.values()) if process]
+            + [process.block for parts in colour.values() for _, process in parts]
+            + (["field"] if field is not None and "mag" in sensors else [])
+        ),
+        accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
+        gyro=Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)),
+        sensors=sensors,
+        rate=rate,
+        averaged=_averaged(where, declared["accel"].imu_samples),
+        g_n=np.array([0.0, 0.0, STANDARD_GRAVITY if environment.gravity is None else environment.gravity]),
+        m_n=np.asarray(m_n, dtype=np.float64),
+        ground_down=environment.ground_down,
+        w_ie_n=_earth_rate(recording),
+        translation=translation,
+        latency=dict(latency or {}),
+        gate_level=gate_level,
+        robust_level=robust_level,
+        colour=colour,
+        field=field if "mag" in sensors else None,
+        in_step=in_step or InStep(),
+        stamp_std=stamp_std,
+        tail=tail,
+        relinearise=relinearise,
+        notes=tuple(notes),
+    )
+
+
+def _merged(declared: SensorSpec, given: SensorSpec | None) -> SensorSpec:
+    """`given` where it says something, else `declared`."""
+    if given is None:
+        return declared
+    said = {f.name: getattr(given, f.name) for f in fields(given) if getattr(given, f.name) is not None}
+    if given.imu_samples == "instant":
+        said.pop("imu_samples")
+    return replace(declared, **said)
+
+
+def _positive(where: str, sensor: str, key: str, value: float | None) -> float:
+    place = f"[sensors.{sensor}] {key}"
+    if value is None:
+        raise InputError(
+            where, "not declared", "a noise level: declare it, or estimate it from the log and pass it", place
+        )
+    if not np.isfinite(value) or value <= 0.0:
+        raise InputError(where, f"{value:g}", "a positive number", place)
+    return float(value)
+
+
+def _not_negative(where: str, sensor: str, key: str, value: float | None, default: float | None = None) -> float:
+    if value is None and default is not None:
+        return default
+    place = f"[sensors.{sensor}] {key}"
+    if value is None:
+        raise InputError(where, "not declared", "the size of the bias: declare it (0: none), or pass it", place)
+    if not np.isfinite(value) or value < 0.0:
+        raise InputError(where, f"{value:g}", "zero or a positive number", place)
+    return float(value)
+
+
+def _driver(where: str, name: str, spec: SensorSpec, rate: float) -> tuple[float, float, float]:
+    """Standard deviation of one IMU sample, and the sizes of the bias."""
+    if spec.noise_density is None and spec.noise_std is not None:
+        sigma = _positive(where, name, "noise_std", spec.noise_std)
+    else:
+        sigma = _positive(where, name, "noise_density", spec.noise_density) * np.sqrt(rate)
+    bias_std = _not_negative(where, name, "bias_std", spec.bias_std)
+    return float(sigma), bias_std, _not_negative(where, name, "bias_walk", spec.bias_walk)
+
+
+def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> SensorModel:
+    if name == "camera":
+        return camera_of(recording)
+    sigma = _positive(where, name, "noise_std", spec.noise_std)
+    if name == "base":
+        return BaseReceiver(sigma)
+    optional = 0.0 if name in ("sonar", "laser") else None  # ranges have no bias unless one is declared
+    std = _not_negative(where, name, "bias_std", spec.bias_std, optional)
+    walk = _not_negative(where, name, "bias_walk", spec.bias_walk, optional)
+    if name == "gps":
+        sigma_velocity = None
+        if recording.streams["gps"].has(VELOCITY):
+            sigma_velocity = _positive(where, name, "velocity_noise_std", spec.velocity_noise_std)
+        return Gps(sigma, sigma_velocity, std, walk)
+    if name == "mag":
+        return Magnetometer(sigma, std, walk)
+    if name == "baro":
+        return Barometer(sigma, std, walk)
+    if name == "sonar":
+        return Sonar(sigma, std, walk)
+    angles = np.zeros(1) if spec.angles is None else np.asarray(spec.angles, dtype=np.float64)
+    return Laser(sigma, std, walk, angles)
+
+
+def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[int, BiasProcess], ...]:
+    """First-order noise of one sensor, where its size and time are given."""
+    parts = []
+    for key, block, first, width in (
+        ("colour_std", f"c_{name}", 0, min(size, 3)),
+        ("velocity_colour_std", f"c_{name}_velocity", 3, 3),
+    ):
+        std = getattr(spec, key)
+        if std:
+            time = _positive(where, name, "colour_time", spec.colour_time)
+            width = 1 if name in ("sonar", "laser") else width
+            parts.append((first, coloured(block, width, _positive(where, name, key, std), time)))
+    return tuple(parts)
+
+
+def _averaged(where: str, samples: str) -> bool:
+    if samples not in ("instant", "average"):
+        raise InputError(where, f'"{samples}"', '"instant" or "average"', "[sensors.accel] imu_samples")
+    return samples == "average"
+
+
+def _earth_rate(recording: Recording) -> FloatArray:
+    """(3,) rate of the Earth in NED [rad/s]: w_e (cos lat, 0, -sin lat); zero unless the recording says it is seen."""
+    if not recording.environment.earth_rotation:
+        return np.zeros(3)
+    if recording.origin is None:
+        raise InputError(recording.where, "none", "the latitude, since earth_rotation = true", "[origin]")
+    latitude = np.deg2rad(recording.origin[0])
+    return EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])

@@ -1,0 +1,135 @@
+"""What an engine runs on, what it fills in, and what its errors say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.events import OUTSIDE, Events, collect, with_variances
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.imu import ImuTable, imu_table
+from sinan.estimator.filter.layout import CAPACITY
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
+from sinan.sensors.window import between
+
+#: What a sensor is to the kernels: their code of its equations.
+KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level": 5, "place": 0, "speed": 6}
+KIND["camera"] = KIND["base"]  # which predicts nothing: all of a camera's reading is a form
+#: The state block that a sensor's own equations add to its reading.
+BIAS_BLOCK = {"gps": "b_gps", "base": "b_gps", "level": "b_accel"}
+
+
+@dataclass(frozen=True)
+class RunInputs:
+    """What an engine runs on, and what it starts from.
+
+    Attributes
+    ----------
+    recording, model, imu, events : see there
+    x, P : (n + 1,), (n, n) the first state
+    later : the same of each stretch after the first
+    """
+
+    recording: Recording
+    model: FlightModel
+    imu: ImuTable
+    events: Events
+    x: FloatArray
+    P: FloatArray
+    later: tuple[tuple[FloatArray, FloatArray], ...] = ()
+
+    @property
+    def stretches(self) -> list[tuple[int, int, FloatArray, FloatArray]]:
+        """First and last sample of each stretch, and what it starts from."""
+        firsts = ((self.x, self.P), *self.later)
+        return [(i0, i1, x, P) for (i0, i1), (x, P) in zip(self.imu.stretches, firsts, strict=True)]
+
+    def events_of(self, i0: int, i1: int) -> tuple[int, int]:
+        """Readings with t_i0 <= t < t_i1, and where a stretch ends with i1 all before the next; those outside of any
+        ride along.
+        """
+        t, imu = self.events.t, self.imu
+        k0 = int(np.searchsorted(t, imu.t[i0], side="left")) if i0 > 0 else 0
+        if i1 == len(imu) - 1:
+            return k0, len(t)
+        return k0, int(np.searchsorted(t, imu.t[i1 + 1 if imu.last_of(i1) else i1], side="left"))
+
+
+@dataclass
+class RunOutputs:
+    """What an engine fills in: see `Journal` for the meaning and `engine_numba.run_chunk` for the places."""
+
+    nu: FloatArray
+    white: FloatArray
+    S_row: IntArray
+    S: FloatArray
+    nis: FloatArray
+    loglik: FloatArray
+    weight: FloatArray
+    status: IntArray
+    x_event: FloatArray
+    var_event: FloatArray
+    x_imu: FloatArray
+    var_imu: FloatArray
+    stride: int
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+def prepare(
+    recording: Recording,
+    model: FlightModel,
+    *,
+    imu: ImuTable | None = None,
+    events: Events | None = None,
+    first: tuple[FloatArray, FloatArray] | None = None,
+    aligned: Recording | None = None,
+) -> RunInputs:
+    """Everything an engine needs, from a recording and its model.
+
+    Parameters
+    ----------
+    imu, events, first : where they are known
+    aligned : the recording from whose readings each stretch is aligned; default: itself
+    """
+    imu = imu_table(recording, model) if imu is None else imu
+    events = collect(recording, model) if events is None else with_variances(events, recording, model)
+    aligned = recording if aligned is None else aligned
+    x, P = first_state(aligned, model) if first is None else first
+    if len(imu.starts) == 1:
+        return RunInputs(recording, model, imu, events, x, P)
+    status, later = events.status.copy(), []
+    for (_, end), (i0, i1) in pairwise(imu.stretches):
+        status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
+        later.append(first_state(between(aligned, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf))), model))
+    return RunInputs(recording, model, imu, replace(events, status=status), x, P, tuple(later))
+
+
+def outputs_for(inputs: RunInputs, stride: int = 1) -> RunOutputs:
+    """Empty arrays for a run; `stride` IMU samples between logged states, 0: none."""
+    events, K = inputs.events, len(inputs.events)
+    sizes = np.diff(events.row)
+    S_row = np.concatenate([[0], np.cumsum(sizes**2)]).astype(np.int64)
+    rows, logged = int(events.row[-1]), 1 + (len(inputs.imu) - 1) // stride if stride else 1
+    return RunOutputs(
+        nu=np.full(rows, np.nan), white=np.full(rows, np.nan), S_row=S_row, S=np.full(S_row[-1], np.nan),
+        nis=np.full(K, np.nan), loglik=np.full(K, np.nan), weight=np.ones(K), status=events.status.copy(),
+        x_event=np.zeros((K, CAPACITY + 1)), var_event=np.zeros((K, CAPACITY)),
+        x_imu=np.zeros((logged, CAPACITY + 1)), var_imu=np.zeros((logged, CAPACITY)), stride=stride,
+    )  # fmt: skip
+
+
+def raise_for(status: int, event: int, inputs: RunInputs) -> None:
+    """Turn a kernel's status into the error that names time and sensor."""
+    if status == 0:
+        return
+    events = inputs.events
+    last = min(event, len(events) - 1)
+    at = f"t = {events.t[last]:.3f} s, sensor {events.sensors[events.sensor[last]]}" if last >= 0 else "the end"
+    found = "the state is not finite" if status == 1 else "the covariance of the innovation is not positive"
+    raise InputError(inputs.recording.where, found, "noise levels and a first state that fit the readings", at)

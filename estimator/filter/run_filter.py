@@ -1,0 +1,96 @@
+"""The filter over a recording: effects in their exact form, readings refused for good, the engine that fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from sinan.estimator.filter.engine import Engine, run
+from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED
+from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.journal import Journal
+from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.recording import Recording
+
+#: Share of a sensor's readings that a gate may refuse before it is the gate that is doubted.
+LOCKED_OUT = 0.25
+
+
+def run_filter(
+    recording: Recording,
+    model: FlightModel,
+    betas: Mapping[Any, FloatArray] | None = None,
+    *,
+    engine: Engine = "auto",
+    stride: int = 1,
+    passes: int = 6,
+    tolerance: float = 1e-3,
+) -> Journal:
+    """Run the filter over a recording, with effects in the model where `betas` (or the recording) names them.
+
+    Parameters
+    ----------
+    recording : a flight
+    model : from `flight_model`
+    betas : by effect (a name of the catalogue, or an `Effect`), its parameters; what the recording declares is added
+    engine : "numba", "filterpy", or "auto": the compiled one where nobody has to wait for the compiler
+    stride : IMU samples between two logged states; 0: none
+    passes, tolerance : effects are evaluated along the smoothed motion of the pass before, until no whitened innovation
+        moves by more than `tolerance` sigma
+
+    Returns
+    -------
+    Journal
+
+    Raises
+    ------
+    InputError : a state that is not finite, with time and sensor; effects that lack a covariate
+    """
+    from sinan.estimator.filter.effect_forms import Terms, declared_terms, run_with_effects
+    from sinan.estimator.filter.relinearise import run_relinearised
+
+    terms = Terms.of(betas or {}).joined(declared_terms(recording))
+
+    def once(model: FlightModel) -> Journal:
+        if model.relinearise:
+            return run_relinearised(recording, model, terms, engine=engine, stride=stride)
+        if not terms and not set(FORM_ONLY) & set(model.sensors):
+            return run(prepare(recording, model), engine, stride)
+        return run_with_effects(
+            recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance
+        )
+
+    return opened(once, model)
+
+
+def opened(once: Callable[[FlightModel], Journal], model: FlightModel) -> Journal:
+    """A run; where the gate refuses a sensor for good, another one that weighs what the gate would refuse.
+
+    Readings that are wrong now and then are refused and done with. Readings that are refused for good may be those of
+    a sensor that is wrong, or right ones that a lost filter no longer believes, and it would stay lost. A weight of
+    threshold / NIS serves both: a hundred sigma off hardly move the state, ten sigma lead it back.
+    """
+    journal = once(model)
+    shares = refused_shares(journal)
+    locked = {name: share for name, share in shares.items() if share > LOCKED_OUT}
+    if not locked or model.gate_level is None:
+        return journal
+    said = [f"{name}: the gate refused {100 * share:.0f} % of the readings" for name, share in locked.items()]
+    notes = (*model.notes, f"{', '.join(said)}; doubtful readings were given less weight instead")
+    return once(model.replace(gate_level=None, robust_level=model.robust_level or model.gate_level, notes=notes))
+
+
+def refused_shares(journal: Journal) -> dict[str, float]:
+    """Share of each sensor's judged readings that the gate refused."""
+    judged = {name: journal.stream(name).status for name in journal.sensors}
+    counts = {name: (np.sum(s == GATED), np.sum((s == GATED) | (s == ACCEPTED))) for name, s in judged.items()}
+    return {name: float(refused / total) if total else 0.0 for name, (refused, total) in counts.items()}
+
+
+def used(journal: Journal, sensor: str) -> IntArray:
+    """Rows of a sensor's stream that the filter used."""
+    stream = journal.stream(sensor)
+    return stream.index[stream.status == ACCEPTED]

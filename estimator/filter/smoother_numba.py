@@ -1,0 +1,299 @@
+"""Compiled passes of the fixed-interval smoother (`smoother.py`) over one recorded stretch of the filter."""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from sinan.estimator.filter.engine_numba import CAP, _decay_over, _right_jacobian, _turn
+from sinan.estimator.filter.kernel_cache import options
+from sinan.sensors.arrays import FloatArray
+
+_OPTIONS = options()
+
+
+class By(NamedTuple):
+    """Derivatives of the likelihood by the noise of each component, of each interval of the IMU, of each bias."""
+
+    r: FloatArray
+    q_accel: FloatArray
+    q_gyro: FloatArray
+    bias: FloatArray
+
+
+@njit(**_OPTIONS)
+def _transposed_step(c, r, phi):
+    """r <- Phi' r, the adjoint of `engine_numba._propagation` and of the biases' decay `phi`."""
+    half = c[54]
+    w0, w1, w2 = r[3] + half * r[0], r[4] + half * r[1], r[5] + half * r[2]
+    n0 = r[6] - c[27] * w0 - c[30] * w1 - c[33] * w2
+    n1 = r[7] - c[28] * w0 - c[31] * w1 - c[34] * w2
+    n2 = r[8] - c[29] * w0 - c[32] * w1 - c[35] * w2
+    for j in range(3):
+        r[3 + j] += 2.0 * half * r[j]
+        r[6 + j] = c[j] * n0 + c[3 + j] * n1 + c[6 + j] * n2 - c[18 + j] * w0 - c[21 + j] * w1 - c[24 + j] * w2
+        r[9 + j] -= (c[36 + j] + c[45 + j]) * w0 + (c[39 + j] + c[48 + j]) * w1 + (c[42 + j] + c[51 + j]) * w2
+        r[12 + j] -= c[9 + j] * n0 + c[12 + j] * n1 + c[15 + j] * n2
+    for j in range(15, CAP):
+        r[j] *= phi[j]
+
+
+@njit(**_OPTIONS)
+def _step(c, d, phi):
+    """d <- Phi d."""
+    half = c[54]
+    n, w = np.empty(3), np.empty(3)
+    for i in range(3):
+        a = 3 * i
+        n[i] = c[a] * d[6] + c[a + 1] * d[7] + c[a + 2] * d[8]
+        n[i] -= c[9 + a] * d[12] + c[10 + a] * d[13] + c[11 + a] * d[14]
+    for i in range(3):
+        a = 3 * i
+        w[i] = d[3 + i] - c[18 + a] * d[6] - c[19 + a] * d[7] - c[20 + a] * d[8]
+        w[i] -= c[27 + a] * n[0] + c[28 + a] * n[1] + c[29 + a] * n[2]
+        for j in range(3):
+            w[i] -= (c[36 + a + j] + c[45 + a + j]) * d[9 + j]
+    for i in range(3):
+        d[i] += half * (d[3 + i] + w[i])
+        d[3 + i] = w[i]
+        d[6 + i] = n[i]
+    for j in range(15, CAP):
+        d[j] *= phi[j]
+
+
+@njit(**_OPTIONS)
+def _turned(J, r, transposed):
+    """Attitude part of r <- J r or J' r."""
+    a, b, c = r[6], r[7], r[8]
+    for i in range(3):
+        if transposed:
+            r[6 + i] = J[i] * a + J[3 + i] * b + J[6 + i] * c
+        else:
+            r[6 + i] = J[3 * i] * a + J[3 * i + 1] * b + J[3 * i + 2] * c
+
+
+@njit(**_OPTIONS)
+def backward(trail, row, white, world, r, r_after, N, with_N):
+    """Carry r (CAP,) and N (CAP, CAP) from the end of the stretch to its start.
+
+    Reading: r <- J' r, r <- r + H~' (y - U r);  N <- (I - U' H~)' J' N J (I - U' H~) + H~' H~, H~ = L^-1 H
+    Step:    r <- Phi' r;                        N <- Phi' N Phi
+    `r_after[s]` keeps r right after step s.
+    """
+    steps, step_of_event, U, H, turn = trail.steps, trail.step_of_event, trail.U, trail.H, trail.turn
+    J, temp = np.empty(9), np.empty(CAP)
+    phi, q = np.ones(CAP), np.zeros(CAP)
+    k, s = len(step_of_event) - 1, len(r_after)
+    while True:
+        while k >= 0 and step_of_event[k] == s:
+            first, m = row[k] - row[0], row[k + 1] - row[k]
+            _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
+            _turned(J, r, True)
+            if with_N:
+                for j in range(CAP):
+                    _turned(J, N[j], True)
+                N[:, :] = N.T.copy()
+                for j in range(CAP):
+                    _turned(J, N[j], True)
+            for a in range(m):
+                temp[a] = white[first + a]
+                for j in range(CAP):
+                    temp[a] -= U[first + a, j] * r[j]
+            for a in range(m):
+                for j in range(CAP):
+                    r[j] += H[first + a, j] * temp[a]
+            if with_N:
+                for _ in range(2):  # N <- (N - N U' H~) then the same from the other side
+                    UN = U[first : first + m] @ N
+                    N[:, :] = (N - H[first : first + m].T @ UN).T.copy()
+                N += H[first : first + m].T @ H[first : first + m]
+            k -= 1
+        if s == 0:
+            return
+        s -= 1
+        for j in range(CAP):
+            r_after[s, j] = r[j]
+        _decay_over(steps[s, 55], CAP, world, phi, q)
+        _transposed_step(steps[s], r, phi)
+        if with_N:
+            for j in range(CAP):
+                _transposed_step(steps[s], N[j], phi)
+            N[:, :] = N.T.copy()
+            for j in range(CAP):
+                _transposed_step(steps[s], N[j], phi)
+
+
+@njit(**_OPTIONS)
+def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
+    """Carry the smoothed correction d = E[dx | all readings] through the stretch: d <- Phi d + Q r, d <- J (d - U' y).
+
+    At every IMU sample x_smooth = x_imu (+) d.
+    """
+    steps, step_of_event, step_of_imu, U, turn = (
+        trail.steps,
+        trail.step_of_event,
+        trail.step_of_imu,
+        trail.U,
+        trail.turn,
+    )
+    walk2, translation = world.walk2, world.translation
+    J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
+    k, i, s = 0, 0, 0
+    while True:
+        while i < len(step_of_imu) and step_of_imu[i] == s:
+            for j in range(6):
+                x_smooth[i, j] = x_imu[i, j] + d[j]
+            for j in range(9, CAP):
+                x_smooth[i, j + 1] = x_imu[i, j + 1] + d[j]
+            for j in range(6, 10):
+                x_smooth[i, j] = x_imu[i, j]
+            _turn(x_smooth[i], d[6], d[7], d[8])
+            i += 1
+        while k < len(step_of_event) and step_of_event[k] == s:
+            first, m = row[k] - row[0], row[k + 1] - row[k]
+            for a in range(m):
+                for j in range(CAP):
+                    d[j] -= U[first + a, j] * white[first + a]
+            _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
+            _turned(J, d, False)
+            k += 1
+        if s == len(steps):
+            return
+        h, q_accel, q_gyro = steps[s, 55], steps[s, 56], steps[s, 57]
+        _decay_over(h, CAP, world, phi, q)
+        _step(steps[s], d, phi)
+        for j in range(3):
+            if translation:
+                v = q_accel * h
+                d[j] += v * h * h / 3.0 * r_after[s, j] + 0.5 * v * h * r_after[s, 3 + j]
+                d[3 + j] += 0.5 * v * h * r_after[s, j] + v * r_after[s, 3 + j]
+            d[6 + j] += q_gyro * h * r_after[s, 6 + j]
+        for j in range(9, 15):
+            d[j] += walk2[j] * h * r_after[s, j]
+        for j in range(15, CAP):
+            d[j] += q[j] * r_after[s, j]
+        s += 1
+
+
+@njit(**_OPTIONS)
+def backward_scores(trail, row, out, used, world, r, N, by):
+    """`backward` with N, and what r and N say of every noise on the way; see `estimator.evidence.level_scores`.
+
+    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight.
+    """
+    steps, step_of_event, step_of_imu = trail.steps, trail.step_of_event, trail.step_of_imu
+    U, H, turn = trail.U, trail.H, trail.turn
+    weight, walk2, states, translation = out.weight, world.walk2, world.states, world.translation
+    J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
+    m_max = 1
+    for k in range(len(step_of_event)):
+        m_max = max(m_max, row[k + 1] - row[k])
+    L, G, y = np.zeros((m_max, m_max)), np.zeros((m_max, m_max)), np.zeros(m_max)
+    UN, UNU = np.zeros((m_max, CAP)), np.zeros((m_max, m_max))
+    k, s, i = len(step_of_event) - 1, len(steps), len(step_of_imu) - 2
+    while True:
+        while k >= 0 and step_of_event[k] == s:
+            first, m = row[k] - row[0], row[k + 1] - row[k]
+            if not used[k]:
+                k -= 1
+                continue
+            _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
+            _turned(J, r, True)
+            _turn_both(J, N, states)
+            scale = np.sqrt(weight[k])
+            for a in range(m):
+                y[a] = scale * out.white[first + a]
+                for j in range(states):
+                    y[a] -= U[first + a, j] * r[j]
+                for j in range(states):
+                    value = 0.0
+                    for n in range(states):
+                        value += U[first + a, n] * N[n, j]
+                    UN[a, j] = value
+            for a in range(m):
+                for b in range(m):
+                    value = 1.0 if a == b else 0.0
+                    for j in range(states):
+                        value += UN[a, j] * U[first + b, j]
+                    UNU[a, b] = value
+            for a in range(m):  # L L' = S / weight, G = L^-1
+                for b in range(a + 1):
+                    value = out.S[out.S_row[k] + a * m + b] / weight[k]
+                    for n in range(b):
+                        value -= L[a, n] * L[b, n]
+                    L[a, b] = np.sqrt(value) if a == b else value / L[b, b]
+                for b in range(a + 1):
+                    value = 1.0 if a == b else 0.0
+                    for n in range(b, a):
+                        value -= L[a, n] * G[n, b]
+                    G[a, b] = value / L[a, a]
+            for j in range(m):  # u = G' y, D = G' (1 + U N U') G
+                u, d = 0.0, 0.0
+                for a in range(j, m):
+                    u += G[a, j] * y[a]
+                    for b in range(j, m):
+                        d += G[a, j] * UNU[a, b] * G[b, j]
+                by.r[first + j] = 0.5 * (u * u - d) / weight[k]
+            for a in range(m):
+                for j in range(states):
+                    r[j] += H[first + a, j] * y[a]
+            for a in range(m):  # N <- (1 - H'U) N (1 - U'H) + H'H, one side after the other: what cancels does so once
+                for j in range(states):
+                    for n in range(states):
+                        N[j, n] -= UN[a, j] * H[first + a, n]
+            for a in range(m):
+                for n in range(states):
+                    value = 0.0
+                    for j in range(states):
+                        value += U[first + a, j] * N[j, n]
+                    UN[a, n] = H[first + a, n] - value
+            for a in range(m):
+                for j in range(states):
+                    for n in range(states):
+                        N[j, n] += H[first + a, j] * UN[a, n]
+            for j in range(states):
+                for n in range(j):
+                    N[j, n] = 0.5 * (N[j, n] + N[n, j])
+                    N[n, j] = N[j, n]
+            k -= 1
+        if s == 0:
+            return
+        s -= 1
+        while i > 0 and step_of_imu[i] > s:
+            i -= 1
+        h = steps[s, 55]
+        _decay_over(h, states, world, phi, q)
+        for j in range(3):
+            by.q_gyro[i] += 0.5 * h * (r[6 + j] * r[6 + j] - N[6 + j, 6 + j])
+            if translation:
+                v = r[3 + j] * r[3 + j] - N[3 + j, 3 + j]
+                p = r[j] * r[3 + j] - N[j, 3 + j]
+                w = r[j] * r[j] - N[j, j]
+                by.q_accel[i] += 0.5 * h * (v + h * p + h * h / 3.0 * w)
+        for j in range(9, 15):
+            by.bias[j] += 0.5 * walk2[j] * h * (r[j] * r[j] - N[j, j])
+        for j in range(15, states):
+            by.bias[j] += 0.5 * q[j] * (r[j] * r[j] - N[j, j])
+        _transposed_step(steps[s], r, phi)
+        for j in range(states):
+            _transposed_step(steps[s], N[j], phi)
+        for j in range(states):
+            for n in range(j):
+                N[j, n], N[n, j] = N[n, j], N[j, n]
+        for j in range(states):
+            _transposed_step(steps[s], N[j], phi)
+
+
+@njit(**_OPTIONS)
+def _turn_both(J, N, states):
+    """N <- J' N J on the attitude block."""
+    for j in range(states):
+        _turned(J, N[j], True)
+    for j in range(states):
+        a, b, c = N[6, j], N[7, j], N[8, j]
+        for i in range(3):
+            N[6 + i, j] = J[i] * a + J[3 + i] * b + J[6 + i] * c

@@ -1,0 +1,71 @@
+"""What of a noisy reading is signal: the regressor of an effect must not follow the noise that it is tested against.
+
+A rate that hovers about zero is nothing but noise, and an effect in proportion to it would "explain" the angle into
+which the filter integrates that same noise. So regressors on the IMU are taken along
+
+    w_signal(f) = max(0, 1 - k N / P(f)) w(f)
+
+with P the power of the reading averaged over neighbouring frequencies and N the declared noise's: Wiener's filter, with
+k > 1 so that bins of noise alone, whose estimate of P scatters, are shut.
+
+What a sensor that is read beside the IMU follows is slower still: some hundredths of a second later a vibration has
+another phase, and no receiver's velocity follows it. Its effects are taken along the motion without it.
+
+Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979 (subtraction of the noise's spectrum).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+
+#: Above this a rate or an acceleration is vibration, no motion of the vehicle [Hz].
+VEHICLE_BANDWIDTH = 10.0
+#: Frequencies over which power is averaged.
+NEIGHBOURS = 65
+#: k above: the mean of so many frequencies of noise exceeds twice its own once in 300,000.
+SUBTRACTED = 2.0
+
+
+def signal_part(values: FloatArray, sigma: float) -> FloatArray:
+    """(n, m) the part of evenly sampled readings (n, m) that is not white noise of standard deviation `sigma`.
+
+    The cosine transform, which continues a series by its mirror image, has no jump at the ends.
+    """
+    from scipy.fft import dct, idct
+
+    if len(values) < 4 * NEIGHBOURS:
+        return values
+    spectrum = dct(values, norm="ortho", axis=0)
+    padded = np.pad(spectrum**2, ((NEIGHBOURS // 2, NEIGHBOURS // 2), (0, 0)), mode="reflect")
+    sums = np.cumsum(np.concatenate([np.zeros((1, values.shape[1])), padded]), axis=0)
+    power = np.maximum((sums[NEIGHBOURS:] - sums[:-NEIGHBOURS]) / NEIGHBOURS, 1e-300)
+    return np.asarray(idct(np.maximum(0.0, 1.0 - SUBTRACTED * sigma**2 / power) * spectrum, norm="ortho", axis=0))
+
+
+def without_vibration(motion: Motion) -> Motion:
+    """The motion with what is slower than `VEHICLE_BANDWIDTH` of its rate and of its acceleration, without delay
+    (Butterworth, fourth order, both ways); force and slope of the rate stay as they are. Even sampling is taken for
+    granted.
+    """
+    from scipy.signal import sosfiltfilt
+
+    rate = 1.0 / float(np.median(np.diff(motion.t)))
+    if rate <= 2.0 * VEHICLE_BANDWIDTH or len(motion) <= max(15.0, 4.0 * rate / VEHICLE_BANDWIDTH):
+        return motion
+    both = np.hstack([motion.acceleration_n(), motion.w_ib_b])
+    a_n, w_ib_b = np.split(sosfiltfilt(_low_pass(rate), both, axis=0), 2, 1)
+    return replace(motion, a_n=a_n, w_ib_b=w_ib_b)
+
+
+@lru_cache
+def _low_pass(rate: float) -> FloatArray:
+    """Second-order sections of the filter at a sampling rate [Hz]."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(4, VEHICLE_BANDWIDTH, fs=rate, output="sos"))

@@ -1,0 +1,1 @@
+"""Positions from pseudoranges, and their integrity."""

@@ -1,0 +1,198 @@
+"""From pseudoranges to positions: a coarse fix, then mask, weights and modelled effects until it rests, then tests."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinan.estimator.positioning.integrity import Integrity, check, worst_rows
+from sinan.estimator.positioning.point_positioning import CONVERGED, EARTH_RADIUS, Fixes, solve
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, ionosphere_left, sum_of
+
+MOST_PASSES = 8  # of mask, weights and modelled effects
+MOST_EXCLUDED = 6  # satellites of one epoch
+COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect is modelled
+IONOSPHERE = "pseudorange.ionosphere"
+
+
+@dataclass(frozen=True)
+class Location:
+    """Fixes of a recording together with what they were computed from.
+
+    Attributes
+    ----------
+    ranges : the pseudoranges, all rows
+    fixes : position, clocks, residuals
+    clock_names : the system of each receiver clock
+    clock_group : (n,) number of the clock of each row
+    effects : modelled effects, by name
+    delay : (n,) sum of the modelled effects [m]
+    variance : (n,) [m^2]
+    elevation, azimuth : (n,) [rad]
+    integrity : tests and protection levels
+    excluded : (n,) rows above the mask that a test took out
+    """
+
+    ranges: Pseudoranges
+    fixes: Fixes
+    clock_names: tuple[str, ...]
+    clock_group: IntArray
+    effects: tuple[str, ...]
+    delay: FloatArray
+    variance: FloatArray
+    elevation: FloatArray
+    azimuth: FloatArray
+    integrity: Integrity
+    excluded: BoolArray
+
+
+def locate(
+    ranges: Pseudoranges,
+    effects: Iterable[str] = tuple(MODELLED),
+    *,
+    mask: float = np.deg2rad(10.0),
+    exclude: bool = True,
+    start: FloatArray | None = None,
+    correction: FloatArray | None = None,
+    variance: FloatArray | None = None,
+    common: FloatArray | None = None,
+    excluded: BoolArray | None = None,
+) -> Location:
+    """Fix every epoch: coarse position, then mask, weights and modelled effects there, until the position rests.
+
+    Parameters
+    ----------
+    ranges : all rows
+    effects : names of the effects to model at their full size; none: the plain model
+    mask : lowest elevation [rad]
+    exclude : test every epoch and leave out satellites that fail
+    start : (3,) where to begin [m]; the Earth's centre if not given
+    correction : (n,) further metres to take off the pseudoranges, such as those of a base; NaN leaves a row out
+    variance : (n,) instead of `code_variance` [m^2]
+    common : (n, k) with `variance`: errors that the rays have in common, 1-sigma a column [m]
+    excluded : (n,) rows to leave out from the beginning
+    """
+    names = tuple(effects)
+    group, clock_names = ranges.clock_groups()
+    satellite_clock = SPEED_OF_LIGHT * ranges.clock
+    z = ranges.value + satellite_clock - (0.0 if correction is None else np.nan_to_num(correction))
+    allowed = np.ones(len(ranges), dtype=bool) if excluded is None else ~excluded
+    allowed &= True if correction is None else np.isfinite(correction)
+
+    def fixes(
+        used: BoolArray,
+        delay: FloatArray,
+        weight: FloatArray,
+        begin: FloatArray | None,
+        field: FloatArray | None = None,
+    ) -> Fixes:
+        return solve(
+            ranges.position,
+            z - delay,
+            ranges.epoch,
+            len(ranges.t),
+            clock_group=group,
+            clocks=max(len(clock_names), 1),
+            variance=weight,
+            used=used,
+            start=begin,
+            field=field,
+        )
+
+    coarse_variance = np.full(len(ranges), COARSE**2)
+    nothing = np.zeros(len(ranges))
+    begin = first_position(ranges, z, group, allowed) if start is None else start
+    result = fixes(allowed, nothing, coarse_variance, begin)
+    if exclude:
+        again = functools.partial(fixes, delay=nothing, weight=coarse_variance, begin=begin)
+        result = exclude_faults(again, allowed, result, ranges, group, coarse_variance)[1]
+    position = filled(result.position)
+    for _ in range(MOST_PASSES):
+        motion = circumstances(ranges, position)
+        delay = sum_of(motion, names)
+        elevation = motion.covariates["elevation"]
+        field = common
+        if variance is not None:
+            weight = variance
+        else:
+            ionosphere = sum_of(motion, [IONOSPHERE]) if IONOSPHERE in names else nothing
+            weight = code_variance(ranges, elevation, ionosphere)
+            field = ionosphere_left(motion, ionosphere) if IONOSPHERE in names else None
+        result = fixes(allowed & (elevation > mask), delay, weight, position, field)
+        moved = np.nan_to_num(np.abs(result.position - position)).max(initial=0.0)
+        position = np.where(np.isfinite(result.position), result.position, position)
+        if not moved > 10.0 * CONVERGED:
+            break
+    above = allowed & (elevation > mask)
+    again = functools.partial(fixes, delay=delay, weight=weight, begin=position, field=field)
+    most = MOST_EXCLUDED if exclude else 0
+    used, result, checks = exclude_faults(again, above, result, ranges, group, weight, field, most)
+    return Location(
+        ranges,
+        result,
+        clock_names,
+        group,
+        names,
+        delay,
+        weight,
+        elevation,
+        motion.covariates["azimuth"],
+        checks,
+        above & ~used,
+    )
+
+
+def first_position(ranges: Pseudoranges, z: FloatArray, group: IntArray, allowed: BoolArray) -> FloatArray | None:
+    """(3,) where to begin: the fix of the epoch with the most satellites, from the Earth's centre; None: none."""
+    count = np.bincount(ranges.epoch[allowed], minlength=len(ranges.t))
+    rows = np.flatnonzero((ranges.epoch == int(np.argmax(count))) & allowed)
+    zero = np.zeros(len(rows), dtype=np.int64)
+    fix = solve(ranges.position[rows], z[rows], zero, 1, clock_group=group[rows], clocks=int(group.max(initial=0)) + 1)
+    return fix.position[0] if fix.solved[0] else None
+
+
+def filled(position: FloatArray) -> FloatArray:
+    """(epochs, 3) with the last known position where there is none; the first known one before it."""
+    known = np.flatnonzero(np.isfinite(position[:, 0]))
+    if not len(known):
+        return np.broadcast_to(np.array([EARTH_RADIUS, 0.0, 0.0]), position.shape).copy()
+    latest = np.searchsorted(known, np.arange(len(position)), side="right") - 1
+    return np.asarray(position[known[np.maximum(latest, 0)]])
+
+
+def exclude_faults(
+    solver: Callable[[BoolArray], Fixes],
+    used: BoolArray,
+    result: Fixes,
+    ranges: Pseudoranges,
+    group: IntArray,
+    variance: FloatArray,
+    field: FloatArray | None = None,
+    most: int = MOST_EXCLUDED,
+) -> tuple[BoolArray, Fixes, Integrity]:
+    """Leave out, epoch by epoch, the satellite with the largest w until the test passes.
+
+    With a redundancy of one all w are equal: an error is seen but cannot be ascribed, and nothing is left out.
+
+    Parameters
+    ----------
+    solver : fixes with the given rows
+    used, result : rows, and the fixes with them
+    ranges, group, variance, field : of the fixes
+    most : satellites that are left out of one epoch
+    """
+    used = used.copy()
+    checks = check(result, ranges.position, ranges.epoch, group, variance, field)
+    for _ in range(most):
+        worst = worst_rows(checks, result, ranges.epoch)
+        if not len(worst):
+            break
+        used[worst] = False
+        result = solver(used)
+        checks = check(result, ranges.position, ranges.epoch, group, variance, field)
+    return used, result, checks

@@ -1,0 +1,81 @@
+"""What a trace named, in the parameters of an autopilot: whose log it is, what to set, what has no parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sinan.experiments.autopilots.ardupilot import ardupilot_terms
+from sinan.experiments.autopilots.findings import Findings, findings_of
+from sinan.experiments.autopilots.px4 import px4_terms
+from sinan.experiments.autopilots.terms import Setting, Terms
+from sinan.sensors.formats import facts_of
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.formats.facts import Facts
+from sinan.sensors.recording import Recording
+
+#: How each is called, and what makes its parameters.
+AUTOPILOTS: Mapping[str, tuple[str, Callable[[Findings, Mapping[str, float], Path | None], Terms]]] = {
+    "px4": ("PX4", px4_terms),
+    "ardupilot": ("ArduPilot", ardupilot_terms),
+}
+
+
+def autopilot_of(facts: Facts | None) -> str:
+    """Whose log it is, by name in `AUTOPILOTS`; empty: nobody says."""
+    said = "" if facts is None else f"{facts.format} {facts.firmware}"
+    return next((name for name, (title, _) in AUTOPILOTS.items() if title.lower() in said.lower()), "")
+
+
+def facts_beside(path: Path) -> Facts | None:
+    """What a log says of itself; None of a recording, a table, or what is not there."""
+    return facts_of(path) if path.exists() else None
+
+
+def terms_for(autopilot: str, found: Findings, facts: Facts | None, log: Path | None = None) -> Terms:
+    """The parameters that take out what was found; what has none is said, also what is doubtful."""
+    title, make = AUTOPILOTS[autopilot]
+    known = autopilot_of(facts) == autopilot
+    terms = make(found, facts.parameters if facts is not None and known else {}, log if known else None)
+    if not terms.parameters:
+        terms.notes.append(f"no parameters of {title} are in the log: these stand for its defaults")
+    done = {effect for one in terms.settings for effect in one.effects}
+    for effect in found.effects:
+        if effect not in done | set(terms.without):
+            terms.refuse(effect, f"{title} has no parameter that takes it out")
+    for effect, why in found.doubtful.items():
+        terms.refuse(effect, why)
+    return terms
+
+
+def lines_of(terms: Terms) -> list[str]:
+    """What to set, and what has no parameter, for the terminal."""
+    title = AUTOPILOTS[terms.autopilot][0]
+    lines = [f"{title}: {setting_line(one)}" for one in terms.settings]
+    lines += [f"{title}: no parameter for {effect}: {why}" for effect, why in terms.without.items()]
+    return [*lines, *(f"{title}: note: {note}" for note in terms.notes)]
+
+
+def setting_line(one: Setting) -> str:
+    """A parameter, what it is to be and what it was."""
+    was = "" if one.was is None else f" (was {one.was:.6g})"
+    return f"{one.name} {one.value:.6g}{was}, for {', '.join(one.effects)}"
+
+
+def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Recording, log: Path) -> Terms:
+    """The parameters of an autopilot that take out what a report of `sinan trace` names.
+
+    Parameters
+    ----------
+    recording : that was traced
+    log : where it was read
+    """
+    field_n, choice = document.get("magnetic_field"), Choice(**document.get("choice", {}))
+    found = findings_of(document, recording, None if field_n is None else np.array(field_n), choice)
+    terms = terms_for(autopilot, found, facts_beside(log), log)
+    if document["verdict"] == "unexplained" and terms.settings:
+        terms.notes.append("something remains that no effect explains: sizes are doubtful, though held-out data agree")
+    return terms

@@ -1,0 +1,622 @@
+"""The command line: one function a command, each imports what it needs when it runs."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from sinan.experiments.labs import LABS
+
+if TYPE_CHECKING:
+    from sinan.sensors.formats.choice import Choice
+
+# The matrices are small: more threads only get in each other's way, and the last bits would depend on their number.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
+app = typer.Typer(
+    name="sinan",
+    help="Multi-sensor state estimation that traces a residual to the effect a model lacks.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    epilog="Begin with `sinan demo`; `sinan COMMAND --help` says more.",
+)
+
+
+_SHIPPED = sorted(p.stem for p in (Path(__file__).parents[1] / "scenarios").glob("[!_]*.toml"))
+#: The most runs and processes that are asked for, and the most metres from the centre of the Earth.
+MOST_RUNS, MOST_WORKERS, MOST_METRES = 1_000_000, 1024, 1e9
+SCENARIOS = f"{', '.join(_SHIPPED)}; or a TOML file (docs/scenarios.md)"
+
+
+class Sensor(StrEnum):
+    """The three-axis sensors."""
+
+    accel = "accel"
+    gyro = "gyro"
+    mag = "mag"
+
+
+class Calibrand(StrEnum):
+    """What can be calibrated."""
+
+    accel = "accel"
+    gyro = "gyro"
+    mag = "mag"
+    all = "all"
+
+
+class Autopilot(StrEnum):
+    """Whose parameters are written."""
+
+    px4 = "px4"
+    ardupilot = "ardupilot"
+
+
+class AxesForm(StrEnum):
+    """Forms of the axes matrix T."""
+
+    none = "none"
+    triangular = "triangular"
+    full = "full"
+
+
+class World(StrEnum):
+    """How much of a blind recording's noise is as it declares."""
+
+    declared = "declared"
+    rough = "rough"
+    mixed = "mixed"
+
+
+Input = Annotated[str, typer.Argument(help="recording folder, log file, or DATASET/FILE", metavar="INPUT")]
+Inputs = Annotated[
+    list[str],
+    typer.Argument(
+        help="recording folder, log file, or DATASET/FILE; several flights of one vehicle", metavar="INPUT..."
+    ),
+]
+Map = Annotated[
+    Path | None, typer.Option("--map", help="TOML file that says how to read the log (docs/formats.md)", metavar="FILE")
+]
+_MOST_OF_A_KIND = 15
+
+
+def _number(sensor: str) -> Any:
+    """An option that says which of several sensors of a log is read."""
+    text = f"which {sensor} of a ULog or an ArduPilot log with several, from 0"
+    return typer.Option(help=text, min=0, max=_MOST_OF_A_KIND, metavar="N", show_default=False)
+
+
+Imu = Annotated[int, _number("IMU")]
+Mag = Annotated[int, _number("magnetometer")]
+Baro = Annotated[int, _number("barometer")]
+Gps = Annotated[int, _number("receiver")]
+Raw = Annotated[
+    bool, typer.Option("--raw", help="take off the autopilot's own offsets, scales and compensation (docs/formats.md)")
+]
+Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
+Relinearise = Annotated[
+    bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
+]
+Html = Annotated[Path | None, typer.Option("--html", help="file for a self-contained page", metavar="FILE")]
+Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2; else as declared, else 9.80665")]
+From = Annotated[
+    float | None,
+    typer.Option("--from", help="leave out what is before: s after the first IMU sample (of poses: pose)", metavar="S"),
+]
+To = Annotated[float | None, typer.Option("--to", help="leave out what is from then on: s, as --from", metavar="S")]
+Seed = Annotated[
+    int, typer.Option(help="of the random numbers: the same seed gives the same result", min=0, max=2**63 - 1)
+]
+Force = Annotated[bool, typer.Option("--force", help="replace a recording that sinan wrote there before")]
+Out = Annotated[Path, typer.Argument(help="folder of the recording: new, empty, or with --force")]
+
+
+def _say(work: Callable[[], str], json: Path | None, html: Path | None, **written: Path | None) -> None:
+    """Work whose files have a place to go, and go there together at its end; then the result, and every file."""
+    from sinan.sensors.files import together
+
+    def whole() -> str:
+        with together():
+            return work()
+
+    _say_as_kept(whole, json, html, **written)
+
+
+def _say_as_kept(work: Callable[[], str], json: Path | None, html: Path | None, **written: Path | None) -> None:
+    """The same of work that keeps what is finished as it goes."""
+    from sinan.experiments.report.files import require_place
+
+    files = {what: path for what, path in {**written, "JSON": json, "page": html}.items() if path is not None}
+    for path in files.values():
+        require_place(path)
+    _show(work())
+    for what, path in files.items():
+        _show(f"{what}: {path}")
+
+
+def _show(text: str) -> None:
+    """Print what may hold names out of a file, without the control characters that they may have."""
+    from sinan.sensors.errors import printable
+
+    typer.echo(printable(text, keep="\n\t"))
+
+
+def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
+    """Which of several sensors of a log are read."""
+    from sinan.sensors.formats.choice import Choice
+
+    return Choice(imu, mag, baro, gps, raw)
+
+
+def _require_place_for(folder: Path | None) -> None:
+    """A folder that is written to lies in one that is there, or in one that is made with it."""
+    from sinan.experiments.report.files import require_parent
+
+    if folder is not None:
+        require_parent(folder.parent)
+        folder.exists()  # a name that no folder can have is an error before the work
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from sinan.experiments.report.made import sinan_version
+
+        typer.echo(f"sinan {sinan_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def sinan(
+    version: Annotated[
+        bool, typer.Option("--version", help="show the version and exit", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Multi-sensor state estimation that traces a residual to the effect a model lacks."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Argument(help="folder for the page and the figures")] = Path("sinan-demo"),
+) -> None:
+    """The whole loop on an embedded recording with an effect that it does not declare; writes a page."""
+    from sinan.experiments.commands.demo import run
+
+    _require_place_for(out)
+    run(out)
+
+
+@app.command()
+def fetch(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="data sets; all if none is named", metavar="[NAME]...")
+    ] = None,
+) -> None:
+    """Get measured data sets into the cache, checksummed; with SINAN_DATA=DIR, check a local mirror of them."""
+    from sinan.experiments.datasets.fetch import fetch as fetch_sets
+    from sinan.experiments.report.console import progress
+
+    with progress("fetching") as step:
+        folders = fetch_sets(names or [], lambda name, file, done, total: step(f"{name}/{file}", done, total))
+    for name, folder in folders.items():
+        typer.echo(f"{name}: {folder}")
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[str, typer.Argument(help=SCENARIOS)],
+    out: Out,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            help="NAME=B0[,B1...][@T0[:T1]], such as mag.current=0.003,0,0 or gps.transient=4,0,0@20:30 (s); "
+            "may be given again; `sinan effects` lists the names",
+        ),
+    ] = None,
+    declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    seed: Seed = 0,
+    force: Force = False,
+) -> None:
+    """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
+    from sinan.experiments.report.console import note, working
+    from sinan.experiments.scenarios import simulate_to_folder
+
+    _require_place_for(out)
+    with working("simulating"):
+        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
+    _show(f"recording: {out}\nanswer: {answer}")
+
+
+@app.command()
+def info(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+) -> None:
+    """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
+    from sinan.experiments.commands.info import run
+
+    _say(lambda: run(input, map, json, (start, stop), _choice(imu, mag, baro, gps, raw)), json, None)
+
+
+@app.command()
+def convert(
+    input: Input,
+    out: Out,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    force: Force = False,
+) -> None:
+    """Any readable log, or a part of it -> plain recording."""
+    from sinan.experiments.datasets import convert as convert_log
+    from sinan.experiments.report.console import working
+    from sinan.experiments.report.words import reference_words
+
+    _require_place_for(out)
+    with working("converting"):
+        recording = convert_log(input, out, map, force, (start, stop), _choice(imu, mag, baro, gps, raw))
+    _show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
+    if recording.truth is not None:
+        _show(f"truth.csv: {', '.join(recording.truth.known)} by {reference_words(recording.truth.kind)}")
+
+
+@app.command()
+def calibrate(
+    sensor: Annotated[Calibrand, typer.Argument(help="which sensor of the log, or all")],
+    input: Input,
+    axes: Annotated[
+        AxesForm | None, typer.Option(help="form of T, which turns and skews the axes; default none, gyro full")
+    ] = None,
+    gravity: Gravity = None,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Calibrate a three-axis sensor from poses, or all that there are: T K (reading + b)."""
+    from sinan.experiments.commands.calibrate import run
+    from sinan.experiments.report.console import working
+
+    def work() -> str:
+        with working("calibrating"):
+            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html, (start, stop))
+
+    _say(work, json, html)
+
+
+@app.command()
+def estimate(
+    input: Input,
+    engine: Annotated[str, typer.Option(help="numba (compiled), filterpy (readable, slow) or auto")] = "auto",
+    states: Annotated[Path | None, typer.Option(help="file for the states over time, as CSV", metavar="FILE")] = None,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    relinearise: Relinearise = False,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="also the fixed-interval smoother: states and errors given all readings")
+    ] = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
+    from sinan.experiments.commands.estimate import run
+
+    span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
+    files = states, map, json, html
+    _say(lambda: run(input, engine, *files, relinearise, span, choice, smooth), json, html, states=states)
+
+
+@app.command()
+def trace(
+    inputs: Inputs,
+    sensor: Annotated[Sensor | None, typer.Option(help="only this one, of a poses recording with several")] = None,
+    alpha: Annotated[
+        float, typer.Option(help="risk of any false alarm, over all candidates together", min=1e-6, max=0.5)
+    ] = 0.01,
+    gravity: Gravity = None,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Find the effect that the model lacks, add it, and report the error before and after."""
+    from sinan.experiments.commands.trace import run
+
+    only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(inputs, only, alpha, gravity, map, json, html, span, choice), json, html)
+
+
+@app.command()
+def params(
+    input: Input,
+    autopilot: Annotated[
+        Autopilot | None, typer.Option("--for", help="whose parameters; default: of the autopilot that wrote the log")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--trace", help="what `sinan trace --json` wrote of this log", metavar="REPORT.json")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="file for the ground station; default: shown", metavar="FILE")
+    ] = None,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+) -> None:
+    """What a trace finds, as the flight controller's parameters: for QGroundControl (PX4) or Mission Planner."""
+    from sinan.experiments.commands.params import run
+
+    name, span, choice = autopilot.value if autopilot else None, (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, name, report, out, map, span, choice), None, None, parameters=out)
+
+
+@app.command()
+def gnss(
+    observation: Annotated[Path, typer.Argument(help="RINEX observation file", metavar="OBS")],
+    navigation: Annotated[list[Path], typer.Argument(help="RINEX navigation files", metavar="NAV...")],
+    systems: Annotated[str, typer.Option(help="G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS")] = "G,E,J,C",
+    mask: Annotated[float, typer.Option(help="lowest elevation, deg", min=-90.0, max=90.0)] = 10.0,
+    position: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="known position of a receiver at rest, ECEF, m", metavar="X Y Z"),
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(help="known positions of a moving receiver")] = None,
+    base: Annotated[Path | None, typer.Option(help="RINEX observation file of a base receiver")] = None,
+    base_position: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="known position of the base, ECEF, m", metavar="X Y Z")
+    ] = None,
+    solution: Annotated[Path | None, typer.Option(help="file for the fixes, as CSV", metavar="FILE")] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Positions from pseudoranges, and which effects the ranges call for."""
+    from sinan.experiments.commands.gnss import run
+
+    files = observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html
+    _say(lambda: run(*files), json, html, fixes=solution)
+
+
+@app.command()
+def observability(
+    input: Annotated[str, typer.Argument(help="recording, log, DATASET/FILE or scenario", metavar="INPUT|SCENARIO")],
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
+    from sinan.experiments.commands.observability import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
+
+
+@app.command()
+def montecarlo(
+    scenario: Annotated[str, typer.Argument(help=SCENARIOS)],
+    runs: Annotated[int, typer.Option(help="number of flights", min=1, max=MOST_RUNS)] = 100,
+    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
+    dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+    resume: Annotated[Path | None, typer.Option(help="folder that keeps finished runs")] = None,
+    seed: Seed = 0,
+    relinearise: Relinearise = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Fly a scenario many times and check the filter's errors against its own prediction."""
+    from sinan.experiments.commands.monte_carlo import run
+
+    _require_place_for(resume)
+    _say_as_kept(lambda: run(scenario, runs, workers, dask, resume, seed, json, html, relinearise), json, html)
+
+
+@app.command()
+def batch(
+    inputs: Annotated[list[str], typer.Argument(help="logs, recordings, or folders that hold them", metavar="LOG...")],
+    out: Annotated[Path, typer.Option("--out", help="folder for pages and reports; what it holds is not done again")],
+    workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
+    dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+) -> None:
+    """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
+    from sinan.experiments.commands.batch import run
+
+    _require_place_for(out)
+    _show(run(inputs, out, workers, dask))
+    _show(f"page: {out / 'index.html'}")
+
+
+@app.command()
+def camera(
+    place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
+    board: Annotated[
+        str | None, typer.Option(help="inner corners of the chessboard, or squares of the ChArUco board", metavar="9x6")
+    ] = None,
+    square: Annotated[float, typer.Option(help="side of a square, m; without it, places are in squares")] = 1.0,
+    marker: Annotated[float | None, typer.Option(help="ChArUco: side of a marker, in the unit of --square")] = None,
+    dictionary: Annotated[str, typer.Option(help="ChArUco: OpenCV's name of the markers' dictionary")] = "DICT_5X5_100",
+    legacy: Annotated[bool, typer.Option("--legacy", help="ChArUco: a board printed by OpenCV before 4.6")] = False,
+    lens: Annotated[
+        str, typer.Option(help="auto (held-out pictures decide), pinhole, k1, ..., fisheye, unified, omnidirectional")
+    ] = "auto",
+    corners: Annotated[Path | None, typer.Option(help="file for the corners that were found, as CSV")] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Calibrate a camera from pictures of a board: intrinsics, their error, and the lens that the pictures call for."""
+    from sinan.experiments.commands.camera import board_of, run
+
+    target = board_of(board, square, marker, dictionary, legacy)
+    _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
+
+
+@app.command()
+def lab(
+    name: Annotated[str | None, typer.Argument(help=f"{', '.join(LABS)}; none: the list")] = None,
+    out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
+) -> None:
+    """The course's experiments."""
+    from sinan.experiments.labs import run
+
+    if name is None:
+        typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))
+    else:
+        _require_place_for(out)
+        run(name, out)
+
+
+@app.command()
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(help="of an effect or a sensor; without one, all", metavar="[NAME]")
+    ] = None,
+) -> None:
+    """What a plain sensor model may lack: the catalogue, or one effect of it."""
+    from sinan.experiments.commands.effects import run
+
+    typer.echo(run(name))
+
+
+@app.command()
+def blind(
+    out: Annotated[Path, typer.Argument(help="folder for recordings, answers, reports and rates", metavar="OUT")],
+    runs: Annotated[int, typer.Option(help="number of recordings", min=1, max=MOST_RUNS)] = 100,
+    seed: Seed = 0,
+    world: Annotated[World, typer.Option(help="noise as declared, rough, or each half of the time")] = World.mixed,
+    workers: Annotated[int, typer.Option(help="processes", min=1, max=MOST_WORKERS)] = 1,
+    html: Html = None,
+    measured: Annotated[bool, typer.Option("--measured", help="put effects into minutes of measured logs")] = False,
+    logs: Annotated[
+        list[str] | None, typer.Option(help="measured: one log, by its name or DATASET/FILE; may be given again")
+    ] = None,
+    table: Annotated[Path | None, typer.Option(help="measured: file for the page, Markdown", metavar="FILE")] = None,
+) -> None:
+    """Trace recordings whose effects are sealed, then open the answers: rates with their intervals."""
+    _require_place_for(out)
+    if measured:
+        from sinan.experiments.blind.measured.command import run as run_measured
+
+        _say_as_kept(lambda: run_measured(out, runs, seed, logs or [], workers, table), None, None, table=table)
+        return
+    from sinan.experiments.commands.blind import run
+
+    _say_as_kept(lambda: run(out, runs, seed, world.value, workers, html), None, html)
+
+
+def _require_whole_effects(arguments: list[str]) -> None:
+    """An effect that a blank cuts in two would be one argument too many: say so as any other near miss."""
+    for option, name, value in zip(arguments, arguments[1:], arguments[2:], strict=False):
+        if option == "--effect" and "=" not in name and value.lstrip("-.")[:1].isdigit():
+            from sinan.experiments.scenarios import parse_effect
+
+            parse_effect(f"{name} {value}")
+
+
+def _spread(arguments: list[str]) -> list[str]:
+    """Positions as three arguments, however their numbers were separated: `X Y Z`, `X,Y,Z` or `"X, Y, Z"`."""
+    from sinan.sensors.errors import InputError
+
+    result: list[str] = []
+    rest = list(arguments)
+    while rest:
+        option, equals, value = rest.pop(0).partition("=")
+        if equals and option not in ("--position", "--base-position"):
+            option, equals = f"{option}={value}", ""
+        result.append(option)
+        rest = [value, *rest] if equals else rest
+        if result[-1] in ("--position", "--base-position"):
+            numbers: list[str] = []
+            while rest and len(numbers) < 3 and (more := _numbers(rest[0])):
+                numbers += more
+                rest.pop(0)
+            if len(numbers) != 3:
+                raise InputError(result[-1], " ".join(numbers) or "no number", "X Y Z: three numbers, ECEF, m")
+            result += numbers
+    return result
+
+
+def _numbers(text: str) -> list[str]:
+    """The numbers in a text with commas or blanks between; none where anything else is in it."""
+    parts = text.replace(",", " ").split()
+    try:
+        return parts if all(abs(float(part)) < MOST_METRES for part in parts) else []
+    except ValueError:
+        return []
+
+
+def _leave_warnings_to_developers() -> None:
+    """Say no warning of a library, here or in a worker process, unless `python -W` or PYTHONWARNINGS ask for them."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+        os.environ["PYTHONWARNINGS"] = "ignore"
+
+
+def main() -> None:
+    """Entry point: bad input ends with status 1 and one line, bad usage with 2, Ctrl-C with 130 and one line."""
+    from sinan.experiments.workers.stopping import listening
+    from sinan.sensors.errors import InputError
+    from sinan.sensors.files import cannot_write
+
+    _leave_warnings_to_developers()
+    try:
+        with listening():
+            _require_whole_effects(sys.argv[1:])
+            app(_spread(sys.argv[1:]))
+    except InputError as error:
+        _fail(error)
+    except OSError as error:
+        if error.filename is None:  # of no file: the text could not be written
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left of it would fail again at the end
+            _fail(cannot_write("standard output", error, "an output that takes the text"))
+        _fail(cannot_write(os.fsdecode(error.filename), error, "a path that can be used"))
+    except MemoryError:
+        _fail(InputError(" ".join(sys.argv[1:]), "more than the memory holds", "a shorter log, or more memory"))
+
+
+def _fail(error: Exception) -> NoReturn:
+    sys.stderr.write(f"sinan: {error}\n")
+    raise SystemExit(1) from None

@@ -1,0 +1,1 @@
+"""Positioning studies: a receiver's log, a base, a reference."""

@@ -1,0 +1,394 @@
+"""`sinan gnss`: positions from RINEX files, and which effects the pseudoranges call for.
+
+The order of the report: the plain model, then each effect that the data call for, then the model with every effect.
+What the ranges alone cannot show is said, with the distance by which it moves the fix.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pymap3d
+
+from sinan.estimator.positioning import integrity
+from sinan.estimator.positioning.location import Location, locate
+from sinan.experiments.gnss.base import Differential, differential
+from sinan.experiments.gnss.reference import position_error, read_reference
+from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
+from sinan.experiments.residual_loop.pseudoranges import Called
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects.pseudorange_satellite_fault import EFFECT as FAULT
+from sinan.sensors.errors import InputError
+from sinan.sensors.files import new_file
+from sinan.sensors.formats.rinex import Navigation, read_navigation, read_observations
+from sinan.sensors.formats.rinex_text import WEEK, calendar
+from sinan.sensors.pseudorange import MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
+
+Report = dict[str, object]
+
+
+def run(
+    observation: Path | str,
+    navigation: Sequence[Path | str],
+    systems: str = "G,E,J,C",
+    mask_deg: float = 10.0,
+    position: Sequence[float] | None = None,
+    reference: Path | str | None = None,
+    base: Path | str | None = None,
+    base_position: Sequence[float] | None = None,
+    solution: Path | str | None = None,
+    alpha: float = 0.01,
+) -> Report:
+    """Read, fix, trace and report.
+
+    Parameters
+    ----------
+    observation : RINEX observation file of the receiver
+    navigation : RINEX navigation files
+    systems : letters with or without commas: G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS
+    mask_deg : lowest elevation [deg]
+    position : known ECEF position of a receiver that stands still [m]
+    reference : file of known positions of a moving one
+    base, base_position : observation file and ECEF position [m] of a base
+    solution : CSV file to write the fixes of the full model to
+    alpha : family-wise error of the trace
+
+    Returns
+    -------
+    what `--json` writes: finite numbers, strings, lists, None
+
+    Raises
+    ------
+    InputError : a file or an argument cannot be used
+    """
+    letters = check_arguments(systems, mask_deg, position, reference, base, base_position)
+    messages = read_navigation(*navigation)
+    ranges = usable_ranges(observation, messages, letters)
+    mask = math.radians(mask_deg)
+    truth = known_positions(ranges, position, reference)
+    full = locate(ranges, mask=mask)
+    if not full.fixes.solved.any():
+        raise InputError(
+            observation, reasons(full), "an epoch with four satellites above the mask, or one more a system"
+        )
+    found = trace_ranges(ranges, mask, alpha, truth)
+    final = locate(ranges, mask=mask, excluded=found.faulty)
+    report: Report = {
+        "format": 1,
+        "recording": Path(observation).name,
+        "alpha": alpha,
+        "epochs": int(final.fixes.solved.sum()),
+        "systems": [SYSTEM_NAMES[letter] for letter in letters],
+        "mask_deg": mask_deg,
+        "reference": "the position given"
+        if position is not None
+        else None
+        if reference is None
+        else Path(reference).name,
+        "verdict": found.verdict,
+        "effects": [effect_entry(called) for called in found.called],
+        "rolled_back": list(found.rolled_back),
+        "stages": stages(ranges, mask, found, final, truth),
+        "error": held_out_error(ranges, mask, found),
+        "candidates": candidates(ranges, mask, found, final),
+        "integrity": integrity_entry(final),
+        "excluded": excluded(final, found),
+        "journal": journal(ranges, final),
+    }
+    if base is not None and base_position is not None:
+        at_base = usable_ranges(base, messages, letters)
+        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask)
+        report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
+    if solution is not None:
+        write_solution(solution, final)
+    return finite(report)  # type: ignore[return-value]
+
+
+def check_arguments(
+    systems: str,
+    mask_deg: float,
+    position: Sequence[float] | None,
+    reference: Path | str | None,
+    base: Path | str | None,
+    base_position: Sequence[float] | None,
+) -> str:
+    """The letters of the systems; raises where arguments do not go together."""
+    letters = systems.upper().replace(",", "").replace(" ", "")
+    unknown = [letter for letter in letters if letter not in SYSTEM_NAMES]
+    if unknown or not letters:
+        raise InputError("--systems", f"`{systems}`", "letters out of " + ",".join(SYSTEM_NAMES))
+    if not 0.0 <= mask_deg < 90.0:
+        raise InputError("--mask", f"{mask_deg:g} deg", "0 to 90 deg")
+    if position is not None and reference is not None:
+        raise InputError("--position and --reference", "both", "one of them")
+    if (base is None) != (base_position is None):
+        raise InputError("--base and --base-position", "one without the other", "both")
+    for name, value in (("--position", position), ("--base-position", base_position)):
+        if value is not None and not (len(value) == 3 and 6.2e6 < np.linalg.norm(np.asarray(value, float)) < 7.0e6):
+            raise InputError(name, str(list(value)), "ECEF X Y Z in metres, near the Earth's surface")
+    return letters
+
+
+def usable_ranges(path: Path | str, messages: Navigation, letters: str) -> Pseudoranges:
+    """Pseudoranges of a file; raises where none can be used."""
+    ranges = pseudoranges(read_observations(path, "CS"), messages, letters)
+    if not len(ranges):
+        names = ", ".join(SYSTEM_NAMES[letter] for letter in letters)
+        why = "; ".join(ranges.journal[-3:]) or f"no code observation of {names}"
+        raise InputError(
+            path, f"no usable pseudorange: {why}", f"code observations of {names} with messages of that time"
+        )
+    return ranges
+
+
+def known_positions(
+    ranges: Pseudoranges, position: Sequence[float] | None, reference: Path | str | None
+) -> FloatArray | None:
+    """(epochs, 3) where the receiver was, ECEF [m]; None: not known."""
+    if position is not None:
+        return np.tile(np.asarray(position, dtype=np.float64), (len(ranges.t), 1))
+    if reference is None:
+        return None
+    truth = read_reference(reference).at(ranges.week, ranges.t)
+    if not np.isfinite(truth).any():
+        start = calendar(ranges.week * WEEK + float(ranges.t[0]))
+        raise InputError(
+            reference, f"no position at an epoch of {ranges.where} (from {start})", "a reference of that time"
+        )
+    return truth
+
+
+def effect_entry(called: Called) -> Report:
+    """One effect of the report."""
+    declaration = FAULT if called.satellite else MODELLED[called.name]
+    s = called.statistic
+    return {
+        "name": called.name,
+        "satellite": called.satellite,
+        "beta": s.beta.tolist(),
+        "std": s.std.tolist(),
+        "modelled": None if called.satellite else called.full.tolist(),
+        "unit": list(declaration.units),
+        "statistic": s.statistic / max(1.0, s.scatter),
+        "lambda": s.statistic,
+        "p_value": s.p_value,
+        "confused_with": list(called.confused_with),
+        "interval": None if called.interval is None else list(called.interval),
+        "evidence": "known position" if called.known_position else "ranges",
+        "summary": declaration.summary,
+    }
+
+
+def stages(
+    ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location, truth: FloatArray | None
+) -> list[Report]:
+    """The plain model, each further effect, and the model with every effect, if that is another one."""
+    entries = [stage((), [], locate(ranges, (), mask=mask, exclude=False), truth, "plain model")]
+    names: list[str] = []
+    labels: list[str] = []
+    without = np.zeros(len(ranges), dtype=bool)
+    for called in found.called:
+        labels.append(called.name)
+        if called.satellite is None:
+            names.append(called.name)
+        elif called.interval is not None:
+            late = ranges.time - ranges.t[0] >= called.interval[0]
+            without = without | ((ranges.satellite == called.satellite) & late)
+        location = locate(ranges, names, mask=mask, exclude=False, excluded=without)
+        source = "known position" if called.known_position else "ranges"
+        entries.append(stage(tuple(labels), names, location, truth, source))
+    everything = tuple(labels) + tuple(name for name in MODELLED if name not in names)
+    label = "every effect, satellites tested epoch by epoch"
+    return [*entries, stage(everything, list(MODELLED), final, truth, label)]
+
+
+def stage(
+    labels: Sequence[str], names: Sequence[str], location: Location, truth: FloatArray | None, evidence: str
+) -> Report:
+    """One stage of the report: residuals, mean position and, where it is known, the error."""
+    fixes = location.fixes
+    left = (fixes.residual + np.nan_to_num(fixes.common))[fixes.used]
+    entry: Report = {
+        "effects": list(labels),
+        "evidence": evidence,
+        "residual_rms": rms(left),
+        "nis_per_dof": float(np.nansum(fixes.sse) / max(int(fixes.redundancy[fixes.solved].sum()), 1)),
+        "position": np.nanmean(fixes.position, axis=0).tolist() if fixes.solved.any() else None,
+        "dop": dop_entry(location),
+    }
+    if truth is not None:
+        entry["position_error"] = position_error(fixes.position, truth)
+    return entry
+
+
+def dop_entry(location: Location) -> Report:
+    """Mean dilution of precision."""
+    d = integrity.dilution(location.fixes, location.ranges.position, location.ranges.epoch, location.clock_group)
+    names = {"gdop": d.geometric, "pdop": d.position, "hdop": d.horizontal, "vdop": d.vertical, "tdop": d.time}
+    return {name: mean(value) for name, value in names.items()}
+
+
+def held_out_error(ranges: Pseudoranges, mask: float, found: RangeTrace) -> Report:
+    """Residuals of the last third of the time, by the plain model and by the effects that the ranges call for."""
+    names = [c.name for c in found.called if c.satellite is None and not c.known_position]
+    before = locate(ranges, (), mask=mask, exclude=False)
+    after = locate(ranges, names, mask=mask, exclude=False, excluded=found.faulty)
+    late = held_out_epochs(ranges)[ranges.epoch]
+
+    def entry(location: Location) -> Report:
+        rows = location.fixes.used & late
+        left = location.fixes.residual + np.nan_to_num(location.fixes.common)
+        return {"rms": rms(left[rows]), "unit": "m"}
+
+    return {
+        "held_out": True,
+        "stream": "pseudorange",
+        "same_names_on_fitting_part": found.same_on_fitting_part,
+        "before": entry(before),
+        "after": entry(after),
+    }
+
+
+def candidates(ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location) -> list[Report]:
+    """What the ranges did not call for: statistic, the smallest size that would show, and where it moves the fix."""
+    entries: list[Report] = []
+    R = integrity.east_north_up(final.fixes.position)
+    for s in found.left:
+        rest = [name for name in MODELLED if name != s.name]
+        without = locate(ranges, rest, mask=mask, exclude=False, excluded=~final.fixes.used)
+        moved = np.einsum("nij,nj->ni", R, without.fixes.position - final.fixes.position)
+        both = np.isfinite(moved).all(axis=1)
+        shift = moved[both].mean(axis=0).tolist() if both.any() else None
+        entries.append(
+            {
+                "name": s.name,
+                "statistic": s.statistic / max(1.0, s.scatter),
+                "dof": s.dof,
+                "p_value": s.p_value,
+                "beta": s.beta.tolist(),
+                "std": s.std.tolist(),
+                "detectable_from": s.detectable_from.tolist(),
+                "moves_fix_enu": shift,
+                "evidence": "ranges",
+            }
+        )
+    return entries
+
+
+def integrity_entry(location: Location) -> Report:
+    """What could be checked, in how many epochs, and how well."""
+    checks = location.integrity
+    statements = [checks.statement(k) for k in range(len(checks.redundancy))]
+    used = location.fixes.used
+    return {
+        "epochs": {text: statements.count(text) for text in dict.fromkeys(statements)},
+        "alpha": integrity.ALPHA,
+        "minimal_detectable_bias": mean(checks.mdb[used & np.isfinite(checks.mdb)]),
+        "horizontal_protection_level": mean(checks.horizontal[np.isfinite(checks.horizontal)]),
+        "vertical_protection_level": mean(checks.vertical[np.isfinite(checks.vertical)]),
+    }
+
+
+def excluded(location: Location, found: RangeTrace) -> list[Report]:
+    """Satellites that were left out, and in how many epochs."""
+    entries = []
+    for reason, rows in (("fault", found.faulty), ("test", location.excluded & ~found.faulty)):
+        names, counts = np.unique(location.ranges.satellite[rows], return_counts=True)
+        entries += [
+            {"satellite": name, "epochs": int(count), "reason": reason}
+            for name, count in zip(names.tolist(), counts.tolist(), strict=True)
+        ]
+    return entries
+
+
+def journal(ranges: Pseudoranges, location: Location) -> list[str]:
+    """What was left out on the way, a line each."""
+    unsolved = np.flatnonzero(~location.fixes.solved)
+    lines = list(ranges.journal)
+    if len(unsolved):
+        at = calendar(ranges.week * WEEK + float(ranges.t[unsolved[0]]))
+        lines.append(
+            f"{ranges.where}: {len(unsolved)} epochs without a solution, the first at {at}: {reasons(location)}"
+        )
+    if (location.integrity.redundancy == 0).any():
+        count = int((location.integrity.redundancy == 0).sum())
+        lines.append(f"{ranges.where}: {count} epochs: {integrity.UNCHECKED}")
+    return lines
+
+
+def reasons(location: Location) -> str:
+    """How many satellites the epochs without a solution have above the mask."""
+    usable = np.bincount(location.ranges.epoch[location.fixes.used], minlength=len(location.ranges.t))
+    there = np.bincount(location.ranges.epoch, minlength=len(location.ranges.t))
+    unsolved = ~location.fixes.solved
+    most = int(there[unsolved].max(initial=0)) if not usable[unsolved].any() else int(usable[unsolved].max())
+    clocks = len(location.clock_names)
+    return f"at most {most} usable satellites for position and clock ({clocks} receiver clocks in the recording)"
+
+
+def dgps_entry(result: Differential, truth: FloatArray | None, base_position: FloatArray) -> Report:
+    """The differential part of the report; the distance to the base is the known one where the rover's place is."""
+    away = None if truth is None else mean(np.linalg.norm(truth - base_position, axis=1))
+    age = np.abs(result.age[result.location.fixes.used])
+    entry: Report = {
+        "baseline": result.baseline if away is None else away,
+        "age": {"mean": mean(age), "max": float(age.max()) if len(age) else None},
+        "epochs": int(result.location.fixes.solved.sum()),
+        "modelled": list(result.effects),
+        "residual_rms": rms(result.location.fixes.residual[result.location.fixes.used]),
+        "position": np.nanmean(result.location.fixes.position, axis=0).tolist(),
+    }
+    if truth is not None:
+        entry["position_error"] = position_error(result.location.fixes.position, truth)
+        entry["position_domain"] = {"position_error": position_error(result.by_position, truth)}
+    return entry
+
+
+def write_solution(path: Path | str, location: Location) -> None:
+    """The fixes as CSV, one row an epoch that has one."""
+    fixes, checks = location.fixes, location.integrity
+    lat, lon, height = pymap3d.ecef2geodetic(*fixes.position.T)
+    count = np.bincount(location.ranges.epoch[fixes.used], minlength=len(location.ranges.t))
+    d = integrity.dilution(fixes, location.ranges.position, location.ranges.epoch, location.clock_group)
+    head = ["gps_week", "tow_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "latitude_deg", "longitude_deg", "height_m"]
+    head += [f"clock_{name}_m" for name in location.clock_names]
+    head += ["satellites", "hdop", "vdop", "horizontal_protection_m", "vertical_protection_m", "integrity"]
+    with new_file(Path(path)) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        for k in np.flatnonzero(fixes.solved).tolist():
+            numbers = [f"{x:.4f}" for x in fixes.position[k]]
+            numbers += [f"{lat[k]:.9f}", f"{lon[k]:.9f}", f"{height[k]:.4f}"]
+            numbers += [f"{x:.4f}" if np.isfinite(x) else "" for x in fixes.clock[k]]
+            numbers += [str(count[k]), f"{d.horizontal[k]:.3f}", f"{d.vertical[k]:.3f}"]
+            levels = [f"{x:.2f}" if np.isfinite(x) else "" for x in (checks.horizontal[k], checks.vertical[k])]
+            week, t = location.ranges.week, float(location.ranges.t[k])
+            row = [str(week + int(t // WEEK)), f"{t % WEEK:.7f}", *numbers, *levels, checks.statement(k)]
+            writer.writerow(row)
+
+
+def rms(value: FloatArray) -> float | None:
+    """Root mean square; None of nothing."""
+    value = value[np.isfinite(value)]
+    return float(np.sqrt(np.mean(value**2))) if len(value) else None
+
+
+def mean(value: FloatArray) -> float | None:
+    """Mean of the finite values; None of nothing."""
+    value = value[np.isfinite(value)]
+    return float(value.mean()) if len(value) else None
+
+
+def finite(value: object) -> object:
+    """The same with None for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,1 @@
+"""One flight many times."""

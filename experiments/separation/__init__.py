@@ -1,0 +1,1 @@
+"""Which effects look alike in which manoeuvre."""

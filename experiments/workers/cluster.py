@@ -1,0 +1,29 @@
+"""A running Dask cluster, whose scheduler gives tasks of a worker that dies to another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sinan.sensors.errors import InputError
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Any]:
+    """A client of the scheduler at an address.
+
+    Raises
+    ------
+    InputError : Dask is not installed, or nobody answers
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--dask", "distributed is not installed", "pip install '.[dask]' in the clone") from None
+    try:
+        client = Client(address, timeout="5s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"--dask {address}", str(error) or "no answer", "the address of a Dask scheduler") from None
+    with client, client.as_current():
+        yield client
