@@ -1,8 +1,8 @@
 """The magnetic field that a log does not declare: what it may be before the readings, and which of it they bear out.
 
-A place has a field that a model of the Earth gives to half a degree, and so has the log that was made in the open there.
-Beside steel its direction is off by a tenth, and in a hall, a hull or a simulation it has nothing to do with the place.
-Each is a belief with a prior; the likelihood of the log decides.
+A model of the Earth gives the field of a place to half a degree, and a log that was made there in the open has it so.
+Beside steel its direction is off by a tenth; in a hall, a hull or a simulation it has nothing to do with the place.
+Each is a belief with a prior, and the likelihood of the log decides.
 """
 
 from __future__ import annotations
