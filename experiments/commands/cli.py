@@ -61,6 +61,18 @@ class Autopilot(StrEnum):
     ardupilot = "ardupilot"
 
 
+class Posed(StrEnum):
+    """What is shown poses, held still."""
+
+    accel = "accel"
+
+
+class Turned(StrEnum):
+    """What is turned round on its faces."""
+
+    mag = "mag"
+
+
 class AxesForm(StrEnum):
     """Forms of the axes matrix T."""
 
@@ -103,6 +115,13 @@ Gps = Annotated[int, _number("receiver")]
 Raw = Annotated[
     bool, typer.Option("--raw", help="take off the autopilot's own offsets, scales and compensation (docs/formats.md)")
 ]
+OwnEffects = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects", help="Python file that declares effects of your own (docs/face.md); may be given again",
+        metavar="FILE.py",
+    ),
+]  # fmt: skip
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
@@ -149,6 +168,15 @@ def _show(text: str) -> None:
     from sinan.sensors.errors import printable
 
     typer.echo(printable(text, keep="\n\t"))
+
+
+def _know(files: list[Path] | None) -> None:
+    """Read effects of the user's own, for this process and its workers."""
+    if files:
+        from sinan.sensors.effects.own import read_file
+
+        for file in files:
+            read_file(file)
 
 
 def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
@@ -224,10 +252,12 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    own_effects: OwnEffects = None,
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
     """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
+    _know(own_effects)
     from sinan.experiments.report.console import note, working
     from sinan.experiments.scenarios import simulate_to_folder
 
@@ -325,10 +355,12 @@ def estimate(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="also the fixed-interval smoother: states and errors given all readings")
     ] = False,
+    own_effects: OwnEffects = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
+    _know(own_effects)
     from sinan.experiments.commands.estimate import run
 
     span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -352,10 +384,12 @@ def trace(
     baro: Baro = 0,
     gps: Gps = 0,
     raw: Raw = False,
+    own_effects: OwnEffects = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after."""
+    _know(own_effects)
     from sinan.experiments.commands.trace import run
 
     only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -459,15 +493,69 @@ def montecarlo(
 def batch(
     inputs: Annotated[list[str], typer.Argument(help="logs, recordings, or folders that hold them", metavar="LOG...")],
     out: Annotated[Path, typer.Option("--out", help="folder for pages and reports; what it holds is not done again")],
+    own_effects: OwnEffects = None,
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
 ) -> None:
     """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
+    _know(own_effects)
     from sinan.experiments.commands.batch import run
 
     _require_place_for(out)
     _show(run(inputs, out, workers, dask))
     _show(f"page: {out / 'index.html'}")
+
+
+@app.command()
+def capture(
+    link: Annotated[
+        str, typer.Option("--link", help="udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="folder of the recording: new or empty")],
+    seconds: Annotated[
+        float | None, typer.Option("--for", help="end after so many seconds; else Ctrl-C ends it well", min=0.1)
+    ] = None,
+    rate: Annotated[float, typer.Option(help="readings of the IMU to ask for, a second", min=1.0, max=1000.0)] = 50.0,
+    poses: Annotated[
+        Posed | None,
+        typer.Option(help="the course's ten poses, 100 still readings each: calibrate and print parameters"),
+    ] = None,
+    faces: Annotated[
+        Turned | None, typer.Option(help="six faces, turned round on each: calibrate and print parameters")
+    ] = None,
+    axes: Annotated[
+        AxesForm | None, typer.Option(help="form of T; default: none of an accelerometer, triangular of a compass")
+    ] = None,
+    gravity: Gravity = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    mwlog: Annotated[
+        Path | None, typer.Option("--mwlog", help="file for the same readings as the course's log", metavar="FILE")
+    ] = None,
+    params: Annotated[
+        Path | None, typer.Option("--params", help="file of the parameters, for the ground station", metavar="FILE")
+    ] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Readings of a vehicle that is there now, over MAVLink: a recording as it goes, or a calibration by poses."""
+    from sinan.experiments.capture.session import Asked
+    from sinan.experiments.commands.capture import Results, run
+    from sinan.sensors.errors import InputError
+
+    if poses and faces:
+        raise InputError("--poses, --faces", "both", "one of them: each is a recording of its own")
+    if not (poses or faces) and (params or json or html):
+        raise InputError("--params, --json, --html", "without --poses or --faces", "a calibration to write")
+    _require_place_for(out)
+    asked = Asked(
+        out, poses.value if poses else faces.value if faces else "flight", rate, seconds,
+        _choice(imu, mag, baro, gps, False), gravity, mwlog,
+    )  # fmt: skip
+    results = Results(axes.value if axes else None, html, params, json)
+    _say_as_kept(lambda: run(link, asked, results), json, html, parameters=params, mwlog=mwlog)
 
 
 @app.command()
@@ -514,10 +602,12 @@ def effects(
     name: Annotated[
         str | None, typer.Argument(help="of an effect or a sensor; without one, all", metavar="[NAME]")
     ] = None,
+    own_effects: OwnEffects = None,
 ) -> None:
     """What a plain sensor model may lack: the catalogue, or one effect of it."""
     from sinan.experiments.commands.effects import run
 
+    _know(own_effects)
     typer.echo(run(name))
 
 

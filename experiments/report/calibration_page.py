@@ -8,16 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.report import figures, words
 from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sinan.experiments.autopilots.terms import Setting
     from sinan.experiments.calibrate import Calibrated
 
 
-def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str]) -> None:
-    """Write the page of one calibration, or of several."""
+def calibration_page(
+    path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str], settings: Sequence[Setting] = ()
+) -> None:
+    """Write the page of one calibration, or of several.
+
+    Parameters
+    ----------
+    settings : parameters of the autopilot that take it over
+    """
     *others, last = [words.SENSORS[one.sensor] for one in done]
     sensors = f"{', '.join(others)} and {last}" if others else last
     aims = {one.sensor: _aim(one) for one in done}
@@ -27,6 +36,10 @@ def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out
         if others:
             page.heading(_title(words.SENSORS[one.sensor]))
         _calibration(page, one, page.subheading if others else page.heading)
+    if settings:
+        page.heading("Parameters to type in")
+        rows = [[one.name, f"{one.value:.6g}", "" if one.was is None else f"{one.was:.6g}"] for one in settings]
+        page.table(["parameter", "to be set to", "as it was"], rows, numeric=(1, 2))
     if left_out:
         page.heading("What could not be calibrated")
     for sensor, why in left_out.items():
@@ -61,15 +74,8 @@ def _calibration(page: Page, one: Calibrated, heading: Callable[[str], None]) ->
     )
     for warning in document.get("warnings", []):
         page.text(f"{_title(warning)}.")
-    if one.readings is not None and isinstance(one.result, Calibration):
-        readings = one.readings
-        before = np.linalg.norm(readings.reading, axis=1)
-        after = np.linalg.norm(one.result.apply(readings.reading * readings.normalised_by), axis=1)
-        unit = words.stream_unit(one.sensor, readings.unit)
-        page.figure(
-            figures.norm_before_after(before, after, readings.norm, unit),
-            "Norm of each reading; the line is its true value.",
-        )
+    if one.readings is not None:
+        page.figure(norm_figure(one), "Norm of each reading; the line is its true value.")
     heading("Parameters")
     page.table(["parameter", "value ± 1 sigma", "unit"], _rows(one.sensor, document), numeric=(1,))
     heading("What these data do not determine")
@@ -77,6 +83,15 @@ def _calibration(page: Page, one: Calibrated, heading: Callable[[str], None]) ->
         page.text(sentence + ".")
     if not document["undetermined"]:
         page.text("Every parameter of this model is determined.")
+
+
+def norm_figure(one: Calibrated) -> Figure:
+    """Norm of each reading of an accelerometer or magnetometer before and after."""
+    readings = one.readings
+    assert readings is not None
+    before = np.linalg.norm(readings.reading, axis=1)
+    after = np.linalg.norm(one.apply(readings.reading * readings.normalised_by), axis=1)
+    return figures.norm_before_after(before, after, readings.norm, words.stream_unit(one.sensor, readings.unit))
 
 
 def _rows(sensor: str, document: Mapping[str, Any]) -> list[list[str]]:

@@ -1,7 +1,7 @@
 """The catalogue of effects: one file an effect, one line here.
 
 `effect("mag.current")` gives a declaration, `effects_for("flight", ("accel", "mag"))` the candidates. A file is read
-when its effect is first asked for.
+when its effect is first asked for. Effects of one's own, which no file here declares, are those of `own.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.own import own_effects
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 
@@ -76,6 +77,7 @@ _FILES: dict[str, tuple[str, str | None]] = {
 _STREAM_OF = {"motion": "level"}  # where the first part of a name is not the stream
 
 
+@cache
 def _is_there(file: str) -> bool:
     return find_spec(f"{__name__}.{file}") is not None
 
@@ -97,11 +99,26 @@ CATALOGUE: Mapping[str, Effect] = _Catalogue()
 
 
 @cache
-def _names() -> tuple[str, ...]:
+def _shipped() -> tuple[str, ...]:
     return tuple(name for name, (file, _) in _FILES.items() if _is_there(file))
 
 
-@cache
+def _names() -> tuple[str, ...]:
+    return (*_shipped(), *own_effects())
+
+
+def is_shipped(name: str) -> bool:
+    """Whether an effect of that name comes with the project."""
+    return name in _FILES
+
+
+def forget() -> None:
+    """Forget what was looked up: another effect is known, or one is no longer."""
+    _is_there.cache_clear()
+    _shipped.cache_clear()
+    _shipped_effect.cache_clear()
+
+
 def effect(name: str) -> Effect:
     """The effect of that name.
 
@@ -109,11 +126,19 @@ def effect(name: str) -> Effect:
     ------
     KeyError : no such effect; names the nearest ones
     """
-    if name not in _FILES or not _is_there(_FILES[name][0]):
+    if name in _FILES and _is_there(_FILES[name][0]):
+        return _shipped_effect(name)
+    mine = own_effects()
+    if name not in mine:
         from difflib import get_close_matches
 
         near = get_close_matches(name, _names(), n=3, cutoff=0.4) or _names()
         raise KeyError(f"no effect `{name}`; there are {', '.join(near)}")
+    return mine[name]
+
+
+@cache
+def _shipped_effect(name: str) -> Effect:
     file, stream = _FILES[name]
     module = import_module(f"{__name__}.{file}")
     found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
