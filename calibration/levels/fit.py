@@ -112,7 +112,7 @@ class Levels:
             return replace(self, latency={**self.latency, size.key: value})
         if size.sensor == "bounds":
             assert self.bounds is not None
-            return replace(self, bounds=replace(self.bounds, **{size.key: value}))
+            return replace(self, bounds=replace(self.bounds, **{size.key: value}))  # type: ignore[arg-type]
         spec = replace(self.specs[size.sensor], **{size.key: value})  # type: ignore[arg-type]
         return replace(self, specs={**self.specs, size.sensor: spec})
 
