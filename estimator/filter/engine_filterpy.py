@@ -14,8 +14,8 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
-from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED, NO_PREDICTION, WITHHELD
-from sinan.estimator.filter.inputs import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
+from sinan.estimator.filter.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD, is_form_only
+from sinan.estimator.filter.inputs import RunInputs, RunOutputs, bias_block, outputs_for, raise_for
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
@@ -155,7 +155,7 @@ class ReadableFilter:
             g_n=model.g_n, ground_down=model.ground_down,
         )  # fmt: skip
         z_pred, H = np.zeros(sensor.size), np.zeros((sensor.size, layout.n))
-        if name not in FORM_ONLY:
+        if not is_form_only(name):
             z_pred += sensor.predict(motion)[0]
             for block, values in sensor.jacobian(motion).items():
                 H[:, layout.slice(block)] = values[0]
@@ -165,7 +165,7 @@ class ReadableFilter:
             part = slice(start, start + process.size) if process.size > 1 else slice(None)
             H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0
             z_pred[part] += x[layout.nominal(process.block)]
-        bias = BIAS_BLOCK.get(name, f"b_{name}")
+        bias = bias_block(name)
         if layout.has(bias):
             z_pred += H[:, layout.slice(bias)] @ x[layout.nominal(bias)]
         if events.has_form[events.sensor[k]]:

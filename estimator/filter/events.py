@@ -13,14 +13,17 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.atmosphere import height_from_pressure
 from sinan.sensors.bounds import RATE
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.registry import is_sensor, sensor
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty", "withheld")
 
-#: Sensors without equations of their own in the engines: their readings enter as forms that replace the prediction.
-FORM_ONLY = ("camera",)
+
+def is_form_only(name: str) -> bool:
+    """Whether the engines have no equations of a sensor: its readings enter as forms that replace the prediction."""
+    return is_sensor(name) and sensor(name).kernel == "form"
 
 
 @dataclass(frozen=True)
@@ -92,23 +95,34 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name in ("place", "speed"):
         return np.zeros((len(t), 3)), t
     stream, size = recording.streams[name], model.sensors[name].size
-    if name == "mag":
-        return stream.array(MAG), t
-    if name == "baro":
-        return height_of(recording)[:, None], t
     if name == "camera":
         return stream.array(("u", "v")), t
-    if name in ("sonar", "laser"):
-        columns = ranges_of(stream)
-        if columns != (("range",) if "range" in stream and size == 1 else tuple(f"range_{i}" for i in range(size))):
-            found = f"columns {', '.join(stream.columns)}"
-            expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
-            raise InputError(recording.where, found, expected, f"stream {name}")
-        return stream.array(columns), t
-    position = position_of(recording, name)
-    if name == "base":
-        return position - _base_position(recording), t
-    return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+    if gives_place(name):
+        position = position_of(recording, name)
+        if name == "base":
+            return position - _base_position(recording), t
+        return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+    values = own_readings(recording, name)
+    if values.shape[1] != size:
+        found = f"columns {', '.join(stream.columns)}"
+        expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
+        raise InputError(recording.where, found, expected, f"stream {name}")
+    return values, t
+
+
+def gives_place(name: str) -> bool:
+    """Whether a sensor's readings are places on the Earth."""
+    return POSITION in sensor(name).columns
+
+
+def own_readings(recording: Recording, name: str) -> FloatArray:
+    """(n, k) the readings of a sensor that measures no place; pressures as heights [m]."""
+    stream, entry = recording.streams[name], sensor(name)
+    if ("pressure",) in entry.columns:
+        return height_of(recording, name)[:, None]
+    if entry.numbered:
+        return stream.array(ranges_of(stream, entry.numbered))
+    return stream.array(entry.columns[0])
 
 
 def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
@@ -147,28 +161,29 @@ def with_variances(events: Events, recording: Recording, model: FlightModel) -> 
     return replace(events, r=r)
 
 
-def ranges_of(stream: Stream) -> tuple[str, ...]:
+def ranges_of(stream: Stream, numbered: str = "range_") -> tuple[str, ...]:
     """Columns of a range finder's readings: `range`, or `range_0`, `range_1`, ... of a scan, in this order."""
-    if "range" in stream:
-        return ("range",)
-    beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
-    return tuple(sorted(beams, key=lambda name: int(name.removeprefix("range_"))))
+    single = numbered.removesuffix("_")
+    if single in stream:
+        return (single,)
+    beams = [c for c in stream.columns if c.startswith(numbered) and c.removeprefix(numbered).isdigit()]
+    return tuple(sorted(beams, key=lambda name: int(name.removeprefix(numbered))))
 
 
-def height_of(recording: Recording) -> FloatArray:
-    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
+def height_of(recording: Recording, name: str = "baro") -> FloatArray:
+    """(n,) height of a barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
 
     Raises
     ------
     InputError : a pressure of zero or less
     """
-    baro = recording.streams["baro"]
+    baro = recording.streams[name]
     if "height" in baro:
         return baro["height"]
     pressure = baro["pressure"]
     if np.any(pressure <= 0.0):
         row = int(np.argmax(pressure <= 0.0))
-        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
+        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream {name}, row {row + 1}")
     start = recording.streams["imu"].t[0] if "imu" in recording.streams else -np.inf
     first = int(np.argmax(baro.t >= start))  # its very first where all are earlier
     return height_from_pressure(pressure, reference=float(pressure[first]))
@@ -245,7 +260,7 @@ def collect(
             for start, stop in saturated_runs(z) if len(z) > 1 else []:
                 notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
         form = forms.get(name)
-        if form is None and name in FORM_ONLY:  # the pass that finds the motion about which it is linear
+        if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear
             status = np.where(status == ACCEPTED, NO_PREDICTION, status)
         if form is not None:
             there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction

@@ -15,26 +15,22 @@ from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray
-from sinan.sensors.barometer import Barometer
 from sinan.sensors.bounds import ASSUMED, Bounds
 from sinan.sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sinan.sensors.covariates import camera_of
 from sinan.sensors.errors import InputError
-from sinan.sensors.gps import BaseReceiver, Gps
 from sinan.sensors.gyroscope import Gyroscope
-from sinan.sensors.laser import Laser
 from sinan.sensors.level import Level
-from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.model import SensorModel
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.noise import colour as coloured
 from sinan.sensors.recording import VELOCITY, Recording, SensorSpec
-from sinan.sensors.sonar import Sonar
+from sinan.sensors.registry import is_sensor, sensor
+from sinan.sensors.registry import sensors as all_sensors
+from sinan.sensors.sensor_type import Given
 
 #: Streams that drive the filter, both in the table of the IMU.
 DRIVERS = ("accel", "gyro")
-#: Streams that can update the filter, in the order in which equal time stamps are processed.
-AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "camera", "level", "place", "speed")
 #: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
 GATE_LEVEL = 1e-6
 #: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
@@ -156,6 +152,12 @@ class FlightModel:
         return np.maximum(1.0, nis / self.robust_threshold(sensor))
 
 
+def aiding() -> tuple[str, ...]:
+    """Streams that can update the filter, in the order in which equal time stamps are processed."""
+    named = [entry for entry in all_sensors() if entry.kernel]
+    return (*(entry.name for entry in sorted(named, key=lambda entry: entry.turn)), *ASSUMED)
+
+
 def _quantile(level: float | None, dof: int) -> float:
     if level is None:
         return float("inf")
@@ -206,12 +208,12 @@ def flight_model(
     imu = recording.streams["imu"]
     if len(imu) < 2:
         raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
-    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *AIDING)}
-    wanted = set(AIDING if use is None else use)
+    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
+    wanted = set(aiding() if use is None else use)
     rate = 1.0 / float(np.median(np.diff(imu.t)))
     notes: list[str] = []
     sensors: dict[str, SensorModel] = {}
-    for name in AIDING:
+    for name in aiding():
         if name in recording.streams and name in wanted:
             sensors[name] = _sensor(where, name, declared[name], recording)
     if "base" in sensors and "gps" not in sensors:
@@ -313,40 +315,29 @@ def _driver(where: str, name: str, spec: SensorSpec, rate: float) -> tuple[float
 
 
 def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> SensorModel:
-    if name == "camera":
+    entry = sensor(name)
+    if entry.make is None:
         return camera_of(recording)
     sigma = _positive(where, name, "noise_std", spec.noise_std)
-    if name == "base":
-        return BaseReceiver(sigma)
-    optional = 0.0 if name in ("sonar", "laser") else None  # ranges have no bias unless one is declared
-    std = _not_negative(where, name, "bias_std", spec.bias_std, optional)
-    walk = _not_negative(where, name, "bias_walk", spec.bias_walk, optional)
-    if name == "gps":
-        sigma_velocity = None
-        if recording.streams["gps"].has(VELOCITY):
-            sigma_velocity = _positive(where, name, "velocity_noise_std", spec.velocity_noise_std)
-        return Gps(sigma, sigma_velocity, std, walk)
-    if name == "mag":
-        return Magnetometer(sigma, std, walk)
-    if name == "baro":
-        return Barometer(sigma, std, walk)
-    if name == "sonar":
-        return Sonar(sigma, std, walk)
+    std = walk = 0.0
+    if entry.bias:
+        optional = 0.0 if entry.bias_optional else None
+        std = _not_negative(where, name, "bias_std", spec.bias_std, optional)
+        walk = _not_negative(where, name, "bias_walk", spec.bias_walk, optional)
+    sigma_velocity = None
+    if entry.velocity and recording.streams[name].has(VELOCITY):
+        sigma_velocity = _positive(where, name, "velocity_noise_std", spec.velocity_noise_std)
     angles = np.zeros(1) if spec.angles is None else np.asarray(spec.angles, dtype=np.float64)
-    return Laser(sigma, std, walk, angles)
+    return entry.make(Given(sigma, std, walk, sigma_velocity, angles))
 
 
 def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[int, BiasProcess], ...]:
     """First-order noise of one sensor, where its size and time are given."""
-    parts = []
-    for key, block, first, width in (
-        ("colour_std", f"c_{name}", 0, min(size, 3)),
-        ("velocity_colour_std", f"c_{name}_velocity", 3, 3),
-    ):
+    parts, width = [], len(sensor(name).colour) if is_sensor(name) else 0
+    for key, block, first in (("colour_std", f"c_{name}", 0), ("velocity_colour_std", f"c_{name}_velocity", 3)):
         std = getattr(spec, key)
         if std:
             time = _positive(where, name, "colour_time", spec.colour_time)
-            width = 1 if name in ("sonar", "laser") else width
             parts.append((first, coloured(block, width, _positive(where, name, key, std), time)))
     return tuple(parts)
 

@@ -17,10 +17,12 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
+from sinan.sensors.registry import sensors
+from sinan.sensors.sensor_type import SensorType
 
 __all__ = ["CATALOGUE", "Effect", "Parameter", "apply_effects", "effect", "effects_for"]
 
-#: name of the effect -> file, and for a family the stream
+#: name of the effect -> file; the families of the sensors come on top
 _FILES: dict[str, tuple[str, str | None]] = {
     "accel.cross_axis": ("accel_cross_axis", None),
     "accel.scale": ("accel_scale", None),
@@ -62,10 +64,6 @@ _FILES: dict[str, tuple[str, str | None]] = {
     "camera.time_offset": ("camera_time_offset", None),
     "motion.rotor_drag": ("motion_rotor_drag", None),
     "motion.wind": ("motion_wind", None),
-    **{f"{s}.step": ("step", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.transient": ("transient", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.outliers": ("outliers", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.time_offset": ("time_offset", s) for s in ("mag", "baro", "sonar", "laser")},
     "pseudorange.earth_rotation": ("pseudorange_earth_rotation", None),
     "pseudorange.relativity": ("pseudorange_relativity", None),
     "pseudorange.group_delay": ("pseudorange_group_delay", None),
@@ -73,6 +71,8 @@ _FILES: dict[str, tuple[str, str | None]] = {
     "pseudorange.ionosphere": ("pseudorange_ionosphere", None),
     "pseudorange.satellite_fault": ("pseudorange_satellite_fault", None),
 }
+#: Families that each sensor has whose readings may be disturbed; late stamps where its declaration names a scenario.
+_FAMILIES = ("step", "transient", "outliers")
 _STREAM_OF = {"motion": "level"}  # where the first part of a name is not the stream
 
 
@@ -97,11 +97,26 @@ CATALOGUE: Mapping[str, Effect] = _Catalogue()
 
 
 @cache
+def _files(listed: tuple[SensorType, ...]) -> dict[str, tuple[str, str | None]]:
+    """File and, for a family, the stream of every effect that is there with these sensors."""
+    found = {f"{entry.name}.{family}": (family, entry.name) for family in _FAMILIES for entry in listed if entry.unit}
+    late = {f"{entry.name}.time_offset": ("time_offset", entry.name) for entry in listed if entry.late}
+    head = {name: line for name, line in _FILES.items() if not name.startswith("pseudorange.")}
+    tail = {name: line for name, line in _FILES.items() if name not in head}
+    return {name: line for name, line in {**head, **found, **late, **tail}.items() if _is_there(line[0])}
+
+
 def _names() -> tuple[str, ...]:
-    return tuple(name for name, (file, _) in _FILES.items() if _is_there(file))
+    return tuple(_files(sensors()))
 
 
 @cache
+def _read(file: str, stream: str | None) -> Effect:
+    module = import_module(f"{__name__}.{file}")
+    found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
+    return found
+
+
 def effect(name: str) -> Effect:
     """The effect of that name.
 
@@ -109,15 +124,13 @@ def effect(name: str) -> Effect:
     ------
     KeyError : no such effect; names the nearest ones
     """
-    if name not in _FILES or not _is_there(_FILES[name][0]):
+    files = _files(sensors())
+    if name not in files:
         from difflib import get_close_matches
 
         near = get_close_matches(name, _names(), n=3, cutoff=0.4) or _names()
         raise KeyError(f"no effect `{name}`; there are {', '.join(near)}")
-    file, stream = _FILES[name]
-    module = import_module(f"{__name__}.{file}")
-    found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
-    return found
+    return _read(*files[name])
 
 
 def effects_for(kind: str, streams: Collection[str], localised: bool = False) -> tuple[Effect, ...]:
