@@ -41,6 +41,25 @@ class Calibrated:
     readings: TriadReadings | None
     document: dict[str, object]
 
+    @property
+    def T(self) -> FloatArray:
+        """(3, 3) axes; not a number where the data do not determine an entry."""
+        return self.result.T
+
+    @property
+    def K(self) -> FloatArray:
+        """(3,) scale."""
+        return self.result.K
+
+    @property
+    def b(self) -> FloatArray:
+        """(3,) offset, added to the reading; of a magnetometer to the reading over its mean norm."""
+        return self.result.offset
+
+    def apply(self, reading: FloatArray) -> FloatArray:
+        """(n, 3) calibrated readings T K (reading + b), in the body's axes."""
+        return self.result.apply(reading)
+
 
 def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) -> Calibration:
     """Calibrate an accelerometer or magnetometer by the norm of its readings."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
+from types import FunctionType
 
 from sinan.experiments.residual_loop.manoeuvre import (
     CLASS_BOUND,
@@ -16,7 +17,7 @@ from sinan.experiments.residual_loop.manoeuvre import (
     most_alike,
     scenes,
 )
-from sinan.sensors.effects import CATALOGUE, Effect
+from sinan.sensors.effects import CATALOGUE, Effect, is_shipped
 from sinan.sensors.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
@@ -36,6 +37,8 @@ NEEDS = {
     "current": "supply current, or the motors' commands",
     "throttle": "the motors' commands",
     "airspeed": "airspeed, or wind and velocity",
+    "wind": "the wind",
+    "voltage": "supply voltage",
     "vibration": "a full-rate IMU",
     "rotor_drag": "a declared `motion.rotor_drag`",
     "satellite_position": "positions of the satellites",
@@ -91,7 +94,8 @@ def facts(effect: Effect) -> list[tuple[str, str]]:
     ]
     if effect.scenario:
         rows.append(("shown by", f"scenario `{effect.scenario}`{_seen_from(effect)}"))
-    rows.append(("told apart by", effect.separates))
+    if effect.separates:
+        rows.append(("told apart by", effect.separates))
     likes = looks_like(effect.name)
     if likes:
         rows.append(("looks like", "; ".join(likes)))
@@ -164,6 +168,13 @@ def family(effect: Effect) -> str | None:
 def source_file(effect: Effect) -> str:
     """The file of its declaration."""
     return effect.regressor.__module__.rsplit(".", 1)[-1] + ".py"
+
+
+def declared_in(effect: Effect) -> str:
+    """Where the declaration is: a file of the project, or one of the user's own."""
+    if is_shipped(effect.name):
+        return f"sensors/effects/{source_file(effect)}"
+    return effect.regressor.__code__.co_filename if isinstance(effect.regressor, FunctionType) else "a package"
 
 
 def _overview(effects: Iterable[Effect]) -> list[str]:

@@ -17,8 +17,8 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
-from sinan.experiments.commands.refused import doubted_shares
 from sinan.experiments.measured.reference import Mounted, covered, described, errors_of, states_at
+from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file
 from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
@@ -206,9 +206,9 @@ def true_states(journal: Journal, truth: Stream) -> tuple[FloatArray, set[str]]:
     return true, known
 
 
-def write_states(journal: Journal, path: Path, smoothed: SmoothedStates | None = None) -> None:
-    """Table of states and sigmas as CSV, a row every `STATE_LOG_STEP` or more; of smoothed ones the sigmas lie between
-    those that the smoother gives, some hundred samples apart.
+def state_table(journal: Journal, smoothed: SmoothedStates | None = None) -> tuple[list[str], FloatArray]:
+    """Names, and (rows, columns) t, the nominal state and the sigmas, a row every `STATE_LOG_STEP` or more; of smoothed
+    states the sigmas lie between those that the smoother gives, some hundred samples apart.
     """
     layout = journal.model.layout
     t_all, x_all, var_all = journal.imu_t, journal.imu_x, journal.imu_var
@@ -216,13 +216,21 @@ def write_states(journal: Journal, path: Path, smoothed: SmoothedStates | None =
         t_all, x_all = smoothed.t, smoothed.x
         var_all = _at(t_all, smoothed.t_sigma, smoothed.sigma**2)
     step = max(1, round(STATE_LOG_STEP / float(np.median(np.diff(journal.imu_t)))))
-    labels = [f"{label}_std" for label in layout.labels]
     nominal = [*layout.labels[:6], *QUATERNION, *layout.labels[9:]]
+    names = ["t", *nominal, *(f"{label}_std" for label in layout.labels)]
+    return names, np.concatenate([t_all[::step, None], x_all[::step], np.sqrt(var_all[::step])], axis=1)
+
+
+def write_states(journal: Journal, path: Path, smoothed: SmoothedStates | None = None) -> None:
+    """The table of `state_table` as CSV."""
+    names, rows = state_table(journal, smoothed)
+    n = journal.model.layout.n
     with new_file(path) as file:
         writer = csv.writer(file)
-        writer.writerow(["t", *nominal, *labels])
-        for t, x, var in zip(t_all[::step], x_all[::step], var_all[::step], strict=True):
-            writer.writerow([f"{t:.6f}", *(f"{v:.9g}" for v in x), *(f"{v:.6g}" for v in np.sqrt(var))])
+        writer.writerow(names)
+        for row in rows:
+            x, sigma = row[1 : n + 2], row[n + 2 :]
+            writer.writerow([f"{row[0]:.6f}", *(f"{v:.9g}" for v in x), *(f"{v:.6g}" for v in sigma)])
 
 
 def _at(t: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from sinan.estimator.filter.flight_model import FlightModel, InStep, flight_mode
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.tails import log_density
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
@@ -41,6 +41,8 @@ MOST = 20
 SAME_ZERO = 0.5
 #: Step of the differences that give the slope by a time, in its spread.
 STEP = 0.1
+#: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
+PARTS = 64
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ class Levels:
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
     tail, stamp_std : see `FlightModel`
-    found : the sizes that the log gave, with their 1-sigma in the logarithm where it is known
+    found : the sizes that the log gave
+    sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
     """
 
@@ -91,6 +94,7 @@ class Levels:
     stamp_std: float
     latency: Mapping[str, float] = default(default_factory=dict)
     found: tuple[Size, ...] = ()
+    sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
 
     def model(self, recording: Recording) -> FlightModel:
@@ -245,17 +249,35 @@ class Problem:
         levels = self.levels(theta)
         inputs = self.inputs(levels)
         scores = level_scores(inputs)
-        value = student(inputs, scores)
-        gradient = np.zeros(len(theta))
+        gradient = np.sum(self._slopes(theta, levels, inputs, scores), axis=0)
+        return float(np.sum(densities(inputs, scores))) - 0.5 * float(theta @ theta), gradient - theta
+
+    def _slopes(self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores) -> FloatArray:
+        """(parts, sizes) gradient of the log-likelihood of each part."""
+        found = np.zeros((len(scores.first_reading), len(self.sizes)))
         for i, size in enumerate(self.sizes):
             if size.key == "colour_time" or size.linear:
                 shifted = theta.copy()
                 shifted[i] += STEP
-                other = run(self.inputs(self.levels(shifted)), "numba", 0).log_likelihood
-                gradient[i] = (other - value) / STEP
+                other = run(self.inputs(self.levels(shifted)), "numba", 0)
+                gained = np.where(other.accepted, other.log_density, 0.0) - densities(inputs, scores)
+                found[:, i] = sums_from(gained, scores.first_reading) / STEP
             else:
-                gradient[i] = size.spread * slope(inputs, scores, levels, size)
-        return value - 0.5 * float(theta @ theta), gradient - theta
+                found[:, i] = size.spread * slopes(inputs, scores, levels, size)
+        return found
+
+    def sigmas(self, theta: FloatArray) -> FloatArray:
+        """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior.
+
+        The information of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc.
+        Meas. 3(4), 1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
+        """
+        levels = self.levels(theta)
+        inputs = self.inputs(levels)
+        scores = level_scores(inputs, max(2, len(inputs.imu) // PARTS))
+        each = self._slopes(theta, levels, inputs, scores)
+        each -= np.mean(each, axis=0)
+        return np.sqrt(np.diag(np.linalg.inv(each.T @ each + np.eye(len(theta)))))
 
     def maximise(self, theta: FloatArray, most: int = 25) -> tuple[FloatArray, float]:
         """Quasi-Newton; the best point that was seen."""
@@ -272,54 +294,63 @@ class Problem:
                 best[:] = [value, x.copy()]
             return -value, -gradient
 
-        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=[(-4.0, 4.0)] * len(theta),
-                 options={"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5})  # fmt: skip
+        bounds = [(-4.0, 4.0)] * len(theta)  # also of a lateness: what is later is an effect that a trace names
+        options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
+        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
 
-def student(inputs: RunInputs, scores: LevelScores) -> float:
-    """Log-likelihood of a run with scores, by the law that the model gives its innovations."""
+def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:
+    """(K,) log density of each innovation by the law that the model gives it; 0 where the reading was not used."""
     events = inputs.events
     used = scores.loglik != 0.0
     m = np.diff(events.row)[used]
-    return float(
-        np.sum(log_density(inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]))
+    found = np.zeros(len(events))
+    found[used] = log_density(
+        inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]
     )
+    return found
+
+
+def sums_from(values: FloatArray, first: IntArray) -> FloatArray:
+    """Sums of what begins at each of `first` and ends before the next; 0 of a part that is empty."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return np.diff(total[np.append(first, len(values))])
 
 
 _ROWS = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}
 
 
-def slope(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
-    """d log L / d log of a size."""
+def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> FloatArray:
+    """(parts,) d log L / d log of a size, of the readings of each part; what the first state says is the first's."""
     model, imu, events = inputs.model, inputs.imu, inputs.events
-    layout = model.layout
+    layout, first = model.layout, scores.first_interval
     if size.sensor in ("accel", "gyro") and size.key == "noise_density":
         q, by = (imu.q_accel, scores.q_accel) if size.sensor == "accel" else (imu.q_gyro, scores.q_gyro)
-        own = levels.value(size) ** 2
-        return float(2.0 * np.sum(by * np.minimum(own, q)))
+        return 2.0 * sums_from(by * np.minimum(levels.value(size) ** 2, q), first)
     if size.sensor == "in_step":
         u, only = imu.u, InStep(**{size.key: levels.value(size)})
         if size.key == "accel":
-            return float(np.sum(scores.q_accel * in_step_accel(imu.t, u, only)))
+            return sums_from(scores.q_accel * in_step_accel(imu.t, u, only), first)
         factor = 2.0 if size.key == "rate" else 1.0
-        return float(factor * np.sum(scores.q_gyro * in_step_gyro(imu.t, u, only)))
+        return factor * sums_from(scores.q_gyro * in_step_gyro(imu.t, u, only), first)
     if size.sensor == "bounds" or size.key in _ROWS:
         name = size.key if size.sensor == "bounds" else size.sensor
         if name not in events.sensors:
-            return 0.0
+            return np.zeros(len(first))
         k = np.flatnonzero(events.sensor == events.sensors.index(name))
         width = model.sensors[name].size
         columns = np.arange(width)[_ROWS.get(size.key, slice(None))] if name == "gps" else np.arange(width)
-        rows = (events.row[k][:, None] + columns).ravel()
-        return float(2.0 * np.sum(scores.r[rows]) * levels.value(size) ** 2)
+        of_reading = np.zeros(len(events))
+        of_reading[k] = np.sum(scores.r[events.row[k][:, None] + columns], axis=1)
+        return 2.0 * levels.value(size) ** 2 * sums_from(of_reading, scores.first_reading)
     kinds = {"colour_std": "c_", "velocity_colour_std": "c_", "bias_std": "b_", "bias_walk": "b_"}
     block = kinds[size.key] + size.sensor
     block += "_velocity" if size.key == "velocity_colour_std" else ""
     if not layout.has(block):
-        return 0.0
-    walk = 2.0 * float(np.sum(scores.bias[layout.slice(block)])) if size.key != "bias_std" else 0.0
-    return walk + _slope_of_start(inputs, scores, levels, size)
+        return np.zeros(len(first))
+    walks = 2.0 * np.sum(scores.bias_of_part[:, layout.slice(block)], axis=1) if size.key != "bias_std" else 0.0
+    return walks + np.eye(len(first))[0] * _slope_of_start(inputs, scores, levels, size)
 
 
 def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
@@ -350,7 +381,8 @@ def fit_levels(
         return first
     problem = Problem(recording, sizes, first)
     theta, value = problem.maximise(np.zeros(len(sizes)), most)
-    return replace(problem.levels(theta), found=tuple(sizes), log_posterior=value)
+    sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), sizes, strict=True))
+    return replace(problem.levels(theta), found=tuple(sizes), sigmas=sigmas, log_posterior=value)
 
 
 #: Bounds that are tried: those of a hand, a swing or a robot arm, and so many times as wide.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.compass import DIRECTION_STD, Compass, compass_of, corrected, direction_at
 from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading
@@ -118,7 +119,7 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
     levels = fit_levels(headed, m_n, covariance)
     declared = declared_lateness(within)  # which the filter takes off by itself
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if late and k not in declared})
-    model = levels.model(headed)
+    model = levels.model(headed).replace(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels)
     estimated = tuple((size.sensor, size.key) for size in levels.found if size.sensor in model.sensors)
     noise = NoiseFit(levels.specs, estimated, (), log_likelihood=levels.log_posterior)

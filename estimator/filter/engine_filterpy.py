@@ -1,6 +1,7 @@
 """The readable engine: filterpy's Kalman filter on the error state, `predict()` then `update()`, step by step.
 
-In a notebook: ``for moment in ReadableFilter(inputs).steps(): ...`` stops after every step with everything in sight.
+In a notebook: ``for moment in sinan.steps(recording): ...`` stops after every predict and every update, with everything
+in sight.
 filterpy 2.0's `predict_update` linearises before it predicts and keeps the old posterior as prior; so the two are
 called.
 """
@@ -32,11 +33,34 @@ LOG_2_PI = 1.8378770664093453
 
 @dataclass(frozen=True)
 class Moment:
-    """Where the filter stands after a step: at an IMU sample (`event` is -1) or after a reading."""
+    """Where the filter stands after a predict (`event` is -1; at an IMU sample, or at a reading before it is used) or
+    after the update with a reading.
+    """
 
     t: float
     sample: int
     event: int
+
+
+@dataclass(frozen=True)
+class Update:
+    """What one reading did.
+
+    Attributes
+    ----------
+    z, z_pred, nu : (m,) reading (less the offsets of effects), its prediction, and the difference
+    H : (m, n) Jacobian of the prediction by the error state
+    R, S : (m, m) covariance of the reading's noise, and of the innovation; R as used, S before any weight
+    K : (n, m) gain; zeros where the reading was not used
+    """
+
+    z: FloatArray
+    z_pred: FloatArray
+    nu: FloatArray
+    H: FloatArray
+    R: FloatArray
+    S: FloatArray
+    K: FloatArray
 
 
 class ReadableFilter:
@@ -47,12 +71,13 @@ class ReadableFilter:
         self.model, n = inputs.model, inputs.model.layout.n
         self.x, self.t = inputs.x.copy(), float(inputs.imu.t[0])
         self.walk2, self.rate = bias_rates(self.model)
+        self.update: Update | None = None  # the last one
         self.ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1)
         self.ekf.x = np.zeros((n, 1))
         self.ekf.P = 0.5 * (inputs.P + inputs.P.T)
 
     def steps(self) -> Iterator[Moment]:
-        """Run, and stop after every IMU sample and every reading."""
+        """Run, and stop after every predict and every reading; one that is not predicted leaves `update` None."""
         for i0, i1, x, P in self.inputs.stretches:
             self.x, self.t, self.ekf.P = x.copy(), float(self.inputs.imu.t[i0]), 0.5 * (P + P.T)
             yield from self._stretch(i0, i1)
@@ -64,8 +89,11 @@ class ReadableFilter:
         self._log_sample(i)
         while k < end or i < last:
             if k < end and (i >= last or events.t[k] < imu.t[i + 1]):
+                self.update = None
                 if self.outputs.status[k] in (ACCEPTED, WITHHELD):
-                    self.advance(i, float(events.t[k]))
+                    if events.t[k] > self.t:
+                        self.advance(i, float(events.t[k]))
+                        yield Moment(self.t, i, -1)
                     self.read(k)
                 self.outputs.x_event[k, : len(self.x)] = self.x
                 self.outputs.var_event[k, : len(self.x) - 1] = np.diag(self.ekf.P)
@@ -125,6 +153,8 @@ class ReadableFilter:
         nis = float(white @ white)
         out.nu[rows], out.white[rows], out.nis[k] = nu, white, nis
         out.S[out.S_row[k] : out.S_row[k + 1]] = S.ravel()
+        unused = np.zeros((layout.n, len(nu)))
+        self.update = Update(events.z[rows], z_pred, nu, H, R, S, unused)
         out.loglik[k] = -0.5 * (nis + 2.0 * float(np.sum(np.log(np.diag(L)))) + len(nu) * LOG_2_PI)
         if out.status[k] == WITHHELD:
             return
@@ -136,6 +166,7 @@ class ReadableFilter:
             out.weight[k] = 1.0 / spread
             R = R + (spread - 1.0) * S
         self.ekf.update(nu[:, None], lambda _: H, lambda _: np.zeros((len(nu), 1)), R=R)
+        self.update = Update(events.z[rows], z_pred, nu, H, R, S, self.ekf.K.copy())
         dx = self.ekf.x[:, 0]
         self.x = layout.retract(self.x, dx)
         self.x[6:10] /= np.linalg.norm(self.x[6:10])

@@ -11,6 +11,7 @@ from dataclasses import field as default
 
 import numpy as np
 
+from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.sensors.accelerometer import Accelerometer
@@ -80,6 +81,7 @@ class FlightModel:
     tail : degrees of freedom of the Student law of every innovation; None: normal
     relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
     withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
+    assumptions : what it takes of the recording without being told
     notes : what was decided while the model was made, for the report
     """
 
@@ -104,6 +106,7 @@ class FlightModel:
     tail: float | None = None
     relinearise: bool = False
     withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
+    assumptions: tuple[Assumption, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property

@@ -103,6 +103,13 @@ Gps = Annotated[int, _number("receiver")]
 Raw = Annotated[
     bool, typer.Option("--raw", help="take off the autopilot's own offsets, scales and compensation (docs/formats.md)")
 ]
+OwnEffects = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects", help="Python file that declares effects of your own (docs/face.md); may be given again",
+        metavar="FILE.py",
+    ),
+]  # fmt: skip
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
@@ -149,6 +156,15 @@ def _show(text: str) -> None:
     from sinan.sensors.errors import printable
 
     typer.echo(printable(text, keep="\n\t"))
+
+
+def _know(files: list[Path] | None) -> None:
+    """Read effects of the user's own, for this process and its workers."""
+    if files:
+        from sinan.sensors.effects.own import read_file
+
+        for file in files:
+            read_file(file)
 
 
 def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
@@ -224,10 +240,12 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    own_effects: OwnEffects = None,
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
     """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
+    _know(own_effects)
     from sinan.experiments.report.console import note, working
     from sinan.experiments.scenarios import simulate_to_folder
 
@@ -325,10 +343,12 @@ def estimate(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="also the fixed-interval smoother: states and errors given all readings")
     ] = False,
+    own_effects: OwnEffects = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
+    _know(own_effects)
     from sinan.experiments.commands.estimate import run
 
     span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -352,10 +372,12 @@ def trace(
     baro: Baro = 0,
     gps: Gps = 0,
     raw: Raw = False,
+    own_effects: OwnEffects = None,
     json: Json = None,
     html: Html = None,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after."""
+    _know(own_effects)
     from sinan.experiments.commands.trace import run
 
     only, span, choice = sensor.value if sensor else None, (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -459,10 +481,12 @@ def montecarlo(
 def batch(
     inputs: Annotated[list[str], typer.Argument(help="logs, recordings, or folders that hold them", metavar="LOG...")],
     out: Annotated[Path, typer.Option("--out", help="folder for pages and reports; what it holds is not done again")],
+    own_effects: OwnEffects = None,
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
 ) -> None:
     """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
+    _know(own_effects)
     from sinan.experiments.commands.batch import run
 
     _require_place_for(out)
@@ -514,10 +538,12 @@ def effects(
     name: Annotated[
         str | None, typer.Argument(help="of an effect or a sensor; without one, all", metavar="[NAME]")
     ] = None,
+    own_effects: OwnEffects = None,
 ) -> None:
     """What a plain sensor model may lack: the catalogue, or one effect of it."""
     from sinan.experiments.commands.effects import run
 
+    _know(own_effects)
     typer.echo(run(name))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from textwrap import fill
 
-from sinan.experiments.effects_page import facts, source_file
+from sinan.experiments.effects_page import declared_in, facts
 from sinan.sensors.effects import CATALOGUE, Effect
 from sinan.sensors.errors import InputError
 
@@ -45,7 +45,7 @@ def listing(effects: Iterable[Effect]) -> str:
 def described(effect: Effect) -> str:
     """Everything that the declaration says."""
     lines = [effect.name, fill(f"{effect.summary} {effect.physics}", WIDTH), ""]
-    for label, text in [*facts(effect), ("file", f"sensors/effects/{source_file(effect)}")]:
+    for label, text in [*facts(effect), ("file", declared_in(effect))]:
         plain = text.replace("`", "")
         lines.append(fill(plain, WIDTH, initial_indent=f"{label:14}", subsequent_indent=" " * 14))
     return "\n".join(lines)

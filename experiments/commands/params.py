@@ -38,7 +38,8 @@ def run(
     if not name:
         raise InputError("--for", f"nothing, and {input} does not say whose log it is", " or ".join(AUTOPILOTS))
     if report is None:
-        recording, _, document = trace_log([input], None, ALPHA, None, map_file, span, choice)
+        answer = trace_log([input], None, ALPHA, None, map_file, span, choice)
+        recording, document = answer.recording, answer.document
     else:
         recording = resolve(input, map_file, span, choice)
         document = _report(report, recording.name)

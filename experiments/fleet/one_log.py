@@ -58,22 +58,19 @@ def _said(log: Log) -> dict[str, Any]:
 
 
 def _traced(log: Log, path: str) -> Answer:
+    from sinan.experiments.answers.asked import Asked
+    from sinan.experiments.answers.traces import in_its_terms, trace
     from sinan.experiments.autopilots.parameters import facts_beside
-    from sinan.experiments.commands.trace import document_of, in_its_terms
-    from sinan.experiments.datasets import resolve
-    from sinan.experiments.report.trace_page import trace_page
-    from sinan.experiments.residual_loop.run import trace_recording
+    from sinan.experiments.datasets import called, resolve
 
     recording = resolve(path)
-    traced = trace_recording(recording)
+    found = trace(recording, asked=Asked(called(log.path, recording), log.path))
     facts = facts_beside(Path(path))
     said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
-    document = document_of(recording, traced, [log.path])
-    document["autopilot"] = in_its_terms(document, recording, [path])[0]
+    found.document["autopilot"] = in_its_terms(found.document, recording, [path])[0]
     with TemporaryDirectory() as folder:
-        page = Path(folder) / "page.html"
-        trace_page(page, traced, document)
-        return Answer({**document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
+        page = found.to_html(Path(folder) / "page.html")
+        return Answer({**found.document, **said, "why_not": None}, page.read_text(encoding="utf-8"))
 
 
 def is_of(document: Mapping[str, Any] | None, log: Log) -> bool:

@@ -10,6 +10,7 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pymap3d
@@ -31,7 +32,7 @@ from sinan.sensors.pseudorange import MODELLED, SYSTEM_NAMES, Pseudoranges, pseu
 Report = dict[str, object]
 
 
-def run(
+def solved(
     observation: Path | str,
     navigation: Sequence[Path | str],
     systems: str = "G,E,J,C",
@@ -40,9 +41,8 @@ def run(
     reference: Path | str | None = None,
     base: Path | str | None = None,
     base_position: Sequence[float] | None = None,
-    solution: Path | str | None = None,
     alpha: float = 0.01,
-) -> Report:
+) -> tuple[Report, Location]:
     """Read, fix, trace and report.
 
     Parameters
@@ -54,12 +54,11 @@ def run(
     position : known ECEF position of a receiver that stands still [m]
     reference : file of known positions of a moving one
     base, base_position : observation file and ECEF position [m] of a base
-    solution : CSV file to write the fixes of the full model to
     alpha : family-wise error of the trace
 
     Returns
     -------
-    what `--json` writes: finite numbers, strings, lists, None
+    what `--json` writes: finite numbers, strings, lists, None; and the fixes of the full model
 
     Raises
     ------
@@ -103,9 +102,12 @@ def run(
         at_base = usable_ranges(base, messages, letters)
         result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask)
         report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
-    if solution is not None:
-        write_solution(solution, final)
-    return finite(report)  # type: ignore[return-value]
+    return finite(report), final  # type: ignore[return-value]
+
+
+def run(observation: Path | str, navigation: Sequence[Path | str], *arguments: Any, **named: Any) -> Report:
+    """The report of `solved`, with the same arguments, alone."""
+    return solved(observation, navigation, *arguments, **named)[0]
 
 
 def check_arguments(
@@ -348,8 +350,8 @@ def dgps_entry(result: Differential, truth: FloatArray | None, base_position: Fl
     return entry
 
 
-def write_solution(path: Path | str, location: Location) -> None:
-    """The fixes as CSV, one row an epoch that has one."""
+def solution_table(location: Location) -> tuple[list[str], list[list[object]]]:
+    """Names and rows of the fixes, one row an epoch that has one; NaN: not known."""
     fixes, checks = location.fixes, location.integrity
     lat, lon, height = pymap3d.ecef2geodetic(*fixes.position.T)
     count = np.bincount(location.ranges.epoch[fixes.used], minlength=len(location.ranges.t))
@@ -357,18 +359,37 @@ def write_solution(path: Path | str, location: Location) -> None:
     head = ["gps_week", "tow_s", "x_ecef_m", "y_ecef_m", "z_ecef_m", "latitude_deg", "longitude_deg", "height_m"]
     head += [f"clock_{name}_m" for name in location.clock_names]
     head += ["satellites", "hdop", "vdop", "horizontal_protection_m", "vertical_protection_m", "integrity"]
+    rows: list[list[object]] = []
+    for k in np.flatnonzero(fixes.solved).tolist():
+        week, t = location.ranges.week, float(location.ranges.t[k])
+        rows.append(
+            [week + int(t // WEEK), t % WEEK, *fixes.position[k].tolist(), float(lat[k]), float(lon[k]),
+             float(height[k]), *fixes.clock[k].tolist(), int(count[k]), float(d.horizontal[k]), float(d.vertical[k]),
+             float(checks.horizontal[k]), float(checks.vertical[k]), checks.statement(k)]
+        )  # fmt: skip
+    return head, rows
+
+
+#: Decimals of the columns of the fixes; of all others, 4.
+_DECIMALS = {"tow_s": 7, "latitude_deg": 9, "longitude_deg": 9, "hdop": 3, "vdop": 3, "horizontal_protection_m": 2,
+             "vertical_protection_m": 2}  # fmt: skip
+
+
+def write_solution(path: Path | str, location: Location) -> None:
+    """The fixes as CSV, one row an epoch that has one."""
+    head, rows = solution_table(location)
     with new_file(Path(path)) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
-        for k in np.flatnonzero(fixes.solved).tolist():
-            numbers = [f"{x:.4f}" for x in fixes.position[k]]
-            numbers += [f"{lat[k]:.9f}", f"{lon[k]:.9f}", f"{height[k]:.4f}"]
-            numbers += [f"{x:.4f}" if np.isfinite(x) else "" for x in fixes.clock[k]]
-            numbers += [str(count[k]), f"{d.horizontal[k]:.3f}", f"{d.vertical[k]:.3f}"]
-            levels = [f"{x:.2f}" if np.isfinite(x) else "" for x in (checks.horizontal[k], checks.vertical[k])]
-            week, t = location.ranges.week, float(location.ranges.t[k])
-            row = [str(week + int(t // WEEK)), f"{t % WEEK:.7f}", *numbers, *levels, checks.statement(k)]
-            writer.writerow(row)
+        for row in rows:
+            writer.writerow([_written(name, value) for name, value in zip(head, row, strict=True)])
+
+
+def _written(name: str, value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    kept = not name.startswith(("clock", "horizontal", "vertical")) or np.isfinite(value)
+    return f"{value:.{_DECIMALS.get(name, 4)}f}" if kept else ""
 
 
 def rms(value: FloatArray) -> float | None:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.report import figures, words
 from sinan.experiments.report.page import Page
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from sinan.experiments.calibrate import Calibrated
 
 
@@ -61,15 +62,8 @@ def _calibration(page: Page, one: Calibrated, heading: Callable[[str], None]) ->
     )
     for warning in document.get("warnings", []):
         page.text(f"{_title(warning)}.")
-    if one.readings is not None and isinstance(one.result, Calibration):
-        readings = one.readings
-        before = np.linalg.norm(readings.reading, axis=1)
-        after = np.linalg.norm(one.result.apply(readings.reading * readings.normalised_by), axis=1)
-        unit = words.stream_unit(one.sensor, readings.unit)
-        page.figure(
-            figures.norm_before_after(before, after, readings.norm, unit),
-            "Norm of each reading; the line is its true value.",
-        )
+    if one.readings is not None:
+        page.figure(norm_figure(one), "Norm of each reading; the line is its true value.")
     heading("Parameters")
     page.table(["parameter", "value ± 1 sigma", "unit"], _rows(one.sensor, document), numeric=(1,))
     heading("What these data do not determine")
@@ -77,6 +71,15 @@ def _calibration(page: Page, one: Calibrated, heading: Callable[[str], None]) ->
         page.text(sentence + ".")
     if not document["undetermined"]:
         page.text("Every parameter of this model is determined.")
+
+
+def norm_figure(one: Calibrated) -> Figure:
+    """Norm of each reading of an accelerometer or magnetometer before and after."""
+    readings = one.readings
+    assert readings is not None
+    before = np.linalg.norm(readings.reading, axis=1)
+    after = np.linalg.norm(one.apply(readings.reading * readings.normalised_by), axis=1)
+    return figures.norm_before_after(before, after, readings.norm, words.stream_unit(one.sensor, readings.unit))
 
 
 def _rows(sensor: str, document: Mapping[str, Any]) -> list[list[str]]:

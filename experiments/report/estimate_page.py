@@ -8,6 +8,7 @@ from typing import Any
 
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
+from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.words import (
     SENSORS,
@@ -66,6 +67,7 @@ def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: S
     ]
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
+    assumption_table(page, document)
     for note in [*reference_notes(document), *document.get("noise", []), *document.get("notes", [])]:
         page.text(str(note), note=True)
     page.write(path)

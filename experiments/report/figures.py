@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,22 @@ BEFORE, AFTER, SOFT, BAND, CHANCE = "#c8553d", "#0b6e99", "#8a97a5", "#e8eef3", 
 _MARGIN = 0.08
 
 
+#: Whether figures are for the screen, so that pyplot knows them; those of a page are not, and pyplot is not loaded.
+ON_SCREEN: ContextVar[bool] = ContextVar("on_screen", default=False)
+
+
+def blank(width: float, height: float) -> Figure:
+    """An empty figure [inches], for a page or the screen."""
+    if not ON_SCREEN.get():
+        return Figure(figsize=(width, height), layout="constrained")
+    from matplotlib import pyplot
+
+    return pyplot.figure(figsize=(width, height), layout="constrained")
+
+
 def new_figure(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple[Figure, Any]:
     """A figure with axes in the house style."""
-    figure = Figure(figsize=(9.0, height * rows), layout="constrained")
+    figure = blank(9.0, height * rows)
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for one in axes.ravel():
         one.spines[["top", "right"]].set_visible(False)

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 from sinan.experiments.bias_observability.directions import HALVED, NOTHING, block_of, name_of, shown, unit_in_words
 from sinan.experiments.bias_observability.document import NAMES, base_places
 from sinan.experiments.bias_observability.segments import MOST_SEGMENTS
-from sinan.experiments.report.figures import AFTER, BEFORE, SOFT, new_figure
+from sinan.experiments.report.figures import AFTER, BEFORE, SOFT, blank, new_figure
 from sinan.sensors.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def sigma_curves(study: Study) -> Figure:
         if label.startswith("b_"):
             blocks.setdefault(block_of(label), []).append(i)
     t, sigma = study.course.t - study.course.t[0], study.course.sigma[0]
-    figure = Figure(figsize=(9.0, 1.5 * len(blocks) + 0.5), layout="constrained")
+    figure = blank(9.0, 1.5 * len(blocks) + 0.5)
     ratios = {"height_ratios": [0.22, *[1.0] * len(blocks)]}
     band, *axes = figure.subplots(1 + len(blocks), 1, sharex=True, gridspec_kw=ratios)
     _manoeuvre_band(band, study)
@@ -144,7 +144,7 @@ def subset_map(study: Study) -> Figure:
     names = list(study.found.readings)
     rows = [i for i, label in enumerate(study.found.labels) if label.startswith("b_")]
     order = sorted(range(len(study.subsets)), key=lambda k: (_seen_in(study, k, rows), len(study.subsets[k])))
-    figure = Figure(figsize=(9.0, 0.27 * len(rows) + 0.24 * len(names) + 1.2), layout="constrained")
+    figure = blank(9.0, 0.27 * len(rows) + 0.24 * len(names) + 1.2)
     top, below = figure.subplots(
         2, 1, sharex=True, gridspec_kw={"height_ratios": [len(rows), 0.9 * len(names)], "hspace": 0.03}
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
+from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
@@ -90,6 +91,7 @@ def trace_page(
         page.heading("Not declared, and taken from the log")
         for note in document["notes"]:
             page.text(str(note), note=True)
+        assumption_table(page, document)
     page.write(path)
 
 

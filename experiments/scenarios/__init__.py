@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from sinan.experiments.scenarios.loader import load_scenario, scenario_names
-from sinan.sensors.arrays import finite_or_none
+from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.effects import CATALOGUE, Effect, effect
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import together, write_text
+from sinan.sensors.recording import Recording
+from sinan.sensors.scenario import Scenario
 from sinan.sensors.simulate import Present, simulate
 
-__all__ = ["interval_note", "load_scenario", "parse_effect", "scenario_names", "simulate_to_folder", "size_note"]
+__all__ = [
+    "Effects", "interval_note", "load_scenario", "parse_effect", "present_of", "scenario_names", "simulate_to_folder",
+    "simulated", "size_note",
+]  # fmt: skip
 
+#: Effects by name with their parameters, or in the command line's form: `mag.current=0.003,0,0@20:30`.
+Effects = Mapping[str, Sequence[float] | FloatArray | float] | Sequence[str]
 #: Effects that cannot be said without the interval in which they act
 _NEEDS_INTERVAL = {"step": "@T0", "transient": "@T0:T1"}
 
@@ -124,6 +131,34 @@ def _numbers(where: str, text: str, separator: str) -> list[float]:
     return numbers
 
 
+def present_of(effects: Effects) -> list[Present]:
+    """Effects as they are in a simulated world.
+
+    Raises
+    ------
+    InputError : an unknown name, twice the same, a number of parameters that does not fit
+    """
+    if isinstance(effects, Mapping):
+        listed = {name: np.atleast_1d(np.asarray(beta, dtype=np.float64)) for name, beta in effects.items()}
+        texts: Sequence[str] = [f"{name}={','.join(map(repr, beta.tolist()))}" for name, beta in listed.items()]
+    else:
+        texts = [effects] if isinstance(effects, str) else effects
+    present = [parse_effect(text) for text in texts]
+    names = [entry.effect.name for entry in present]
+    if len(set(names)) < len(names):
+        raise InputError("--effect", f"{max(names, key=names.count)} twice", "each effect once")
+    return present
+
+
+def simulated(
+    scenario: str | Path | Scenario, effects: Effects = (), seed: int = 0, declare: bool = False
+) -> tuple[Recording, list[Present]]:
+    """A scenario simulated with effects, as `simulate_to_folder` and `sinan.simulate` do; and the effects."""
+    flown = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    present = present_of(effects)
+    return simulate(flown, np.random.default_rng(seed), present, declare)[0], present
+
+
 def simulate_to_folder(
     scenario: str | Path,
     out: Path,
@@ -159,14 +194,10 @@ def simulate_to_folder(
     answer = answer_file(out)
     require_free(out, force)
     _require_free_answer(answer, force)
-    present = [parse_effect(text) for text in effects]
-    names = [entry.effect.name for entry in present]
-    if len(set(names)) < len(names):
-        raise InputError("--effect", f"{max(names, key=names.count)} twice", "each effect once")
+    flown = load_scenario(scenario)
+    recording, present = simulated(flown, effects, seed, declare)
     for note in filter(None, map(interval_note, present)):
         tell(note)
-    flown = load_scenario(scenario)
-    recording, _ = simulate(flown, np.random.default_rng(seed), present, declare)
     for name in () if flown.static else flown.sensors:
         if name not in ("accel", "gyro") and name not in recording.streams:
             tell(f"{name}: no reading arrives, all are out of range, lost or in a drop-out: the recording has none")

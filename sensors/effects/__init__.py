@@ -1,7 +1,7 @@
 """The catalogue of effects: one file an effect, one line here.
 
 `effect("mag.current")` gives a declaration, `effects_for("flight", ("accel", "mag"))` the candidates. A file is read
-when its effect is first asked for.
+when its effect is first asked for. Effects of one's own, which no file here declares, are those of `own.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.own import own_effects
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 from sinan.sensors.registry import sensors
@@ -76,6 +77,7 @@ _FAMILIES = ("step", "transient", "outliers")
 _STREAM_OF = {"motion": "level"}  # where the first part of a name is not the stream
 
 
+@cache
 def _is_there(file: str) -> bool:
     return find_spec(f"{__name__}.{file}") is not None
 
@@ -98,7 +100,7 @@ CATALOGUE: Mapping[str, Effect] = _Catalogue()
 
 @cache
 def _files(listed: tuple[SensorType, ...]) -> dict[str, tuple[str, str | None]]:
-    """File and, for a family, the stream of every effect that is there with these sensors."""
+    """File and, for a family, the stream of every effect that comes with the project and is there with these sensors."""
     found = {f"{entry.name}.{family}": (family, entry.name) for family in _FAMILIES for entry in listed if entry.unit}
     late = {f"{entry.name}.time_offset": ("time_offset", entry.name) for entry in listed if entry.late}
     head = {name: line for name, line in _FILES.items() if not name.startswith("pseudorange.")}
@@ -107,14 +109,18 @@ def _files(listed: tuple[SensorType, ...]) -> dict[str, tuple[str, str | None]]:
 
 
 def _names() -> tuple[str, ...]:
-    return tuple(_files(sensors()))
+    return (*_files(sensors()), *own_effects())
 
 
-@cache
-def _read(file: str, stream: str | None) -> Effect:
-    module = import_module(f"{__name__}.{file}")
-    found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
-    return found
+def is_shipped(name: str) -> bool:
+    """Whether an effect of that name comes with the project."""
+    return name in _FILES or name in _files(sensors())
+
+
+def forget() -> None:
+    """Forget what was looked up: another effect is known, or one is no longer."""
+    for looked_up in (_is_there, _files, _read):
+        looked_up.cache_clear()
 
 
 def effect(name: str) -> Effect:
@@ -125,12 +131,22 @@ def effect(name: str) -> Effect:
     KeyError : no such effect; names the nearest ones
     """
     files = _files(sensors())
-    if name not in files:
+    if name in files:
+        return _read(*files[name])
+    mine = own_effects()
+    if name not in mine:
         from difflib import get_close_matches
 
         near = get_close_matches(name, _names(), n=3, cutoff=0.4) or _names()
         raise KeyError(f"no effect `{name}`; there are {', '.join(near)}")
-    return _read(*files[name])
+    return mine[name]
+
+
+@cache
+def _read(file: str, stream: str | None) -> Effect:
+    module = import_module(f"{__name__}.{file}")
+    found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
+    return found
 
 
 def effects_for(kind: str, streams: Collection[str], localised: bool = False) -> tuple[Effect, ...]:

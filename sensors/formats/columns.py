@@ -47,6 +47,14 @@ class FileOptions:
     records: RecordLayout | None = None
 
 
+#: First bytes of a file, and what it then is.
+MAGICS = {
+    mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx",
+    dataflash_messages.MAGIC: "dataflash_binary", b"#ROSBAG V2.0": "rosbag", b"SQLite format 3\0": "sqlite",
+    b"\x89MCAP0\r\n": "mcap", b"PAR1": "parquet",
+}  # fmt: skip
+
+
 def content_of(path: Path) -> str:
     """What a file is, by its first bytes: mwlog, matlab, ulog, ubx, dataflash, dataflash_binary, rosbag, sqlite,
     mcap, parquet, tlog, empty, text, or how it is packed.
@@ -64,12 +72,7 @@ def content_of(path: Path) -> str:
         raise InputError(path, error.strerror or type(error).__name__, "a readable file") from None
     if not head:
         return "empty"
-    magics = {
-        mwlog.MAGIC: "mwlog", matlab.MAGIC_5: "matlab", ulog_messages.MAGIC: "ulog", ubx.MAGIC: "ubx",
-        dataflash_messages.MAGIC: "dataflash_binary", b"#ROSBAG V2.0": "rosbag", b"SQLite format 3\0": "sqlite",
-        b"\x89MCAP0\r\n": "mcap", b"PAR1": "parquet",
-    }  # fmt: skip
-    for magic, content in magics.items():
+    for magic, content in MAGICS.items():
         if head.startswith(magic):
             return content
     if mavlink_frames.is_telemetry(head):

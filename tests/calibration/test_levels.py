@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import chi2
 
-from sinan.calibration.levels.fit import Problem, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.assumptions import FOUND, assumptions_of
+from sinan.calibration.levels.fit import TAIL, Problem, Size, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.preparation import settled
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.bounds import Bounds
@@ -67,3 +71,70 @@ def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     held = replace(levels, bounds=Bounds(0.05, 0.1))
     journals = [run(prepare(bare, one.model(bare)), "numba", 0) for one in (levels, held)]
     assert journals[0].nis_per_dof()["place"] < 2.0 < journals[1].nis_per_dof()["place"]
+
+
+def test_sigmas_are_those_of_the_curvature(bare: Recording) -> None:
+    """Against the second difference of the posterior, along the axes of theta that the log tells best."""
+    levels = fit_levels(bare, bare.environment.magnetic_field)
+    problem = Problem(bare, levels.found, levels)
+    theta = np.array([_theta(size, levels.value(size)) for size in levels.found])
+    sigmas = problem.sigmas(theta)
+    assert np.allclose(sigmas * [size.spread for size in levels.found], levels.sigmas)
+    assert np.all((sigmas > 0.0) & (sigmas <= 1.0))  # a log adds to the prior
+    for i in np.argsort(sigmas)[:4]:
+        step = np.zeros(len(theta))
+        step[i] = 0.5 * sigmas[i]
+        values = [problem.value(theta + k * step) for k in (-1, 0, 1)]
+        curvature = -(values[0] - 2.0 * values[1] + values[2]) / step[i] ** 2
+        assert 0.3 < curvature * sigmas[i] ** 2 < 6.0
+
+
+def _theta(size: Size, value: float) -> float:
+    """Where a value lies in its prior, in spreads from the median."""
+    return float((value - size.median) / size.spread if size.linear else np.log(value / size.median) / size.spread)
+
+
+def test_every_open_size_is_in_the_table_of_assumptions(bare: Recording) -> None:
+    covariance = np.diag([0.02, 0.01, 0.03]) ** 2
+    levels = fit_levels(bare, bare.environment.magnetic_field, covariance)
+    rows = assumptions_of(bare, levels, sizes_of(bare))
+    assert len([row for row in rows if row.source == FOUND]) == len(levels.found)
+    late = next(row for row in rows if (row.subject, row.quantity) == ("gps", "lateness of its stamps"))
+    assert (late.unit, late.is_ratio) == ("s", False)
+    assert abs(late.value - LATE) < 4.0 * late.sigma
+    of_mag = {row.quantity: row.value for row in rows if row.subject == "mag"}
+    together = np.hypot(of_mag["white noise of a reading"], of_mag["first-order noise"])  # a little colour is found
+    known = fly(21, duration=1.0, sensors=("mag",))[0].spec("mag").noise_std
+    assert together == pytest.approx(known * _scale_of_normal_noise(TAIL, 3), rel=0.1)
+
+
+def _scale_of_normal_noise(tail: float, m: int) -> float:
+    """The scale of a Student law that is likeliest for normal noise of unit variance: E[q w(q)] = m, q = chi^2_m / s^2,
+    where the weight w is that of Student's law beyond m, and one within.
+    """
+
+    def excess(s: float) -> float:
+        q = chi2.ppf((np.arange(4000) + 0.5) / 4000, m) / s**2
+        return float(np.mean(q * np.minimum(1.0, (tail + m) / (tail + q)))) - m
+
+    return float(brentq(excess, 0.3, 1.5))
+
+
+def test_the_field_is_in_the_table_with_the_sigmas_of_its_covariance(bare: Recording) -> None:
+    """Against draws from the covariance."""
+    m_n = bare.environment.magnetic_field
+    covariance = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.4], [0.5, -0.4, 2.0]]) * 1e-6 * float(m_n @ m_n)
+    sizes = sizes_of(bare)
+    levels = first_levels(bare, sizes, m_n, covariance)
+    rows = {row.quantity: row for row in assumptions_of(bare, levels, sizes) if row.subject == "field"}
+    draws = np.random.default_rng(8).multivariate_normal(m_n, covariance, size=20_000)
+    norm, dip = np.linalg.norm(draws, axis=1), np.arctan2(draws[:, 2], np.hypot(draws[:, 0], draws[:, 1]))
+    east = np.arctan2(draws[:, 1], draws[:, 0])
+    for name, values in (("norm", norm), ("dip", dip), ("declination", east)):
+        assert rows[name].value == pytest.approx(np.mean(values), abs=4.0 * np.std(values))
+        assert rows[name].sigma == pytest.approx(np.std(values), rel=0.03)
+
+
+def test_a_flight_that_declares_everything_assumes_nothing() -> None:
+    declared, _ = fly(21, duration=10.0, sensors=("gps", "mag", "baro"))
+    assert settled(declared).model.assumptions == ()

@@ -34,11 +34,10 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     name, entry = re.fullmatch(r'\s*"([\w.]+)": \("(\w+)", None\),\s*', line).groups()  # type: ignore[union-attr]
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
     monkeypatch.setitem(effects._FILES, name, (entry, None))
-    effects._names.cache_clear()
+    effects.forget()
     yield
     sys.modules.pop(f"sinan.sensors.effects.{entry}", None)
-    effects._names.cache_clear()
-    effects.effect.cache_clear()
+    effects.forget()
 
 
 @pytest.mark.usefixtures("added")

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.consistency import chi_square
+from sinan.experiments.answers.observability import case_of
 from sinan.experiments.bias_observability import segments
 from sinan.experiments.bias_observability.case import case_of_recording, case_of_scenario
 from sinan.experiments.bias_observability.directions import simple_structure
 from sinan.experiments.bias_observability.document import advice, document, summary
 from sinan.experiments.bias_observability.study import Study, smallest, study
-from sinan.experiments.commands.observability import case_of, run
+from sinan.experiments.commands.observability import run
 from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError

@@ -235,11 +235,11 @@ def test_a_file_without_a_place_is_refused_before_the_work(poses: Path, tmp_path
 def test_a_sensor_named_for_a_flight_is_remarked_upon(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def stop(*arguments: object) -> None:
+    def stop(*arguments: object, **named: object) -> None:
         raise InputError("test", "enough", "nothing")
 
     simulate_to_folder("hover", tmp_path / "flight", seed=3)
-    monkeypatch.setattr(trace_command, "trace_recording", stop)
+    monkeypatch.setattr(trace_command, "trace", stop)
     with pytest.raises(InputError, match="enough"):
         trace_command.run([str(tmp_path / "flight")], "mag", 0.01, None, None, None, None)
     assert "--sensor mag is for poses" in capsys.readouterr().err

@@ -13,9 +13,10 @@ import pytest
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
-from sinan.experiments.commands.gnss import summary
+from sinan.experiments.answers.fixes import positions
 from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.study import run
+from sinan.experiments.report.gnss_words import summary
 from sinan.experiments.residual_loop import pseudoranges as source
 from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.sensors.constants import EARTH_RATE
@@ -162,9 +163,9 @@ def test_four_satellites_are_said_to_check_nothing(measured_data: Path) -> None:
 
 def test_simulated_files_end_to_end(tmp_path: Path) -> None:
     observation, navigation = simulation.files(tmp_path, "G", epochs=8)
-    found = run(
-        observation, [navigation], systems="G", position=simulation.RECEIVER.tolist(), solution=tmp_path / "fix.csv"
-    )
+    answer = positions(observation, navigation, systems="G", position=simulation.RECEIVER.tolist())
+    found = answer.document
+    answer.to_csv(tmp_path / "fix.csv")
     assert found["epochs"] == 8
     assert len((tmp_path / "fix.csv").read_text().splitlines()) == 9
     shift = np.array(found["stages"][0]["position_error"]["enu"])

@@ -15,14 +15,14 @@ from sinan.experiments.calibrate import summary as calibration_summary
 from sinan.experiments.calibrate import warnings_of as calibration_warnings
 from sinan.experiments.commands.calibrate import run as calibrate
 from sinan.experiments.commands.demo import HIDDEN, hidden_and_found
-from sinan.experiments.commands.estimate import summary as estimate_summary
-from sinan.experiments.commands.estimate import warnings_of as innovation_warnings
-from sinan.experiments.commands.monte_carlo import remark
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.labs.magnetometer import sign_errors
 from sinan.experiments.report.console import progress, working
 from sinan.experiments.report.estimate_page import innovations, verdict
+from sinan.experiments.report.estimate_words import summary as estimate_summary
+from sinan.experiments.report.estimate_words import warnings_of as innovation_warnings
 from sinan.experiments.report.figures import biases_over_time
+from sinan.experiments.report.monte_carlo_words import remark
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.trace_page import evidence, trace_page
 from sinan.experiments.report.trace_words import (

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.preparation import prepared
+from sinan.experiments.answers.observability import case_of
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.commands import (
     calibrate as calibrate_command,
@@ -20,7 +21,6 @@ from sinan.experiments.commands import (
 from sinan.experiments.commands import (
     trace as trace_command,
 )
-from sinan.experiments.commands.observability import case_of
 from sinan.experiments.datasets import convert, resolve
 from sinan.experiments.report.words import trace_call
 from sinan.experiments.scenarios import simulate_to_folder

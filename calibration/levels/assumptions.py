@@ -1,0 +1,103 @@
+"""What was found or taken of a log that does not declare it, with how well it is known: one table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from sinan.calibration.levels.fit import STAMP_STD, Levels, Size
+from sinan.estimator.filter.assumption import Assumption
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.geomagnetism import declination, field_along, inclination
+from sinan.sensors.recording import Recording
+
+FOUND, CLASS = "log, near its class", "class of instruments"
+#: What a key of a sensor is called, and what its unit has besides the sensor's own.
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "noise_density": ("white noise", "/sqrt(Hz)"),
+    "noise_std": ("white noise of a reading", ""),
+    "velocity_noise_std": ("white noise of a velocity", ""),
+    "colour_std": ("first-order noise", ""),
+    "velocity_colour_std": ("first-order noise of the velocity", ""),
+    "colour_time": ("time constant of that noise", ""),
+    "bias_std": ("bias at the start", ""),
+    "bias_walk": ("random walk of the bias", "/sqrt(s)"),
+}
+#: Of noise in step with the motion: subject, quantity, unit.
+IN_STEP = {
+    "accel": ("accel", "variance per mean square of second differences", ""),
+    "gyro": ("gyro", "variance per mean square of second differences", ""),
+    "rate": ("gyro", "white noise per rate of turn", "sqrt(s)"),
+}
+UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
+
+
+def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) -> tuple[Assumption, ...]:
+    """Every size that was open, found or left at what its class has, the bounds of the motion, and the field.
+
+    Parameters
+    ----------
+    levels : that are in the model
+    sizes : that the recording leaves open
+    """
+    known = {(size.sensor, size.key): sigma for size, sigma in zip(levels.found, levels.sigmas, strict=True)}
+    rows = []
+    for size in sizes:
+        if size.sensor == "bounds" or (size.sensor == "latency" and size.key not in levels.latency):
+            continue
+        key = (size.sensor, size.key)
+        subject, quantity, unit = _words(recording, size)
+        sigma, source = (known[key], FOUND) if key in known else (size.spread, CLASS)
+        rows.append(Assumption(subject, quantity, levels.value(size), unit, sigma, not size.linear, source))
+    if levels.bounds is not None:
+        for quantity, value, unit in (
+            ("distance from its place (1 sigma)", levels.bounds.place, "m"),
+            ("speed (1 sigma)", levels.bounds.speed, "m/s"),
+        ):
+            rows.append(Assumption("motion", quantity, value, unit, None, True, "log: likeliest of the bounds tried"))
+    if levels.m_n is not None and levels.field is not None:
+        rows += _of_the_field(recording, levels.m_n, levels.field)
+    if levels.stamp_std > 0.0:
+        rows.append(Assumption("mag", "jitter of its stamps", STAMP_STD, "s", None, True, CLASS))
+    if levels.tail is not None:
+        what = "degrees of freedom of the Student law of innovations"
+        rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
+    return tuple(rows)
+
+
+def as_rows(assumptions: Sequence[Assumption]) -> list[dict[str, Any]]:
+    """The same for JSON."""
+    return [asdict(one) for one in assumptions]
+
+
+def _words(recording: Recording, size: Size) -> tuple[str, str, str]:
+    """Subject, quantity and unit of a size."""
+    if size.sensor == "in_step":
+        return IN_STEP[size.key]
+    if size.sensor == "latency":
+        return size.key, "lateness of its stamps", "s"
+    quantity, per = QUANTITIES[size.key]
+    unit = UNITS.get(size.sensor, "m")
+    if size.sensor == "mag":
+        unit = recording.environment.field_unit or "of the log"
+    if size.key.startswith("velocity"):
+        unit = "m/s"
+    return size.sensor, quantity, "s" if size.key == "colour_time" else unit + per
+
+
+def _of_the_field(recording: Recording, m_n: FloatArray, covariance: FloatArray) -> list[Assumption]:
+    """Norm, dip and declination of the field that the filter starts from."""
+    norm, dip, east = float(np.linalg.norm(m_n)), inclination(m_n), declination(m_n)
+    source = "log" if recording.origin is None else "place"
+    found = []
+    for quantity, value, unit, gradient in (
+        ("norm", norm, recording.environment.field_unit or "of the log", m_n / norm),
+        ("dip", dip, "rad", field_along(1.0, dip + np.pi / 2.0, east) / norm),
+        ("declination", east, "rad", np.array([-np.sin(east), np.cos(east), 0.0]) / (norm * np.cos(dip))),
+    ):
+        sigma = float(np.sqrt(gradient @ covariance @ gradient))
+        found.append(Assumption("field", quantity, value, unit, sigma, False, "log" if quantity == "norm" else source))
+    return found

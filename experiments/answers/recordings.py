@@ -1,0 +1,82 @@
+"""Where a recording comes from: a log that is read, or a scenario that is simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sinan.experiments.datasets import resolve
+from sinan.experiments.scenarios import Effects, simulated
+from sinan.sensors.formats.choice import Choice
+from sinan.sensors.recording import Recording
+from sinan.sensors.scenario import Scenario
+
+
+def read(
+    path: str | Path,
+    *,
+    map: str | Path | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    imu: int = 0,
+    mag: int = 0,
+    baro: int = 0,
+    gps: int = 0,
+    raw: bool = False,
+) -> Recording:
+    """Read a recording: a folder in the plain format, a log, or DATASET/FILE of a known data set.
+
+    Parameters
+    ----------
+    path : of a folder or file; PX4's ULog, ArduPilot's .bin and .log, MAVLink's .tlog, ROS bags are read as they are
+    map : TOML file that says how to read any other log
+    start, stop : the part that is looked at, s after the first IMU sample (of poses: pose)
+    imu, mag, baro, gps : which of several sensors of a kind in an autopilot's log, counted from 0
+    raw : take off the autopilot's own offsets, scales and compensation
+
+    Returns
+    -------
+    Recording: SI units, body axes x forward, y right, z down (FRD), NED; magnetic field in the unit of the log
+
+    Raises
+    ------
+    InputError : what cannot be read, with the place, what was found and what was expected
+
+    Examples
+    --------
+    >>> import sinan
+    >>> recording = sinan.read("flight", start=5.0, stop=25.0)
+    >>> recording.kind, "gps" in recording.streams, round(float(recording.streams["imu"].t[0]))
+    ('flight', True, 5)
+    """
+    choice = Choice(imu, mag, baro, gps, raw)
+    return resolve(str(path), None if map is None else Path(map), (start, stop), choice)
+
+
+def simulate(
+    scenario: str | Path | Scenario, *, seed: int = 0, effects: Effects = (), declare: bool = False
+) -> Recording:
+    """Simulate a scenario: a recording with noise, biases, and its truth.
+
+    Parameters
+    ----------
+    scenario : name of one that is shipped, a TOML file, or a `Scenario`
+    seed : of the random numbers: the same seed gives the same recording
+    effects : what acts on the sensors beyond the plain model, by name with its parameters, or as `--effect` takes it
+    declare : write the effects into the recording, where every estimator models them; else they are hidden in it
+
+    Returns
+    -------
+    Recording: its `truth` has position, velocity, attitude and biases (reading = truth + bias + noise)
+
+    Raises
+    ------
+    InputError : no such scenario or effect, or one that does not fit
+
+    Examples
+    --------
+    >>> import sinan
+    >>> recording = sinan.simulate("hover", seed=1, effects={"mag.current": [0.003, 0.0, 0.001]})
+    >>> recording.streams["imu"]["accel_z"].mean().round(1).item()
+    -9.8
+    """
+    return simulated(scenario, effects, seed, declare)[0]

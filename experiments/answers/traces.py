@@ -1,0 +1,247 @@
+"""`sinan.trace`: what the plain model of a recording lacks, as an object with tables, figures and a page."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.filter.assumption import Assumption
+from sinan.experiments.answers.asked import PLAIN, Answer, Asked
+from sinan.experiments.refused import doubted_shares, refused
+from sinan.experiments.report.verdict_words import Log, trace_summary, worded
+from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.experiments.residual_loop.report import report
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.source import Source
+from sinan.experiments.residual_loop.traced import Traced
+from sinan.sensors.errors import InputError
+from sinan.sensors.joining import joined
+from sinan.sensors.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace(Answer):
+    """What was found in a recording.
+
+    Attributes
+    ----------
+    recording : what was traced
+    traced : the parts with their models before and after, and the verdict
+    document : the numbers and words, as `sinan trace --json` writes them
+    """
+
+    recording: Recording
+    traced: Traced
+    document: dict[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """`no_effect`, `effects`, `ambiguous` or `unexplained`."""
+        return str(self.document["verdict"])
+
+    @property
+    def headline(self) -> str:
+        """What was found, in a sentence."""
+        return str(self.document["headline"])
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the effects that pass the test, in the order of discovery."""
+        return tuple(effect["name"] for effect in self.document["effects"])
+
+    def effects(self) -> pd.DataFrame:
+        """The effects that pass the test.
+
+        Returns
+        -------
+        a row a parameter; columns `effect`, `parameter`, `unit`, `value`, `sigma`, and `predicts`: whether the held-out
+        data are predicted better with it
+        """
+        import pandas as pd
+
+        rows = [
+            (effect["name"], name, unit, value, float("nan") if std is None else std, effect["predicts"])
+            for effect in self.document["effects"]
+            for name, unit, value, std in zip(
+                effect["parameters"], effect["unit"], effect["beta"], effect["std"], strict=True
+            )
+        ]
+        return pd.DataFrame(rows, columns=["effect", "parameter", "unit", "value", "sigma", "predicts"])
+
+    def errors(self) -> pd.DataFrame:
+        """RMS residual and NIS a degree of freedom of the held-out data, with the plain model and with what was found.
+
+        Returns
+        -------
+        rows `before`, `after`; columns `rms`, `unit`, `nis_per_dof`
+        """
+        import pandas as pd
+
+        error = self.document["error"]
+        rows = {part: [error[part][key] for key in ("rms", "unit", "nis_per_dof")] for part in ("before", "after")}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["rms", "unit", "nis_per_dof"])
+
+    def candidates(self) -> pd.DataFrame:
+        """Every effect that was tested about the plain model, the strongest first: `statistic`, `dof`, `p_value`."""
+        import pandas as pd
+
+        rows = [(one["name"], one["statistic"], one["dof"], one["p_value"]) for one in self.document["candidates"]]
+        table = pd.DataFrame(rows, columns=["effect", "statistic", "dof", "p_value"])
+        return table.sort_values("p_value", kind="stable", ignore_index=True)
+
+    def summary(self) -> str:
+        """What `sinan trace` prints: warnings, verdict, errors before and after, notes."""
+        said = [f"warning: {warning}" for warning in self.document["warnings"]]
+        return "\n".join([*said, trace_summary(self.document), *(f"  note: {note}" for note in self.document["notes"])])
+
+    def to_html(self, path: str | Path) -> Path:
+        """Write the page of `sinan trace --html`. Returns its path."""
+        from sinan.experiments.report.trace_page import trace_page
+
+        trace_page(Path(path), self.traced, self.document)
+        return Path(path)
+
+    def plot_candidates(self) -> list[Axes]:
+        """How strongly the data speak for each candidate. One axes."""
+        from sinan.experiments.report import screen
+        from sinan.experiments.report.trace_figures import evidence_bars
+        from sinan.experiments.report.trace_page import evidence
+
+        return screen.axes(lambda: evidence_bars(evidence(self.traced), self.document["p_value_needed"]))
+
+    def plot_figures(self) -> dict[str, list[Axes]]:
+        """All figures of the page by name: the residual before and after, each effect against its signature."""
+        from sinan.experiments.report import screen
+        from sinan.experiments.report.trace_page import trace_figures
+
+        drawn: dict[str, list[Axes]] = {}
+
+        def draw() -> None:
+            for name, (figure, _) in trace_figures(self.traced, self.document).items():
+                drawn[name] = [one for one in figure.axes if one.get_visible()]
+
+        screen.on_screen(draw)
+        return drawn
+
+
+def trace(
+    recording: Recording | Sequence[Recording],
+    *,
+    sensor: str | None = None,
+    alpha: float = 0.01,
+    gravity: float | None = None,
+    asked: Asked = PLAIN,
+) -> Trace:
+    """Find the effect that the plain model of a recording lacks, add it, and compare the errors on held-out data.
+
+    Parameters
+    ----------
+    recording : of poses or of a flight; several flights of one vehicle are traced together
+    sensor : of poses with several sensors: only this one
+    alpha : risk of any false alarm, over all candidates together
+    gravity : norm at which the accelerometer of poses aims [m/s^2]; default: as declared, else 9.80665
+    asked : how the user calls the recording, for the words of the report
+
+    Returns
+    -------
+    Trace
+
+    Raises
+    ------
+    InputError : nothing that can be traced; flights that cannot be of one vehicle
+
+    Examples
+    --------
+    >>> import sinan
+    >>> poses = sinan.simulate("mag_poses", seed=7, effects={"mag.cross_axis": [0.04, -0.015, 0.02]})
+    >>> found = sinan.trace(poses)
+    >>> found.verdict, found.found
+    ('effects', ('mag.cross_axis',))
+    >>> before, after = found.errors()["rms"]
+    >>> after < 0.5 * before
+    True
+    """
+    one = recording if isinstance(recording, Recording) else joined(list(recording))
+    traced = trace_recording(one, sensor, alpha, gravity)
+    return Trace(one, traced, document_of(one, traced, asked))
+
+
+def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> dict[str, Any]:
+    """The report of a trace with its words."""
+    log = Log(asked.input_of(recording), asked.map_file, asked.choice)
+    document = worded(report(traced), asked.name_of(recording), log)
+    document["window"] = asked.window
+    document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
+    document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
+    document["choice"], document["magnetic_field"] = asdict(asked.choice), _field_of(traced)
+    return document
+
+
+def _assumptions(source: Source) -> tuple[Assumption, ...]:
+    """What the model of a flight takes without being told; of poses nothing."""
+    return source.model.assumptions if isinstance(source, FlightSource) else ()
+
+
+def _field_of(traced: Traced) -> list[float] | None:
+    """The Earth's field that a flight's filter knew, NED; None: none."""
+    used = getattr(traced.parts[0].source, "recording", None)
+    field_n = None if used is None else used.environment.magnetic_field
+    return None if field_n is None else [float(one) for one in field_n]
+
+
+def in_its_terms(
+    document: Mapping[str, Any], recording: Recording, inputs: Sequence[str]
+) -> tuple[dict[str, Any] | None, list[str]]:
+    """The parameters that take out what was found, and lines that say so; None: nothing, of no autopilot's log, or of
+    logs that were flown with different ones.
+    """
+    from sinan.experiments.autopilots.parameters import autopilot_of, facts_beside, lines_of, terms_of_document
+
+    logs = [Path(one) for one in inputs]
+    if not document["effects"] or not all(log.is_file() for log in logs):
+        return None, []
+    facts = [facts_beside(log) for log in logs]
+    name = autopilot_of(facts[0])
+    if not name:
+        return None, []
+    terms = terms_of_document(document, name, recording, logs[0])
+    for one in terms.settings:
+        if any(own is None or own.parameters.get(one.name) != one.was for own in facts[1:]):
+            return None, [f"  the logs were flown with different {one.name}: trace one for its parameters"]
+    file = f"sinan params {shlex.quote(inputs[0])} --out FILE"
+    how = [f"  `{file}` writes them for the ground station"] if terms.settings and len(inputs) == 1 else []
+    return terms.as_table(), [*(f"  {line}" for line in lines_of(terms)), *how]
+
+
+def _not_believed(source: Source) -> list[str]:
+    """A sentence for each stream that the gated filter refuses; none of poses, or where that filter has no answer."""
+    if not isinstance(source, FlightSource):
+        return []
+    try:
+        return list(refused(doubted_shares(source.gated())).values())
+    except InputError:
+        return []
+
+
+def taken_from_the_log(recording: Recording, source: Source) -> list[str]:
+    """What a flight's preparation took from the log where the recording declares nothing, one line each."""
+    used = getattr(source, "recording", recording)
+    return [*used.notes[len(recording.notes) :], *_stretches(source)]
+
+
+def _stretches(source: Source) -> list[str]:
+    """Which stretches a flight has, where gaps that nothing bridges cut it into several."""
+    found = source.stretches if isinstance(source, FlightSource) else []
+    if len(found) < 2:
+        return []
+    spans = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in found)
+    return [f"{len(found)} stretches, each with a first state and states of its own: {spans}"]

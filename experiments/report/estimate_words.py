@@ -1,0 +1,108 @@
+"""What an estimate says: biases with their uncertainty, innovations, warnings, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sinan.estimator.filter.journal import Journal
+from sinan.experiments.refused import refused
+from sinan.experiments.report.words import (
+    SENSORS,
+    bias_rows,
+    bias_unit,
+    number,
+    off_by,
+    reference_notes,
+    reference_rows,
+    with_sigma,
+)
+
+#: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
+_NIS_LOW, _NIS_HIGH = 0.8, 1.25
+
+
+def warnings_of(document: Mapping[str, Any], call: str = "sinan trace INPUT") -> list[str]:
+    """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected;
+    not for what nobody declared: levels from the log, of which its notes speak, and the level's sigma, an assumption.
+
+    Parameters
+    ----------
+    call : the command that looks for what is missing
+    """
+    not_used = refused(document.get("doubted", {}))
+    found = list(not_used.values())
+    for sensor, nis in document["nis"].items():
+        if sensor in not_used:
+            continue
+        low, high = document["nis_interval"][sensor]
+        if sensor in document.get("assumed", ()) or sensor in document.get("estimated", ()):
+            continue
+        if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
+            continue
+        relation, why = (
+            ("larger", "lacks something, or the noise is larger")
+            if nis > 1.0
+            else ("smaller", "expects too much noise: it is smaller")
+        )
+        next_step = f": `{call}` looks for it" if nis > 1.0 else ""
+        found.append(
+            f"the {SENSORS.get(sensor, sensor)} innovations are {relation} than the filter expects (NIS {number(nis)}, "
+            f"not 1): its model {why} than declared{next_step}"
+        )
+    return found
+
+
+def coarse_note(journal: Journal) -> list[str]:
+    """What to do where the attitude was known too coarsely for a filter that linearises at its estimates."""
+    from sinan.estimator.filter.relinearise import COARSE_ATTITUDE, coarsest_attitude
+
+    worst = coarsest_attitude(journal)
+    if journal.model.relinearise or worst < COARSE_ATTITUDE:
+        return []
+    return [
+        f"the attitude was at one time known to {np.rad2deg(worst):.0f} deg only, where the filter's linear sigmas may "
+        "be too small: compare --relinearise"
+    ]
+
+
+def summary(name: str, document: Mapping[str, Any]) -> str:
+    """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
+    first = list(refused(document.get("doubted", {})).values())
+    lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
+    lines += _biases(document)
+    lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")
+    for sensor, nis in document["nis"].items():
+        size = "no reading" if nis is None else f"{nis:.3f}" if nis < 1e4 else f"{nis:.3g}"
+        assumed = " (an assumption of the filter, no sensor)" if sensor in document.get("assumed", ()) else ""
+        lines.append(f"    {sensor:6} {size}, {document['rejected'].get(sensor, 0)} refused{assumed}")
+    lines += [f"  {name}: {value}" for name, value in reference_rows(document)]
+    notes = [*reference_notes(document), *document["noise"], *document.get("notes", [])]
+    lines += [f"  note: {note}" for note in notes]
+    lines += [f"  warning: {warning}" for warning in document["warnings"] if warning not in first]
+    return "\n".join(lines)
+
+
+def _biases(document: Mapping[str, Any]) -> list[str]:
+    """The biases at the end: a line a sensor; beside a truth a line a component, with the truth and how far off."""
+    rows = bias_rows(document)
+    if all(row.truth is None for row in rows):
+        lines = ["  biases at the end ± 1 sigma"]
+        for sensor in document["bias"]:
+            text = ", ".join(with_sigma(row.value, row.sigma) for row in rows if row.sensor == sensor)
+            known = all(row.sigma == 0.0 for row in rows if row.sensor == sensor)
+            held = sensor == "accel" and known and "gps" not in document["nis"]
+            why = " (held: without GPS it cannot be told from the tilt)" if held else ""
+            lines.append(f"    {sensor:6} {text} {bias_unit(sensor, document.get('field_unit'))}{why}")
+        return lines
+    cells = [("biases at the end", "± 1 sigma", "truth", "off by", "")]
+    for row in rows:
+        truth = "-" if row.truth is None else f"{row.truth:.{row.digits}f}"
+        cells.append((f"  {row.name}", with_sigma(row.value, row.sigma), truth, off_by(row), row.unit))
+    widths = [max(len(cell[k]) for cell in cells) for k in range(4)]
+    return [
+        f"  {name:{widths[0]}}  {value:>{widths[1]}}  {truth:>{widths[2]}}  {off:>{widths[3]}}  {unit}".rstrip()
+        for name, value, truth, off, unit in cells
+    ]

@@ -1,0 +1,1 @@
+"""Assertions for regression tests of models."""
