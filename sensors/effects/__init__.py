@@ -100,7 +100,7 @@ CATALOGUE: Mapping[str, Effect] = _Catalogue()
 
 @cache
 def _files(listed: tuple[SensorType, ...]) -> dict[str, tuple[str, str | None]]:
-    """File and, for a family, the stream of every effect that comes with the project and is there with these sensors."""
+    """File and, for a family, the stream of every shipped effect that is there with these sensors."""
     found = {f"{entry.name}.{family}": (family, entry.name) for family in _FAMILIES for entry in listed if entry.unit}
     late = {f"{entry.name}.time_offset": ("time_offset", entry.name) for entry in listed if entry.late}
     head = {name: line for name, line in _FILES.items() if not name.startswith("pseudorange.")}
