@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
@@ -52,11 +53,11 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
     q, P_attitude, beside = _first_attitude(recording, model)
-    x[6:10], P[6:9, 6:9] = q, P_attitude
+    x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
     for name, block_beside in beside.items():
         if layout.has(name):
             P[6:9, layout.slice(name)] = block_beside
-            P[layout.slice(name), 6:9] = block_beside.T
+            P[layout.slice(name), DTHETA] = block_beside.T
     position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -226,6 +226,16 @@ def window_means(recording: Recording, model: FlightModel, values: FloatArray) -
     return np.asarray(means[whole])
 
 
+@dataclass(frozen=True)
+class _Part:
+    """The readings of one sensor before they are put among the others."""
+
+    t: FloatArray
+    z: FloatArray
+    status: IntArray
+    form: StreamForm | None
+
+
 def collect(
     recording: Recording,
     model: FlightModel,
@@ -239,53 +249,70 @@ def collect(
     forms : by sensor, what effects add to its prediction
     shifts : by sensor, further lateness of its stamps [s], as an effect has it
     """
-    forms, shifts = forms or {}, shifts or {}
-    names = tuple(model.sensors)
-    imu = recording.streams["imu"].t
-    parts, notes = [], []
-    for s, name in enumerate(names):
-        z, t = readings(recording, model, name)
-        late = shifts.get(name, 0.0)
-        t = t - late
-        status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
-        outside = int(np.sum(status == OUTSIDE))
-        if outside:
-            notes.append(
-                Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
-            )
-        if name not in ("level", "base", "place", "speed", "camera"):
-            for start, stop in frozen_runs(z):
-                status[start + 1 : stop] = FAULTY
-                notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
-            for start, stop in saturated_runs(z) if len(z) > 1 else []:
-                notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
-        form = forms.get(name)
-        if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear
-            status = np.where(status == ACCEPTED, NO_PREDICTION, status)
-        if form is not None:
-            there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
-            status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
-            z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
-        status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
-        parts.append((np.full(len(t), s), t, z, status, form))
-    sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
-    t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
-    index = np.concatenate([np.arange(len(part[1])) for part in parts]) if parts else np.empty(0, dtype=np.int64)
-    order = np.lexsort((index, sensor, t))
-    sensor, t, index = sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+    names, notes, parts = tuple(model.sensors), list[Note](), list[_Part]()
+    for name in names:
+        part, said = _part_of(recording, model, name, (forms or {}).get(name), (shifts or {}).get(name, 0.0))
+        parts.append(part)
+        notes += said
+    which, t, index = _in_order(parts)
     sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
-    row = np.concatenate([[0], np.cumsum(sizes[sensor])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
+    row = np.concatenate([[0], np.cumsum(sizes[which])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
     z, r, status = np.zeros(row[-1]), np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
-    formed = any(part[4] is not None for part in parts)
+    formed = any(part.form is not None for part in parts)
     D, ref = np.zeros((row[-1] if formed else 1, 9)), np.zeros((len(t) if formed else 1, 10))
-    for s, (_, _, values, part_status, form) in enumerate(parts):
-        mine = np.flatnonzero(sensor == s)
+    for s, part in enumerate(parts):
+        mine = np.flatnonzero(which == s)
         at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
-        z[at] = values[index[mine]].ravel()
+        z[at] = part.z[index[mine]].ravel()
         r[at] = variances(recording, model, names[s])[index[mine]].ravel()
-        status[mine] = part_status[index[mine]]
-        if form is not None:
-            D[at] = form.D[index[mine]].reshape(-1, 9)
-            ref[mine] = form.ref[index[mine]]
-    has_form = np.array([0 if part[4] is None else 1 + part[4].replaces for part in parts], dtype=np.int64)
-    return Events(names, t, sensor, index, row, z, r, status, D, ref, has_form, tuple(notes))
+        status[mine] = part.status[index[mine]]
+        if part.form is not None:
+            D[at] = part.form.D[index[mine]].reshape(-1, 9)
+            ref[mine] = part.form.ref[index[mine]]
+    has_form = np.array([0 if part.form is None else 1 + part.form.replaces for part in parts], dtype=np.int64)
+    return Events(names, t, which, index, row, z, r, status, D, ref, has_form, tuple(notes))
+
+
+def _in_order(parts: Sequence[_Part]) -> tuple[IntArray, FloatArray, IntArray]:
+    """Sensor, instant and row in the stream of every reading; at one instant sensor after sensor."""
+    if not parts:
+        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int64)
+    sensor = np.concatenate([np.full(len(part.t), s) for s, part in enumerate(parts)])
+    t = np.concatenate([part.t for part in parts])
+    index = np.concatenate([np.arange(len(part.t)) for part in parts])
+    order = np.lexsort((index, sensor, t))
+    return sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+
+
+def _part_of(
+    recording: Recording, model: FlightModel, name: str, form: StreamForm | None, late: float
+) -> tuple[_Part, list[Note]]:
+    """The readings of one sensor less what effects add, what is known of each, and what the report should say."""
+    imu = recording.streams["imu"].t
+    z, t = readings(recording, model, name)
+    t = t - late
+    status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
+    notes, outside = list[Note](), int(np.sum(status == OUTSIDE))
+    if outside:
+        notes.append(Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out"))
+    if is_sensor(name) and sensor(name).components and name != "base":
+        notes += _faults(name, z, t, status)
+    if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear
+        status = np.where(status == ACCEPTED, NO_PREDICTION, status)
+    if form is not None:
+        there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
+        status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
+        z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
+    status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
+    return _Part(t, z, status, form), notes
+
+
+def _faults(name: str, z: FloatArray, t: FloatArray, status: IntArray) -> list[Note]:
+    """Frozen readings, which are marked, and saturated ones, which are not."""
+    notes = []
+    for start, stop in frozen_runs(z):
+        status[start + 1 : stop] = FAULTY
+        notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
+    for start, stop in saturated_runs(z) if len(z) > 1 else []:
+        notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
+    return notes
