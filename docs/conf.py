@@ -16,7 +16,7 @@ nitpicky = True
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_block"]
 myst_heading_anchors = 4
 myst_dmath_double_inline = True
-suppress_warnings = ["myst.header"]  # a page of the command line begins its own levels
+suppress_warnings = ["toc.not_included"]  # a page that others link to need not be in the list at the side
 
 html_theme = "furo"
 html_title = "sinan"

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sinan.experiments.answers.fixes import positions as positions
     from sinan.experiments.answers.observability import Observability as Observability
     from sinan.experiments.answers.observability import observability as observability
+    from sinan.experiments.answers.recordings import cut as cut
     from sinan.experiments.answers.recordings import read as read
     from sinan.experiments.answers.recordings import simulate as simulate
     from sinan.experiments.answers.stepping import Step as Step
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
 _FACE: dict[str, tuple[str, str]] = {
     "read": ("experiments.answers.recordings", "read"),
     "simulate": ("experiments.answers.recordings", "simulate"),
+    "cut": ("experiments.answers.recordings", "cut"),
     "Recording": ("sensors.recording", "Recording"),
     "estimate": ("experiments.answers.estimates", "estimate"),
     "Estimate": ("experiments.answers.estimates", "Estimate"),

@@ -31,8 +31,9 @@ FLIGHT = "aerobatics"  # for what only poses show else
 ONSET, LENGTH = 20.0, 6.0  # s
 ONSET_LOW = 60.0  # s, of a sonar: until then the flight is mostly above its range
 LARGEST = 60.0  # NIS a degree of freedom that a figure can show
-#: It needs a declared motion.rotor_drag; single wrong samples of the IMU leave no mark on another sensor's innovations.
-NOT_DRAWN = ("motion.wind", "accel.outliers", "gyro.outliers")
+#: Wind needs a declared drag; what tilts `level` drowns in the 1 m/s^2 that it allows, and shows in sums alone;
+#: single wrong samples of the IMU leave no mark on another sensor's innovations.
+NOT_DRAWN = ("motion.wind", "motion.rotor_drag", "accel.outliers", "gyro.outliers")
 _SIGNS = (1.0, -1.0) * 5
 STREAMS = ("mag", "gps", "baro", "sonar", "laser", "base")
 

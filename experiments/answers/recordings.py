@@ -9,6 +9,7 @@ from sinan.experiments.scenarios import Effects, simulated
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.recording import Recording
 from sinan.sensors.scenario import Scenario
+from sinan.sensors.window import window
 
 
 def read(
@@ -80,3 +81,29 @@ def simulate(
     -9.8
     """
     return simulated(scenario, effects, seed, declare)[0]
+
+
+def cut(recording: Recording, start: float | None = None, stop: float | None = None) -> Recording:
+    """A part of a recording: the same stretch of time of all its streams.
+
+    Parameters
+    ----------
+    recording : of any kind
+    start, stop : s after the first IMU sample (of poses: pose); None: from its beginning, to its end
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError : none of the streams has readings there
+
+    Examples
+    --------
+    >>> import sinan
+    >>> part = sinan.cut(sinan.simulate("hover", seed=1), 5.0, 10.0)
+    >>> [round(float(part.streams["imu"].t[k])) for k in (0, -1)]
+    [5, 10]
+    """
+    return window(recording, (start, stop))

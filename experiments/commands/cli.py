@@ -61,6 +61,18 @@ class Autopilot(StrEnum):
     ardupilot = "ardupilot"
 
 
+class Posed(StrEnum):
+    """What is shown poses, held still."""
+
+    accel = "accel"
+
+
+class Turned(StrEnum):
+    """What is turned round on its faces."""
+
+    mag = "mag"
+
+
 class AxesForm(StrEnum):
     """Forms of the axes matrix T."""
 
@@ -495,6 +507,72 @@ def batch(
 
 
 @app.command()
+def serve(
+    port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
+    open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
+    size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
+    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+) -> None:
+    """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
+    from sinan.experiments.commands.serve import run
+    from sinan.experiments.serve.jobs import Limits
+
+    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
+
+
+@app.command()
+def capture(
+    link: Annotated[
+        str, typer.Option("--link", help="udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="folder of the recording: new or empty")],
+    seconds: Annotated[
+        float | None, typer.Option("--for", help="end after so many seconds; else Ctrl-C ends it well", min=0.1)
+    ] = None,
+    rate: Annotated[float, typer.Option(help="readings of the IMU to ask for, a second", min=1.0, max=1000.0)] = 50.0,
+    poses: Annotated[
+        Posed | None,
+        typer.Option(help="the course's ten poses, 100 still readings each: calibrate and print parameters"),
+    ] = None,
+    faces: Annotated[
+        Turned | None, typer.Option(help="six faces, turned round on each: calibrate and print parameters")
+    ] = None,
+    axes: Annotated[
+        AxesForm | None, typer.Option(help="form of T; default: none of an accelerometer, triangular of a compass")
+    ] = None,
+    gravity: Gravity = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    mwlog: Annotated[
+        Path | None, typer.Option("--mwlog", help="file for the same readings as the course's log", metavar="FILE")
+    ] = None,
+    params: Annotated[
+        Path | None, typer.Option("--params", help="file of the parameters, for the ground station", metavar="FILE")
+    ] = None,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Readings of a vehicle that is there now, over MAVLink: a recording as it goes, or a calibration by poses."""
+    from sinan.experiments.capture.session import Asked
+    from sinan.experiments.commands.capture import Results, run
+    from sinan.sensors.errors import InputError
+
+    if poses and faces:
+        raise InputError("--poses, --faces", "both", "one of them: each is a recording of its own")
+    if not (poses or faces) and (params or json or html):
+        raise InputError("--params, --json, --html", "without --poses or --faces", "a calibration to write")
+    _require_place_for(out)
+    asked = Asked(
+        out, poses.value if poses else faces.value if faces else "flight", rate, seconds,
+        _choice(imu, mag, baro, gps, False), gravity, mwlog,
+    )  # fmt: skip
+    results = Results(axes.value if axes else None, html, params, json)
+    _say_as_kept(lambda: run(link, asked, results), json, html, parameters=params, mwlog=mwlog)
+
+
+@app.command()
 def camera(
     place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
     board: Annotated[
@@ -516,6 +594,46 @@ def camera(
 
     target = board_of(board, square, marker, dictionary, legacy)
     _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
+
+
+@app.command()
+def allan(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Noise of every sensor from the part of a log at rest: Allan deviation, its terms, the keys to declare."""
+    from sinan.experiments.commands.allan import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
+
+
+@app.command()
+def heights(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Heights of sonar, laser, barometer and GPS against each other and the filter; where the sonar has no echo."""
+    from sinan.experiments.commands.heights import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
 
 
 @app.command()

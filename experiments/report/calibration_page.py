@@ -14,11 +14,19 @@ from sinan.experiments.report.page import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sinan.experiments.autopilots.terms import Setting
     from sinan.experiments.calibrate import Calibrated
 
 
-def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str]) -> None:
-    """Write the page of one calibration, or of several."""
+def calibration_page(
+    path: Path, name: str, done: Sequence[Calibrated], left_out: Mapping[str, str], settings: Sequence[Setting] = ()
+) -> None:
+    """Write the page of one calibration, or of several.
+
+    Parameters
+    ----------
+    settings : parameters of the autopilot that take it over
+    """
     *others, last = [words.SENSORS[one.sensor] for one in done]
     sensors = f"{', '.join(others)} and {last}" if others else last
     aims = {one.sensor: _aim(one) for one in done}
@@ -28,6 +36,10 @@ def calibration_page(path: Path, name: str, done: Sequence[Calibrated], left_out
         if others:
             page.heading(_title(words.SENSORS[one.sensor]))
         _calibration(page, one, page.subheading if others else page.heading)
+    if settings:
+        page.heading("Parameters to type in")
+        rows = [[one.name, f"{one.value:.6g}", "" if one.was is None else f"{one.was:.6g}"] for one in settings]
+        page.table(["parameter", "to be set to", "as it was"], rows, numeric=(1, 2))
     if left_out:
         page.heading("What could not be calibrated")
     for sensor, why in left_out.items():

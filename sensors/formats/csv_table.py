@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Collection
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -17,13 +19,14 @@ from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number
 _HEADER_LIMIT = 100_000
 
 
-def read_csv(path: Path, own: Collection[str]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+def read_csv(path: Path, own: Collection[str], cut_off: bool = False) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """The columns of a CSV file, in its order, each (n,) and to the last bit of its text.
 
     Parameters
     ----------
     path : of the file
     own : the columns that must be numbers; any other column that is not is left out
+    cut_off : a last line without an end is a part of one, and is left out
 
     Returns
     -------
@@ -36,7 +39,7 @@ def read_csv(path: Path, own: Collection[str]) -> tuple[dict[str, FloatArray], t
         is no number; rows count from 1, the first row of data
     """
     names = read_header_line(path)
-    table = TextTable(path, lambda: path.open("rb"), names)
+    table = TextTable(path, lambda: _whole_lines(path) if cut_off else path.open("rb"), names)
     wanted = list(names)
     if (columns := table.read(wanted)) is None:
         for column, error in table.culprits(wanted):
@@ -48,6 +51,11 @@ def read_csv(path: Path, own: Collection[str]) -> tuple[dict[str, FloatArray], t
         raise table.culprit(wanted)[1]
     finite = {name: values for name, values in columns.items() if name in own or np.all(np.isfinite(values))}
     return finite, tuple(name for name in names if name not in finite)
+
+
+def _whole_lines(path: Path) -> BinaryIO:
+    content = path.read_bytes()
+    return io.BytesIO(content[: content.rfind(b"\n") + 1])
 
 
 def read_header_line(path: Path) -> list[str]:

@@ -89,15 +89,16 @@ def read_recording(folder: Path) -> Recording:
         found = "no such key" if version is None else repr(version)
         raise table.error("format", found, f"format = {FORMAT}")
     name = table.text("name") or folder.resolve().name
+    goes_on = table.flag("unfinished") or False
     kind = table.text("kind", KINDS)
     if kind is None:
         raise table.error("kind", "no such key", '"flight" or "poses"')
     declared = read_header(table)
     rows = _rows(table)
-    truth = _truth(folder, table)
+    truth = _truth(folder, table, goes_on)
     table.done()
     _check_there(folder, rows)
-    streams, notes = _read_streams(folder)
+    streams, notes = _read_streams(folder, goes_on)
     if not streams:
         files = ", ".join(f"{stream}.csv" for stream in REQUIRED_COLUMNS)
         raise InputError(folder, "no stream", f"at least one of {files}")
@@ -124,7 +125,7 @@ def read_recording(folder: Path) -> Recording:
     return recording
 
 
-def _truth(folder: Path, table: Table) -> Truth | None:
+def _truth(folder: Path, table: Table, goes_on: bool) -> Truth | None:
     """`truth.csv`, with what `[truth]` says of it; None where it is not there.
 
     Raises
@@ -136,9 +137,9 @@ def _truth(folder: Path, table: Table) -> Truth | None:
     known, aligned = said.names_of("known", tuple(KNOWN_BY)), said.flag("aligned") or False
     said.done()
     path = folder / TRUTH_FILE
-    if not path.is_file():
+    if not path.is_file() or (goes_on and not _has_rows(path)):
         return None
-    columns, _ = read_csv(path, _AllColumns())
+    columns, _ = read_csv(path, _AllColumns(), cut_off=goes_on)
     stream = _timed(path, columns)
     check_rows(path, stream)
     truth = Truth.of(stream, kind, known, aligned)
@@ -231,6 +232,9 @@ def write_recording(recording: Recording, folder: Path) -> None:
 COVARIATES = ("temperature", "pressure", "current", "voltage", "airspeed")
 
 
+_UNFINISHED = "a part: what wrote it was cut off, or goes on; rows that are not whole are left out"
+
+
 class _AllColumns(tuple[str, ...]):
     """Every name is in it."""
 
@@ -238,9 +242,9 @@ class _AllColumns(tuple[str, ...]):
         return True
 
 
-def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
+def _read_streams(folder: Path, goes_on: bool) -> tuple[dict[str, Stream], tuple[str, ...]]:
     streams: dict[str, Stream] = {}
-    notes: list[str] = []
+    notes = [_UNFINISHED] if goes_on else []
     for path in sorted(folder.glob("*.csv")):
         name = path.stem
         if path.name in (TRUTH_FILE, POINTS_FILE):
@@ -248,8 +252,10 @@ def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
         if name not in REQUIRED_COLUMNS:
             notes.append(f"{path.name} is not a stream of the format and was not read")
             continue
+        if goes_on and not _has_rows(path):
+            continue
         own = ("t", *_OWN_COLUMNS[name], *COVARIATES, *_numbered(path, _NUMBERED.get(name)))
-        columns, left_out = read_csv(path, own)
+        columns, left_out = read_csv(path, own, cut_off=goes_on)
         if left_out:
             notes.append(f"{path.name}: not numbers throughout, left out: {', '.join(left_out)}")
         if name == "poses" and "t" not in columns:
@@ -257,6 +263,12 @@ def _read_streams(folder: Path) -> tuple[dict[str, Stream], tuple[str, ...]]:
         streams[name] = _timed(path, columns)
         check_stream(path, name, streams[name])
     return streams, tuple(notes)
+
+
+def _has_rows(path: Path) -> bool:
+    """Whether there is a whole line behind the header."""
+    with path.open("rb") as file:
+        return sum(file.readline().endswith(b"\n") for _ in range(2)) == 2
 
 
 def _rows(table: Table) -> dict[str, int]:

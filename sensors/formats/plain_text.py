@@ -37,6 +37,23 @@ def header_text(recording: Recording, rows: Mapping[str, int]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def growing_header(
+    name: str, kind: str, environment: Environment, reference: str, rows: Mapping[str, int] | None
+) -> str:
+    """The text of `recording.toml` of a recording that is being written, or was just ended.
+
+    Parameters
+    ----------
+    reference : kind of the reference; empty: there is none
+    rows : of each CSV file; None: it goes on
+    """
+    lines = [WRITTEN_BY, "format = 1", f"name = {_value(name)}", f"kind = {_value(kind)}"]
+    lines += ["unfinished = true"] if rows is None else ["", "[rows]", *(f"{key} = {n}" for key, n in rows.items())]
+    lines += _table("environment", _declared(environment, Environment()))
+    lines += _table("truth", {"kind": reference, "aligned": True} if reference else {})
+    return "\n".join(lines) + "\n"
+
+
 def _declared(record: object, default: object) -> dict[str, object]:
     """The fields of a record that differ from its defaults."""
     entries = {field.name: getattr(record, field.name) for field in fields(record)}  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.columns import FileOptions, content_of, read_columns
 from sinan.sensors.formats.matlab import read_matlab
-from sinan.sensors.formats.mwlog import read_mwlog
+from sinan.sensors.formats.mwlog import MwlogWriter, read_mwlog
 from sinan.sensors.formats.records import RecordLayout, read_records
 from sinan.sensors.formats.ubx import read_ubx
 
@@ -261,6 +261,36 @@ def test_mwlog_damaged(tmp_path: Path, data: bytes, expected: str) -> None:
     (tmp_path / "a").write_bytes(data)
     with pytest.raises(InputError, match=expected):
         read_mwlog(tmp_path / "a")
+
+
+@pytest.mark.parametrize("kind", range(1, 10))
+def test_mwlog_is_written_as_it_is_read(tmp_path: Path, kind: int) -> None:
+    values = np.arange(12.0).reshape(4, 3) * (0.5 if kind < 3 else 1.0)
+    with MwlogWriter(tmp_path / "a", 3, kind) as log:
+        log.write(values[:3])
+        log.write(values[3])
+    columns = read_mwlog(tmp_path / "a")
+    np.testing.assert_array_equal(np.stack([columns[k] for k in "123"], axis=1), values)
+
+
+@pytest.mark.parametrize("name", ["e_acc1_A.bin", "e3_m_A.bin", "e4_A.bin"])
+def test_the_courses_logs_are_written_byte_by_byte(tmp_path: Path, measured_data: Path, name: str) -> None:
+    path = measured_data / "rfly_course" / name
+    columns, theirs = read_mwlog(path), path.read_bytes()
+    with MwlogWriter(tmp_path / name, len(columns), begun=int.from_bytes(theirs[8:12], "little")) as log:
+        log.write(np.stack(list(columns.values()), axis=1))
+    assert (tmp_path / name).read_bytes() == theirs
+
+
+def test_what_an_mwlog_does_not_take(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="256 signals; expected 1 to 255"):
+        MwlogWriter(tmp_path / "a", 256)
+    with MwlogWriter(tmp_path / "a", 2, kind=7) as log:
+        for values, expected in (([1.0, 2.0, 3.0], "records of 3 signals"), ([1.0, 200.0], "too large"),
+                                 ([0.5, 0.0], "not whole")):  # fmt: skip
+            with pytest.raises(InputError, match=expected):
+                log.write(np.array(values))
+    assert len(read_mwlog(tmp_path / "a")["1"]) == 0
 
 
 @settings(max_examples=60, deadline=None)

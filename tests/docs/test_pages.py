@@ -1,0 +1,87 @@
+"""What the site is made of: figures for every effect that can have one, numbers with their comments, symbols, links."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "docs" / "make"))
+
+import check_links  # noqa: E402
+import commands_page  # noqa: E402
+import constants_page  # noqa: E402
+import effect_figures  # noqa: E402
+
+
+def test_every_effect_that_a_flight_shows_has_its_figure() -> None:
+    numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
+    assert set(numbers) == set(effect_figures.drawable()) == {path.stem for path in effect_figures.FOLDER.glob("*.png")}
+
+
+def test_an_effect_in_the_model_takes_its_residual_away() -> None:
+    numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
+    for name, known in numbers.items():
+        if len(known["nis_per_dof"]) == 2:
+            before, after = known["nis_per_dof"]
+            assert before > after, name
+            assert after < 1.25, name
+
+
+def test_a_figure_is_what_its_script_draws() -> None:
+    kept = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))["sonar.mount_offset"]
+    effect = effect_figures.CATALOGUE["sonar.mount_offset"]
+    stream, journal, beta = effect_figures._sized(effect, effect_figures.load_scenario(effect.scenario))
+    assert (stream, beta) == (kept["stream"], kept["beta"])
+    assert effect_figures._nis(journal.stream(stream)) == pytest.approx(kept["nis_per_dof"][0], rel=0.02)
+
+
+def test_a_constant_is_read_with_its_comment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (
+        "#: Chosen by the course, 2017.\nAA = 3.0\nBB = 4  # seen in logs: docs/notes/speed.md\n"
+        "#: One of it.\nCC, DD = 3, 4\nEE = 0.5\n\nNAMES = ('a',)\nFF = 7\n"
+    )
+    (tmp_path / "part.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(constants_page, "ROOT", tmp_path)
+    monkeypatch.setattr(constants_page, "FOLDERS", (".",))
+    found = {c.name: c.origin for c in constants_page.constants()}
+    assert found == {"AA": "cited", "BB": "measured", "CC, DD": "no origin", "EE": "no origin", "FF": "no origin"}
+
+
+def test_constants_without_an_origin_do_not_become_more() -> None:
+    found = constants_page.constants()
+    assert len(found) > 200
+    assert sum(c.origin == "no origin" for c in found) <= 105
+
+
+def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
+    page = commands_page.page()
+    assert "## sinan trace" in page
+    assert "| `--alpha NUMBER` | risk of any false alarm, over all candidates together | `0.01` |" in page
+    assert re.search(r"\| `calibrate`|sinan calibrate", page)
+
+
+def test_the_vocabulary_names_files_that_are_there() -> None:
+    text = (ROOT / "docs" / "vocabulary.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:sensors|estimator|calibration|experiments)/[\w/]+\.py)`", text)
+    assert len(named) > 30
+    assert not [path for path in named if not (ROOT / path).is_file()]
+
+
+def test_the_mathematics_names_modules_that_are_there() -> None:
+    text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "maths").glob("*.md"))
+    named = re.findall(r"`((?:sensors|estimator|calibration|experiments)/[\w/]+\.py)`", text)
+    assert len(named) > 15
+    assert not [path for path in named if not (ROOT / path).is_file()]
+
+
+def test_a_broken_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text('<a href="b.html#here">x</a><a href="https://x.org">y</a>', encoding="utf-8")
+    (tmp_path / "b.html").write_text('<p id="there"></p><img src="https://x.org/i.png">', encoding="utf-8")
+    wrong, elsewhere = check_links.check(tmp_path)
+    assert len(wrong) == 2
+    assert elsewhere == ["https://x.org"]

@@ -1,0 +1,77 @@
+"""Every key that a command writes is on the page that documents them, and every key that a reader of TOML knows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from sinan.experiments.commands.cli import app
+from sinan.sensors.formats.header import SENSOR_KEYS
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "json.md").read_text(encoding="utf-8")
+
+
+def documented(command: str) -> list[re.Pattern[str]]:
+    """The keys of one section, `*` standing for one name."""
+    section = re.search(rf"^## `sinan {command}`\n(.*?)(?=^## |\Z)", PAGE, re.DOTALL | re.MULTILINE)
+    assert section is not None, command
+    cells = re.findall(r"^\| (`.*?) \|", section[1], re.MULTILINE)
+    names = [name for cell in cells for name in re.findall(r"`([^`]+)`", cell)]
+    return [re.compile(re.escape(name).replace(r"\*", r"[^.]+")) for name in names]
+
+
+def written(value: Any, path: str = "") -> Iterator[str]:
+    """The keys of a document; an empty record is one itself."""
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            name = key.replace(".", "_")
+            yield from written(inner, f"{path}.{name}" if path else name)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for inner in value:
+            yield from written(inner, f"{path}[]")
+    else:
+        yield path
+
+
+COMMANDS = {
+    "trace": ["trace", "{poses}"],
+    "estimate": ["estimate", "{flight}", "--smooth", "--to", "20"],
+    "calibrate": ["calibrate", "mag", "{poses}"],
+    "montecarlo": ["montecarlo", "hover", "--runs", "2"],
+    "info": ["info", "{flight}"],
+}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    folder = tmp_path_factory.mktemp("json_keys")
+    made = {"flight": "hover", "poses": "mag_poses"}
+    for name, scenario in made.items():
+        effect = ["--effect", "mag.cross_axis=0.03,0,-0.02"]
+        result = CliRunner().invoke(app, ["simulate", scenario, str(folder / name), *effect, "--seed", "7"])
+        assert result.exit_code == 0, result.output
+    return {name: str(folder / name) for name in made}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_key_that_is_written_is_documented(command: str, recordings: dict[str, str], tmp_path: Path) -> None:
+    words = [word.format(**recordings) for word in COMMANDS[command]]
+    result = CliRunner().invoke(app, [*words, "--json", str(tmp_path / "out.json")])
+    assert result.exit_code == 0, result.output
+    keys = documented(command)
+    found = set(written(json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))))
+    missing = sorted(path for path in found if not any(key.fullmatch(path) for key in keys))
+    assert not missing
+
+
+def test_every_key_of_a_sensor_in_a_recording_is_documented() -> None:
+    text = (DOCS / "formats.md").read_text(encoding="utf-8")
+    missing = {key for keys in SENSOR_KEYS.values() for key in keys if not re.search(rf"[`\s]{key}\b", text)}
+    assert not missing
