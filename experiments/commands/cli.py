@@ -324,6 +324,12 @@ def calibrate(
     map: Map = None,
     start: From = None,
     stop: To = None,
+    poses: Annotated[
+        bool, typer.Option("--poses", help="an autopilot's log of a board turned by hand: its rests are the poses")
+    ] = False,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    raw: Raw = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
@@ -333,7 +339,8 @@ def calibrate(
 
     def work() -> str:
         with working("calibrating"):
-            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html, (start, stop))
+            form, choice = axes.value if axes else None, _choice(imu, mag, 0, 0, raw)
+            return run(sensor.value, input, form, gravity, map, json, html, (start, stop), poses, choice)
 
     _say(work, json, html)
 
@@ -504,6 +511,20 @@ def batch(
     _require_place_for(out)
     _show(run(inputs, out, workers, dask))
     _show(f"page: {out / 'index.html'}")
+
+
+@app.command()
+def serve(
+    port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
+    open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
+    size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
+    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+) -> None:
+    """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
+    from sinan.experiments.commands.serve import run
+    from sinan.experiments.serve.jobs import Limits
+
+    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
 
 
 @app.command()
