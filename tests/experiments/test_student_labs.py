@@ -57,7 +57,7 @@ def test_the_chinese_is_in_the_terms_of_the_course(name: str) -> None:
 def test_a_known_mistake_has_its_hint_and_no_hint_tells_the_answer(name: str) -> None:
     data, _ = drawn(name, "someone")
     for question in lab_of(name).questions:
-        far = [1e9] * question.size
+        far = [7.2e8] * question.size  # as angles: level
         (wrong,) = (v for v in check(name, data, {question.name: far}) if v.name == question.name)
         assert not wrong.right
         assert wrong.hint == question.hint["en"]
