@@ -63,6 +63,7 @@ def joined(recordings: Sequence[Recording]) -> Recording:
         streams=streams,
         truth=None,
         breaks=tuple(breaks[1:]),
+        log_start=None,
         notes=tuple(dict.fromkeys([*own, *notes])),
     )
 

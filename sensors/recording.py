@@ -237,6 +237,7 @@ class Recording:
     truth : what it may be scored against, or None; nothing that estimates may read it
     breaks : stamps of the IMU at which something else begins, whatever was before: another log of one vehicle [s]
     points : (k, 4) places that a camera sees: number, north, east, down [m]; None: there are none
+    log_start : what the clock of the log that it was read from shows at t = 0 [s]; None: nobody says
     """
 
     name: str
@@ -252,6 +253,7 @@ class Recording:
     truth: Truth | None = None
     breaks: tuple[float, ...] = ()
     points: FloatArray | None = None
+    log_start: float | None = None
 
     def __post_init__(self) -> None:
         if not self.streams:

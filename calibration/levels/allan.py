@@ -14,7 +14,7 @@ from sinan.sensors.errors import InputError
 class AllanFit:
     """Allan deviation of one channel and the noise processes fitted to it.
 
-    sigma^2(tau) = N^2 / tau + B^2 (2 ln 2 / pi) + w^2 tau / 3
+    sigma^2(tau) = N^2 / tau + B^2 (2 ln 2 / pi) + w^2 tau / 3 + R^2 tau^2 / 2
 
     Attributes
     ----------
@@ -23,7 +23,9 @@ class AllanFit:
     noise_density : N, white noise [unit/sqrt(Hz)]; a sample at rate f has the standard deviation N sqrt(f)
     instability : B, flicker floor [unit]
     bias_walk : w, random walk [unit/sqrt(s)]
-    std : 1-sigma of the three, in this order
+    std : (4,) 1-sigma of N, B, w, R; of one that is not seen (zero) how large it may be
+    ramp : R, a steady drift [unit/s]; zero where it was not fitted
+    first : index of the shortest averaging time that took part in the fit
     """
 
     tau: FloatArray
@@ -33,6 +35,22 @@ class AllanFit:
     instability: float
     bias_walk: float
     std: FloatArray
+    ramp: float = 0.0
+    first: int = 0
+
+    def at(self, tau: FloatArray) -> FloatArray:
+        """(m,) deviation of the fit at averaging times [s]."""
+        return np.asarray(np.sqrt(_basis(tau) @ np.array(self.coefficients) ** 2))
+
+    @property
+    def coefficients(self) -> tuple[float, float, float, float]:
+        """N, B, w, R."""
+        return self.noise_density, self.instability, self.bias_walk, self.ramp
+
+
+def _basis(tau: FloatArray) -> FloatArray:
+    """(m, 4) Allan variance of N = 1, B = 1, w = 1 and R = 1."""
+    return np.stack([1.0 / tau, np.full_like(tau, 2 * np.log(2) / np.pi), tau / 3.0, tau**2 / 2.0], axis=1)
 
 
 def allan_deviation(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -58,29 +76,57 @@ def allan_deviation(values: FloatArray, rate: float) -> tuple[FloatArray, FloatA
     return tau, deviation, deviation / np.sqrt(2.0 * np.maximum(edf, 1.0))
 
 
-def fit_allan(values: FloatArray, rate: float) -> AllanFit:
-    """Fit white noise, flicker floor and random walk to the Allan variance, none of them negative.
+def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float = 0.0) -> AllanFit:
+    """Fit white noise, flicker floor and random walk, if asked for a ramp too, to the Allan variance, none negative.
 
-    Least squares on the variance weighted by its own relative error, so that short and long times count alike.
+    Least squares on the variance weighted by its own relative error, so that short and long times count alike. With a
+    `floor`, the shortest times are left out as long as they do not lie on the curve of the others: a low-pass filter or
+    quantisation has changed them.
 
     Parameters
     ----------
     values : (n,) readings at rest [unit]
     rate : Hz
+    ramp : whether there may be a steady drift
+    floor : relative error of the deviation that is allowed to the form of the curve; zero: all times take part
 
     Neglects quantisation, sinusoids and temperature drift. Source: IEEE Std 952-1997, annex C.
     """
+    tau, deviation, error = allan_deviation(values, rate)
+    error = np.hypot(error, floor * deviation)
+    last = max(len(tau) - LEAST_TIMES, 0) if floor > 0.0 else 0
+    first = next((k for k in range(last) if _foretold(tau[k:], deviation[k:], error[k:], ramp)), last)
+    root, std = _fit_terms(tau[first:], deviation[first:], error[first:], ramp)
+    N, B, w, R = (float(value) for value in root)
+    return AllanFit(tau, deviation, error, N, B, w, std, R, first)
+
+
+#: So many times stay in the fit at least; the shortest stays where the others foretell it within so many sigmas.
+LEAST_TIMES, FORETOLD = 6, 2.0
+
+
+def _foretold(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> bool:
+    """Whether the two shortest times lie on the curve of the rest."""
+    root, _ = _fit_terms(tau[2:], deviation[2:], error[2:], ramp)
+    expected = np.sqrt(_basis(tau[:2]) @ root**2)
+    return bool(np.all(np.abs(deviation[:2] - expected) < FORETOLD * error[:2]))
+
+
+def _fit_terms(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> tuple[FloatArray, FloatArray]:
+    """(4,) N, B, w, R, and their 1-sigma."""
     from scipy.optimize import nnls
 
-    tau, deviation, error = allan_deviation(values, rate)
-    basis = np.stack([1.0 / tau, np.full_like(tau, 2 * np.log(2) / np.pi), tau / 3.0], axis=1)
-    weight = 1.0 / (2.0 * deviation * error)
-    squares, _ = nnls(basis * weight[:, None], deviation**2 * weight)
-    information = (basis * weight[:, None]).T @ (basis * weight[:, None])
-    variance = np.diag(np.linalg.pinv(information))
+    terms = 4 if ramp else 3
+    basis = _basis(tau)[:, :terms]
+    weight = 1.0 / np.maximum(2.0 * deviation * error, np.finfo(float).tiny)
+    scale = np.linalg.norm(basis * weight[:, None], axis=0)
+    squares = nnls(basis * weight[:, None] / scale, deviation**2 * weight)[0] / scale
+    information = (basis * weight[:, None] / scale).T @ (basis * weight[:, None] / scale)
+    variance = np.diag(np.linalg.pinv(information)) / scale**2
     root = np.sqrt(squares)
     std = np.where(root > 0, np.sqrt(variance) / (2 * np.where(root > 0, root, 1.0)), variance**0.25)
-    return AllanFit(tau, deviation, error, float(root[0]), float(root[1]), float(root[2]), std)
+    absent = np.zeros(4 - terms)
+    return np.concatenate([root, absent]), np.concatenate([std, absent])
 
 
 def white_density(values: FloatArray, rate: float) -> float:

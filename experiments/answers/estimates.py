@@ -21,6 +21,7 @@ from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.estimate import bias_courses, estimated, score, state_table, write_states
 from sinan.experiments.measured.reference import Mounted, reference_of
 from sinan.experiments.residual_loop.open_source import require_kind
+from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
 from sinan.sensors.model import SensorModel
 from sinan.sensors.recording import Recording
@@ -135,8 +136,14 @@ class Estimate(Answer):
     def to_html(self, path: str | Path) -> Path:
         """Write the page of `sinan estimate --html`. Returns its path."""
         from sinan.experiments.report.estimate_page import estimate_page
+        from sinan.experiments.review.drawing import drawn
+        from sinan.experiments.review.of_answers import review_of_estimate
 
-        estimate_page(Path(path), self.document["called"], self.document, bias_courses(self.journal, self.reference))
+        courses, review = (
+            bias_courses(self.journal, self.reference),
+            review_of_estimate(self.recording, self.journal, self.reference),
+        )
+        estimate_page(Path(path), self.document["called"], self.document, courses, drawn(review))
         return Path(path)
 
     def to_csv(self, path: str | Path) -> Path:
@@ -227,7 +234,9 @@ def estimate(
     document["assumptions"] = as_rows(model.assumptions)
     document["notes"] += coarse_note(journal)
     document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
-    document["warnings"] = warnings_of(document, asked.call_of(recording))
+    document["call"] = asked.call_of(recording)
+    document["warnings"] = warnings_of(document, document["call"])
+    document["not_seen"] = not_seen(recording)
     return Estimate(recording, journal, later, document, target)
 
 

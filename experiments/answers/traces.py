@@ -18,6 +18,7 @@ from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.source import Source
 from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Recording
@@ -105,8 +106,11 @@ class Trace(Answer):
     def to_html(self, path: str | Path) -> Path:
         """Write the page of `sinan trace --html`. Returns its path."""
         from sinan.experiments.report.trace_page import trace_page
+        from sinan.experiments.review.drawing import drawn
+        from sinan.experiments.review.of_answers import review_of_trace
 
-        trace_page(Path(path), self.traced, self.document)
+        review = drawn(review_of_trace(self.recording, self.traced, self.document))
+        trace_page(Path(path), self.traced, self.document, review=review)
         return Path(path)
 
     def plot_candidates(self) -> list[Axes]:
@@ -182,6 +186,7 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
     document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
+    document["not_seen"] = not_seen(recording, document)
     document["choice"], document["magnetic_field"] = asdict(asked.choice), _field_of(traced)
     return document
 
@@ -245,3 +250,11 @@ def _stretches(source: Source) -> list[str]:
         return []
     spans = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in found)
     return [f"{len(found)} stretches, each with a first state and states of its own: {spans}"]
+
+
+def what_is_done(recording: Recording) -> str:
+    """What is being done: how long the flight is tells how long that takes."""
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        return "tracing"
+    t = recording.streams["imu"].t
+    return f"tracing {t[-1] - t[0]:.0f} s of flight, {len(t)} IMU samples"

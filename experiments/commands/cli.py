@@ -507,6 +507,20 @@ def batch(
 
 
 @app.command()
+def serve(
+    port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
+    open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
+    size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
+    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+) -> None:
+    """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
+    from sinan.experiments.commands.serve import run
+    from sinan.experiments.serve.jobs import Limits
+
+    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
+
+
+@app.command()
 def capture(
     link: Annotated[
         str, typer.Option("--link", help="udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD")
@@ -580,6 +594,46 @@ def camera(
 
     target = board_of(board, square, marker, dictionary, legacy)
     _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
+
+
+@app.command()
+def allan(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Noise of every sensor from the part of a log at rest: Allan deviation, its terms, the keys to declare."""
+    from sinan.experiments.commands.allan import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
+
+
+@app.command()
+def heights(
+    input: Input,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Heights of sonar, laser, barometer and GPS against each other and the filter; where the sonar has no echo."""
+    from sinan.experiments.commands.heights import run
+
+    _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
 
 
 @app.command()

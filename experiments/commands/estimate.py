@@ -8,6 +8,7 @@ from sinan.experiments.answers.asked import Asked
 from sinan.experiments.answers.estimates import estimate
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import tell_notes, working
+from sinan.experiments.report.made import checksums
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.window import WHOLE, Span
 
@@ -32,10 +33,12 @@ def run(
     asked = Asked(called(input, recording, span), input, map_file, span, choice)
     with working("running the filter", flies=True):
         answer = estimate(recording, smooth=smoothed, relinearise=relinearise, engine=engine, asked=asked)
+    answer.document["logs"] = checksums([input]) if json is not None or html is not None else []
     if states is not None:
         answer.to_csv(states)
     if json is not None:
         answer.to_json(json)
     if html is not None:
-        answer.to_html(html)
+        with working("drawing"):
+            answer.to_html(html)
     return answer.summary()

@@ -12,11 +12,12 @@ import numpy as np
 
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.words import reference_words, trace_call
+from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.formats.facts import Facts
-from sinan.sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.recording import Recording, Stream
 from sinan.sensors.window import WHOLE, Span, end_of, start_of
 
 WIDTH = 100  # characters a line
@@ -28,14 +29,6 @@ _UNITS = {
     "north": "m", "east": "m", "down": "m", "vel": "m/s", "latitude": "deg", "longitude": "deg", "eph": "m", "epv": "m",
     "s_variance": "m/s", "current": "A", "voltage": "V", "airspeed": "m/s", "wind": "m/s",
 }  # fmt: skip
-#: What effects need that streams beside the sensor's own tell, and where each comes from.
-_TOLD_BY = {
-    "temperature": "a temperature that varies beside the readings", "current": "a supply or motors that vary",
-    "voltage": "a supply that varies", "airspeed": "an airspeed or a wind that varies", "wind": "a wind that varies",
-    "throttle": "motors that vary", "m_n": "the field of the place, from [origin] or a GPS",
-    "rotor_drag": "a declared motion.rotor_drag", "vibration": "an IMU that is fast enough",
-}  # fmt: skip
-_INSTEAD = {"current": ("throttle",)}
 
 
 def run(input: str, map_file: Path | None, json: Path | None, span: Span = WHOLE, choice: Choice = FIRST) -> str:
@@ -137,63 +130,6 @@ def unit_of(recording: Recording, column: str) -> str:
     if base == "mag":
         return recording.environment.field_unit
     return _UNITS.get(column, _UNITS.get(base, ""))
-
-
-def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
-    """The effects that a trace may look for, and those that it may not, by what is missing for them.
-
-    Steps, transients and outliers are looked for in every sensor; whether the motion shows an effect is not asked.
-    """
-    from sinan.sensors.effects import effects_for
-
-    streams = recording.streams
-    sensors: set[str] = set(streams) - {"imu", "poses", "power", "motors", "air"}
-    inertial = streams.get("imu") or streams.get("poses")
-    for sensor in ("accel", "gyro", "mag"):
-        if inertial is not None and f"{sensor}_x" in inertial:
-            sensors.add(sensor)
-    if recording.kind == "flight" and "gps" in streams:
-        sensors.add("level")
-    if recording.kind == "flight" and "imu" not in streams:
-        return [], {"an accelerometer with a gyroscope": [entry.name for entry in effects_for("flight", sensors)]}
-    found: list[str] = []
-    missing: dict[str, list[str]] = {}
-    known = {sensor: _covariates(recording, sensor) for sensor in sensors}
-    for entry in effects_for(recording.kind, sensors):
-        have = known.get(entry.stream, set())
-        if recording.environment.magnetic_field is not None or recording.origin is not None:
-            have = have | {"m_n"}
-        lacks = [need for need in entry.needs if need in _TOLD_BY and need not in have
-                 and not any(other in have for other in _INSTEAD.get(need, ()))]  # fmt: skip
-        if lacks:
-            missing.setdefault(_TOLD_BY[lacks[0]], []).append(entry.name)
-        else:
-            found.append(entry.name)
-    return found, missing
-
-
-def _clock(recording: Recording, sensor: str) -> FloatArray:
-    streams = recording.streams
-    stream = streams.get(sensor) or streams.get("imu") or streams.get("poses")
-    return stream.t if stream is not None else next(iter(streams.values())).t
-
-
-def _covariates(recording: Recording, sensor: str) -> set[str]:
-    """The covariates that vary; one that does not makes its effect a bias. Vibration is not computed: an IMU that is
-    fast enough and reads no constant has some.
-    """
-    from sinan.sensors.covariates import covariates_for
-    from sinan.sensors.vibration import CORNER, WINDOW
-
-    told = covariates_for(recording, "gyro" if sensor == "accel" else sensor, _clock(recording, sensor))
-    found = {name for name, values in told.items() if np.any(np.ptp(values, axis=0) > 0.0)}
-    imu = recording.streams.get("imu")
-    if sensor == "accel" and imu is not None and len(imu) > 1:
-        rate = 1.0 / float(np.median(np.diff(imu.t)))
-        fast = rate >= 4.0 * CORNER and len(imu) >= 2.0 * WINDOW * rate
-        if fast and np.any(np.ptp(imu.array(ACCEL), axis=0) > 0.0):
-            found.add("vibration")
-    return found
 
 
 def summary(document: Mapping[str, Any], next_call: str) -> str:

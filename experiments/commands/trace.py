@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sinan.experiments.answers.asked import Asked
-from sinan.experiments.answers.traces import Trace, in_its_terms, trace
+from sinan.experiments.answers.traces import Trace, in_its_terms, trace, what_is_done
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import note, tell_notes, working
+from sinan.experiments.report.made import checksums
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.joining import joined
-from sinan.sensors.recording import Recording
 from sinan.sensors.window import WHOLE, Span
 
 
@@ -35,6 +35,7 @@ def run(
     """
     answer = trace_log(inputs, sensor, alpha, gravity, map_file, span, choice)
     answer.document["autopilot"], said_of_autopilot = in_its_terms(answer.document, answer.recording, inputs)
+    answer.document["logs"] = checksums(inputs) if json is not None or html is not None else []
     if json is not None:
         answer.to_json(json)
     if html is not None:
@@ -61,13 +62,5 @@ def trace_log(
         note(f"--sensor {sensor} is for poses: of a flight all sensors are traced together")
     name = called(inputs[0], recording, span) if len(inputs) == 1 else recording.name
     asked = Asked(name, inputs[0], map_file, span, choice)
-    with working(_what(recording), flies=recording.kind == "flight"):
+    with working(what_is_done(recording), flies=recording.kind == "flight"):
         return trace(recording, sensor=sensor, alpha=alpha, gravity=gravity, asked=asked)
-
-
-def _what(recording: Recording) -> str:
-    """What is being done: how long the flight is tells how long that takes."""
-    if recording.kind != "flight" or "imu" not in recording.streams:
-        return "tracing"
-    t = recording.streams["imu"].t
-    return f"tracing {t[-1] - t[0]:.0f} s of flight, {len(t)} IMU samples"

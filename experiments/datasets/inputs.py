@@ -114,6 +114,17 @@ def locate(text: str) -> tuple[Path, Path | None]:
     raise InputError(text, "not there", f"`sinan fetch {dataset.name}`, or {DATA_VARIABLE}=FOLDER of a local mirror")
 
 
+def file_of(text: str) -> Path | None:
+    """The file that an INPUT names, a path or a log of a data set; None: it is none, or a folder."""
+    path = Path(text)
+    if not path.exists():
+        try:
+            path, _ = locate(text)
+        except InputError:
+            return None
+    return path if path.is_file() else None
+
+
 def _split(text: str) -> tuple[Dataset, str]:
     """The data set that a text begins with, by its name or folder, and the rest of the text."""
     for name in dataset_names():

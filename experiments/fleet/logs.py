@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sinan.experiments.report.made import digest_of
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import describes_itself
 
-_BLOCK = 1 << 20  # bytes read at a time
 _NAME_KEPT = 60  # letters of a log's name in that of its page
 
 
@@ -58,7 +57,7 @@ def logs_in(inputs: Sequence[str], out: Path) -> list[Log]:
         paths |= dict.fromkeys([path] if alone else _inside(path, out.resolve()))
     found: dict[str, Log] = {}
     for path in sorted(paths, key=in_order):
-        digest = _digest(path)
+        digest = digest_of(path)
         found.setdefault(digest, Log(str(path), digest))
     if not found:
         raise InputError(" ".join(inputs), "no log that is read without a map", "logs, or folders that hold some")
@@ -79,16 +78,3 @@ def _inside(folder: Path, out: Path) -> Iterator[Path]:
             yield path
         elif path.is_dir():
             yield from _inside(path, out)
-
-
-def _digest(path: Path) -> str:
-    """SHA-256 of a file, or of a folder's files with their names."""
-    total = hashlib.sha256()
-    files = [path] if path.is_file() else sorted(one for one in path.rglob("*") if one.is_file())
-    for file in files:
-        if file != path:
-            total.update(f"{file.relative_to(path)}\0{file.stat().st_size}\0".encode("utf-8", "surrogateescape"))
-        with file.open("rb") as content:
-            while block := content.read(_BLOCK):
-                total.update(block)
-    return total.hexdigest()

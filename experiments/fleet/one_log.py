@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,15 +28,16 @@ class Answer:
     page: str = ""
 
 
-def answer(log: Log, path: str) -> Answer:
+def answer(log: Log, path: str, tell: Callable[[str], None] = lambda what: None) -> Answer:
     """Trace a log. Whatever goes wrong is in the answer: no log stops the others.
 
     Parameters
     ----------
     path : where it is, for a worker that runs in another folder
+    tell : told what is being done
     """
     try:
-        return _traced(log, path)
+        return _traced(log, path, tell)
     except Exception as error:  # of whatever a damaged log makes of a reader
         kind = "" if type(error).__module__.startswith("sinan.sensors.") else f"{type(error).__name__}: "
         return failed(log, f"{kind}{error}")
@@ -57,17 +58,22 @@ def _said(log: Log) -> dict[str, Any]:
     }
 
 
-def _traced(log: Log, path: str) -> Answer:
+def _traced(log: Log, path: str, tell: Callable[[str], None]) -> Answer:
     from sinan.experiments.answers.asked import Asked
-    from sinan.experiments.answers.traces import in_its_terms, trace
+    from sinan.experiments.answers.traces import in_its_terms, trace, what_is_done
     from sinan.experiments.autopilots.parameters import facts_beside
     from sinan.experiments.datasets import called, resolve
 
+    tell("reading")
+    tell("reading")
     recording = resolve(path)
+    tell(what_is_done(recording))
     found = trace(recording, asked=Asked(called(log.path, recording), log.path))
     facts = facts_beside(Path(path))
     said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
     found.document["autopilot"] = in_its_terms(found.document, recording, [path])[0]
+    found.document["logs"] = [{"log": log.path, "sha256": log.digest}]
+    tell("drawing")
     with TemporaryDirectory() as folder:
         page = found.to_html(Path(folder) / "page.html")
         return Answer({**found.document, **said, "why_not": None}, page.read_text(encoding="utf-8"))

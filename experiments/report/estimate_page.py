@@ -9,7 +9,7 @@ from typing import Any
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
 from sinan.experiments.report.assumption_table import assumption_table
-from sinan.experiments.report.page import Page
+from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,
@@ -22,12 +22,40 @@ from sinan.experiments.report.words import (
 )
 
 
-def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:
-    """Write the page."""
+def estimate_page(
+    path: Path,
+    name: str,
+    document: Mapping[str, Any],
+    courses: Sequence[BiasCourse],
+    review: Drawn | None = None,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    document : of `sinan estimate --json`
+    courses : the biases over time
+    review : the recording over time
+    """
     page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {verdict(document)}")
+    agrees = not _outside(document)
+    page.verdict("consistent" if agrees else "not as expected", "no_effect" if agrees else "ambiguous")
+    looks = f"`{document['call']}` " if "call" in document else "`sinan trace` "
+    page.text(
+        f"What to do next: {looks}"
+        + ("says how small an effect could have hidden." if agrees else "looks for what the model lacks.")
+    )
     page.numbers([(value, name) for name, value in reference_rows(document)])
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
+    page.rests_on(document.get("logs", []))
+    taken = [*reference_notes(document), *document.get("noise", []), *document.get("notes", [])]
+    if taken:
+        with page.folded("Not declared, and taken from the log"):
+            page.items([str(note) for note in taken])
+    if document.get("not_seen"):
+        with page.folded("What this log could not show"):
+            page.items(document["not_seen"])
     page.heading("Biases")
     known = any(course.truth.size for course in courses)
     page.figure(
@@ -68,8 +96,9 @@ def estimate_page(path: Path, name: str, document: Mapping[str, Any], courses: S
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
     assumption_table(page, document)
-    for note in [*reference_notes(document), *document.get("noise", []), *document.get("notes", [])]:
-        page.text(str(note), note=True)
+    if review is not None:
+        page.heading("The log over time")
+        page.part(review)
     page.write(path)
 
 
@@ -81,6 +110,11 @@ def innovations(document: Mapping[str, Any], sensor: str) -> str:
     if nis is None or low is None:
         return ""
     return "larger" if nis > high else "smaller" if nis < low else "as expected"
+
+
+def _outside(document: Mapping[str, Any]) -> list[str]:
+    """The sensors whose innovations are not as large as expected."""
+    return [sensor for sensor in document["nis"] if innovations(document, sensor) in ("larger", "smaller")]
 
 
 def verdict(document: Mapping[str, Any]) -> str:

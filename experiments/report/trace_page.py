@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
 from sinan.experiments.report.assumption_table import assumption_table
-from sinan.experiments.report.page import Page
+from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
 from sinan.experiments.residual_loop.term import Term
@@ -53,6 +54,7 @@ def trace_page(
     traced: Traced,
     document: Mapping[str, Any],
     hidden: Mapping[str, Sequence[float]] | None = None,
+    review: Drawn | None = None,
 ) -> None:
     """Write the page of a trace.
 
@@ -60,12 +62,9 @@ def trace_page(
     ----------
     document : the report with its words
     hidden : of a simulated recording, the effects that are in it: shown beside what was found
+    review : the recording over time
     """
-    page = Page(document["headline"], f"{verdict_words.name_of(document)}. {verdict_words.lead(document)}")
-    page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
-    page.text(f"What to do next: {document['next']}.")
-    for warning in document.get("warnings", []):
-        page.text(f"{warning[0].upper()}{warning[1:]}.")
+    page = _head(document)
     made = trace_figures(traced, document)
     if verdict_words.told(document) and not document["twins"]:
         _numbers(page, document)
@@ -80,26 +79,44 @@ def trace_page(
         page.figure(*made[name])
     _budget_table(page, document)
     _reference_table(page, document)
+    if review is not None:
+        page.heading("The log over time")
+        page.part(review)
     if "candidates" in made:
         page.heading("Evidence for every candidate")
         page.figure(*made["candidates"])
         _candidate_tables(page, traced, document)
     _honesty(page, document)
-    if document.get("autopilot"):
-        _autopilot(page, document["autopilot"])
-    if document.get("notes"):
-        page.heading("Not declared, and taken from the log")
-        for note in document["notes"]:
-            page.text(str(note), note=True)
-        assumption_table(page, document)
+    assumption_table(page, document)
     page.write(path)
 
 
-def _autopilot(page: Page, terms: Mapping[str, Any]) -> None:
+def _head(document: Mapping[str, Any]) -> Page:
+    """A page that begins with the verdict, what to do next, what the log was, and what it could not tell."""
+    page = Page(document["headline"], f"{verdict_words.name_of(document)}. {verdict_words.lead(document)}")
+    page.verdict(document["verdict"].replace("_", " "), document["verdict"])
+    page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
+    page.text(f"What to do next: {document['next']}.")
+    if document.get("autopilot"):
+        _autopilot(page, document["autopilot"], document.get("logs", []))
+    for warning in document.get("warnings", []):
+        page.text(f"{warning[0].upper()}{warning[1:]}.")
+    page.rests_on(document.get("logs", []), [("family-wise error", f"{document['alpha']:g}")])
+    if document.get("notes"):
+        with page.folded("Not declared, and taken from the log"):
+            page.items([str(note) for note in document["notes"]])
+    if document.get("not_seen"):
+        with page.folded("What this log could not show"):
+            page.items(document["not_seen"])
+    return page
+
+
+def _autopilot(page: Page, terms: Mapping[str, Any], logs: Sequence[Mapping[str, str]]) -> None:
     """The parameters to type in, and what has none."""
-    page.heading("In the flight controller's parameters")
+    page.subheading("In the flight controller's parameters")
     if terms["parameters"]:
-        page.text("Set these, or load the file that `sinan params` writes; then fly and trace again.")
+        log = f" {shlex.quote(logs[0]['log'])} --out FILE" if len(logs) == 1 else ""
+        page.text(f"Set these, or load the file that `sinan params{log}` writes; then fly and trace again.")
         rows = [
             [
                 one["name"],

@@ -191,6 +191,13 @@ class FlightSource:
         return self._passes.split
 
     @property
+    def left_out(self) -> dict[str, FloatArray]:
+        """Stamps of the readings that were set aside as wrong, by stream that has any [s]."""
+        streams = {name: (s.t, self.recording.streams[name].t) for name, s in self._as_recorded.streams.items()
+                   if name in self.wrong and name in self.recording.streams}  # fmt: skip
+        return {name: np.setdiff1d(t, kept) for name, (t, kept) in streams.items() if len(t) > len(kept)}
+
+    @property
     def stretches(self) -> list[tuple[float, float]]:
         """Begin and end of each stretch of the IMU that no gap cuts [s]."""
         table = self._passes.table
@@ -540,6 +547,11 @@ class FlightSource:
     def motion(fit: Fit) -> Motion:
         """The smoothed motion along which the effects of a fit were evaluated."""
         return _state(fit).motion
+
+    @staticmethod
+    def journal(fit: Fit) -> Journal:
+        """The filter's pass with the effects of a fit, of which no reading is refused."""
+        return _state(fit).journal
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """Innovations of every sensor with the effects of the fit at their beta, over everything."""

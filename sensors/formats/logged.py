@@ -59,6 +59,7 @@ def recording_of(
     recording = Recording(
         path.stem, "flight", streams, sensors=sensors or {}, environment=Environment(field_unit=FIELD_UNIT),
         origin=origin, source=str(path), notes=(*said, *chosen), truth=_reference(attitude, start, reference),
+        log_start=start,
     )  # fmt: skip
     check_units(recording)
     return recording

@@ -99,3 +99,8 @@ class _Clock:
                 t = self.log.numbers(name, part) * unit
                 return t if np.all((t > 0.0) & (t < LONGEST_ON)) else None
         return None
+
+
+def arrival_clock(log: Telemetry, name: str) -> FloatArray:
+    """(n,) when the messages of a kind were sent, on the clock of `read_tlog` before its first sample [s]."""
+    return _Clock(log).of(name)
