@@ -1,4 +1,4 @@
-"""`nox` runs what this machine can: tests on every Python that it has, the lowest and the newest versions, lint, site, wheel.
+"""`nox` runs what this machine can: tests on every Python that it has, lowest and newest versions, lint, site, wheel.
 
 `nox -l` lists the sessions, `nox -s fast` runs one. A Python that is not installed is skipped, and nox says so.
 """

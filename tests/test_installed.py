@@ -65,7 +65,9 @@ def test_the_wheel_puts_one_name_at_the_top(wheel: Path) -> None:
 
 
 def test_the_command_runs_beside_other_packages_of_those_names(python: str, desk: Path) -> None:
-    made = run(python, "-m", "sinan", "simulate", "mag_poses", "poses", "--effect", "mag.cross_axis=0.03,0,-0.02", cwd=desk)
+    made = run(
+        python, "-m", "sinan", "simulate", "mag_poses", "poses", "--effect", "mag.cross_axis=0.03,0,-0.02", cwd=desk
+    )
     assert made.returncode == 0, made.stderr
     traced = run(python, "-m", "sinan", "calibrate", "mag", "poses", "--html", "mag.html", cwd=desk)
     assert traced.returncode == 0, traced.stderr
