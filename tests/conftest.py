@@ -44,7 +44,8 @@ FAST: dict[str, float] = tomllib.loads((ROOT / "tests" / "fast.toml").read_text(
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is in the fast lane."""
     for item in items:
-        if item.path.relative_to(ROOT / "tests").as_posix() in FAST:
+        path = item.path
+        if path.is_relative_to(ROOT / "tests") and path.relative_to(ROOT / "tests").as_posix() in FAST:
             item.add_marker(pytest.mark.fast)
 
 
