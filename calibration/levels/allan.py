@@ -101,7 +101,7 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
     return AllanFit(tau, deviation, error, N, B, w, std, R, first)
 
 
-#: So many times stay in the fit at least; the shortest stays where the others foretell it within so many sigmas.
+#: So many times stay in the fit at least; the shortest stays where the others predict it within so many sigmas.
 LEAST_TIMES, FORETOLD = 6, 2.0
 
 

@@ -309,7 +309,7 @@ def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
 
 
 def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> FloatArray:
-    """(k, m, p) d z / d beta of effects on one sensor at its readings; none where the motion foretells no reading."""
+    """(k, m, p) d z / d beta of effects on one sensor at its readings; none where the motion predicts no reading."""
     at, sensor = along.at(name), along.model.sensors[name]
     plain = sensor.predict(at)
     parts = []

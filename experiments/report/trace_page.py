@@ -152,7 +152,7 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
     verdict, words_of_part = part.trace.verdict, held_out_part(part)
     before, after = (_by_stream(part.source, fit) for fit in (part.trace.selection.plain, part.trace.final))
     streams = [_stream_of(part, finding) for finding in verdict.told]
-    made, shaded = {}, "" if part.source.is_foretelling else words_of_part
+    made, shaded = {}, "" if part.source.is_predicting else words_of_part
     for stream in dict.fromkeys([verdict.proof.stream, *streams]):
         if stream not in before:
             continue
@@ -374,9 +374,9 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
         return
     page.heading("Where the error of the plain model goes")
     page.text(
-        "Share of the mean square of the plain model's innovations: taken off by the effects; foretold as noise of the "
-        "reading, as its colour, as what the states are not known to; and what has no name, which is negative where "
-        "the error is less than expected."
+        "Share of the mean square of the plain model's innovations: taken off by the effects; predicted as noise of "
+        "the reading, as its colour, as what the states are not known to; and what has no name, which is negative "
+        "where the error is less than expected."
     )
     keys = ("effects", "white", "colour", "motion", "unnamed")
     rows = [

@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.experiments.report.words import SENSORS, number, p_value_words, per_unit, times, with_sigma
 from sinan.experiments.residual_loop.trials import (
-    BESIDE_ERROR,
+    GIVEN_ERROR,
     IMPOSSIBLE,
     NO_EVIDENCE,
     ROLLED_BACK,
@@ -38,7 +38,7 @@ REFUSED = {
         "not tried",
         "it was not tried: stronger ones came first, or enough effects were found",
     ),
-    BESIDE_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
+    GIVEN_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
     ROLLED_BACK: ("held out", "the held-out part of the data speaks against it"),
 }
 #: The mark of an effect that passes its test on all data but does not predict the held-out part.

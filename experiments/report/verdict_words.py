@@ -34,7 +34,7 @@ from sinan.experiments.report.words import (
     reference_words,
     stream_unit,
 )
-from sinan.experiments.residual_loop.report import FORETOLD
+from sinan.experiments.residual_loop.report import PREDICTED
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import FIRST, Choice
 
@@ -103,7 +103,7 @@ def title(document: Mapping[str, Any]) -> str:
 
 def _title_without_names(document: Mapping[str, Any]) -> str:
     if not_predicting(document):
-        return "Something is missing, and no effect of the catalogue foretells it"
+        return "Something is missing, and no effect of the catalogue predicts it"
     if document["verdict"] != "no_effect":
         return "Something is missing that no effect of the catalogue explains"
     if document["remaining"]:
@@ -257,7 +257,7 @@ def part_of_reference(error: Mapping[str, Any]) -> str:
     """On which part of the data a reference is asked: what was held out, or where seconds were withheld all over, the
     last third.
     """
-    return "last third" if error["held_out_part"] == FORETOLD else str(error["held_out_part"])
+    return "last third" if error["held_out_part"] == PREDICTED else str(error["held_out_part"])
 
 
 def _part_of_data(document: Mapping[str, Any]) -> str:

@@ -13,7 +13,7 @@ from sinan.sensors.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Budget:
-    """Mean squares of one stream's innovations, over what the final model foretells of each reading, as shares of those
+    """Mean squares of one stream's innovations, over what the final model predicts of each reading, as shares of those
     of the plain model; they sum to one.
 
     Attributes
@@ -21,8 +21,8 @@ class Budget:
     stream, unit : of the innovations
     rms : of the plain model
     effects : what the effects found have taken off
-    white, colour : what the model foretells of the readings' noise, and of its colour after the reading before
-    motion : what it foretells of the states that it has at that moment: position, attitude, biases
+    white, colour : what the model predicts of the readings' noise, and of its colour after the reading before
+    motion : what it predicts of the states that it has at that moment: position, attitude, biases
     unnamed : what is left beyond that; negative where there is less error than the model expects
     """
 
@@ -52,18 +52,18 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     def mean(nu: FloatArray, S: FloatArray, weight: FloatArray) -> float:
         return float(np.mean(weight[:, None] * nu**2 / np.diagonal(S, axis1=1, axis2=2)))
 
-    foretold = np.diagonal(after.S[has], axis1=1, axis2=2)
+    predicted = np.diagonal(after.S[has], axis1=1, axis2=2)
     _, same, there = np.intersect1d(before.index[had], after.index[has], return_indices=True)
     weight = before.weight[had][same]
     total = mean(before.nu[had][same], after.S[has][there], weight)
     left = mean(after.nu[has], after.S[has], after.weight[has])
     rows = inputs.events.row[after.events[has]][:, None] + np.arange(after.dof)
-    white = float(np.mean(inputs.events.r[rows] / foretold))
+    white = float(np.mean(inputs.events.r[rows] / predicted))
     colour = 0.0
     for start, process in model.colour_of(stream):
         part = slice(start, start + process.size) if process.size > 1 else slice(None)
         var = final.var[after.events[has]][:, model.layout.slice(process.block)]
-        colour += float(np.mean(var / foretold[:, part])) * foretold[:, part].shape[1] / after.dof
+        colour += float(np.mean(var / predicted[:, part])) * predicted[:, part].shape[1] / after.dof
     total = max(total, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     shares = (total - left, white, colour, 1.0 - white - colour, left - 1.0)

@@ -22,7 +22,6 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.residual_loop.budget import Budget, budget_of
 from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.residual_loop.foretelling import Foretelling
 from sinan.experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from sinan.experiments.residual_loop.known_columns import KnownColumns
 from sinan.experiments.residual_loop.known_fits import KnownFits, Question
@@ -34,11 +33,12 @@ from sinan.experiments.residual_loop.onsets import (
     best_onsets,
     declared_step,
     grid_of,
-    log_p_beside,
+    log_p_given,
     refined,
     slow_noise_of,
     slow_noise_steps,
 )
+from sinan.experiments.residual_loop.prediction import Prediction
 from sinan.experiments.residual_loop.probes import probes_for
 from sinan.experiments.residual_loop.slow_noise import SlowNoise
 from sinan.experiments.residual_loop.source import (
@@ -53,7 +53,7 @@ from sinan.experiments.residual_loop.source import (
     held_out,
 )
 from sinan.experiments.residual_loop.term import Term, declaration
-from sinan.experiments.residual_loop.turning import IN_STEP, log_p_beside_turning, turning_point, turning_regressor
+from sinan.experiments.residual_loop.turning import IN_STEP, log_p_given_turning, turning_point, turning_regressor
 from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,
@@ -92,21 +92,21 @@ class FlightSource:
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
     slow_error : whether a slow error of the GPS is part of the noise, where the log has one
-    foretells : whether an effect is proved by what it foretells of withheld readings, and not by one-step residuals
+    predicts : whether an effect is proved by what it predicts of withheld readings, and not by one-step residuals
     """
 
     def __init__(
-        self, recording: Recording, model: FlightModel, slow_error: bool = True, foretells: bool = False
+        self, recording: Recording, model: FlightModel, slow_error: bool = True, predicts: bool = False
     ) -> None:
-        self._foretells = foretells
+        self._predicts = predicts
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
-        self._passes = FlightPasses(kept, ungated, SOLD if foretells else IMPLAUSIBLE)
+        self._passes = FlightPasses(kept, ungated, SOLD if predicts else IMPLAUSIBLE)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
         streams = [(name, self._unit_of(name)) for name in self._local_streams if name in model.sensors]
-        self._foretelling = Foretelling(self._passes, streams)
+        self._prediction = Prediction(self._passes, streams)
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
         self._notes, self._asks_for_slow_error = kept.notes, slow_error
@@ -362,9 +362,9 @@ class FlightSource:
             self.wrong[stream] = found + len(rows), count
         return bool(wrong)
 
-    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term beside slow noise of those streams whose residual is slow: of a term of
-        the fit as it is, of another to first order. Of one on the IMU beside the accelerations that `level` neglects,
+    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """Logarithm of the p-value of each term given slow noise of those streams whose residual is slow: of a term of
+        the fit as it is, of another to first order. Of one on the IMU given the accelerations that `level` neglects,
         too; but to first order only where the motion is near what it is said to be.
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
@@ -382,18 +382,18 @@ class FlightSource:
         }
         steps = self._slow_noise_columns(fit, [stream for stream, some in asked.items() if some])
         for stream, some in asked.items():
-            for term, log_p in zip(some, self._beside_slow_noise(fit, some, stream, steps), strict=True):
+            for term, log_p in zip(some, self._given_slow_noise(fit, some, stream, steps), strict=True):
                 found[term] = max(found[term], log_p)
         near = all(r.nis_per_dof < _NEAR for r in self.residuals(fit) if r.stream == "level")
         on_imu = [term for term in terms if (near or term in fit.beta) and declaration(term).stream in DRIVERS]
         if on_imu and "level" in self.model.sensors:
             turning = self._columns(fit, [IN_STEP])[0]
             for term, rows in self._rows_of_terms(fit, on_imu):
-                found[term] = max(found[term], log_p_beside_turning(rows, turning))
+                found[term] = max(found[term], log_p_given_turning(rows, turning))
         return [float(found[term]) for term in terms]
 
     def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """Whether a term of that size would do what its derivative foretells, along the motion of the fit."""
+        """Whether a term of that size would do what its derivative predicts, along the motion of the fit."""
         return is_first_order(self.recording, self.model, declaration(term), beta, _state(fit).motion)
 
     def _slow_noise_columns(self, fit: Fit, streams: Sequence[str]) -> dict[str, FloatArray]:
@@ -407,7 +407,7 @@ class FlightSource:
         widths = [len(some) * declared_step(some[0]).size for some in steps.values()]
         return dict(zip(steps, np.split(wanted, np.cumsum(widths)[:-1], axis=1), strict=True))
 
-    def _beside_slow_noise(
+    def _given_slow_noise(
         self, fit: Fit, terms: Sequence[Term], stream: str, steps: Mapping[str, FloatArray]
     ) -> list[float]:
         """Logarithm of each term's p-value; `steps` from `_slow_noise_columns`."""
@@ -420,7 +420,7 @@ class FlightSource:
                 noise = slow_noise_of(rows, columns, stream, span)
             else:
                 noise = of_new = of_new or slow_noise_of(rows, columns, stream, span)
-            found[term] = log_p_beside(noise, rows)
+            found[term] = log_p_given(noise, rows)
         return [found[term] for term in terms]
 
     def _rows_of_terms(self, fit: Fit, terms: Sequence[Term]) -> Iterator[tuple[Term, Rows]]:
@@ -569,17 +569,17 @@ class FlightSource:
         return rows
 
     @property
-    def is_foretelling(self) -> bool:
+    def is_predicting(self) -> bool:
         """Where the noise is found and not declared, and the log is long enough."""
-        return self._foretells and self._foretelling.is_possible
+        return self._predicts and self._prediction.is_possible
 
-    def foretells(self, fit: Fit, without: Fit) -> bool:
-        """Whether the withheld readings of all streams are foretold better."""
-        return self._foretelling.share(fit, without).is_there
+    def predicts(self, fit: Fit, without: Fit) -> bool:
+        """Whether the withheld readings of all streams are predicted better."""
+        return self._prediction.share(fit, without).is_there
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings in every part of the log, or the residuals of its last third."""
-        return self._foretelling.of(fit) if self.is_foretelling else held_out(self.residuals(fit))
+        return self._prediction.of(fit) if self.is_predicting else held_out(self.residuals(fit))
 
     def _unit_of(self, name: str) -> str:
         known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)

@@ -71,7 +71,7 @@ def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
 
 
 def is_first_order(recording: Recording, model: FlightModel, entry: Effect, beta: FloatArray, motion: Motion) -> bool:
-    """Whether an effect of this size does along a motion what its derivative at zero foretells, to half of it.
+    """Whether an effect of this size does along a motion what its derivative at zero predicts, to half of it.
 
     Not so of a beam whose cone is wider than the tilts: the range has its limit then, which the derivative knows
     nothing of. A lateness and what has a memory are taken for first order.
@@ -85,8 +85,8 @@ def is_first_order(recording: Recording, model: FlightModel, entry: Effect, beta
         along, sensor = Along(recording, model, Terms(), motion).at(entry.stream), model.sensors[entry.stream]
         plain = sensor.predict(along)
     exact = zero_unless_finite(entry.change(plain, beta, along, sensor))
-    foretold = zero_unless_finite(entry.rows(along, plain.shape[1]) @ beta)
-    return bool(np.linalg.norm(exact - foretold) < _FIRST_ORDER * np.linalg.norm(exact))
+    predicted = zero_unless_finite(entry.rows(along, plain.shape[1]) @ beta)
+    return bool(np.linalg.norm(exact - predicted) < _FIRST_ORDER * np.linalg.norm(exact))
 
 
 def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, beta: FloatArray) -> float:

@@ -34,12 +34,12 @@ _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
 #: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
-#: than this was foretold of it.
+#: than this was predicted of it.
 _SETTLED_DEVIANCE = 1.0
 #: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
 #: this share.
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
-#: An effect whose loss the derivative foretells to cost less of -2 log L may have a size that no derivative sees; it
+#: An effect whose loss the derivative predicts to cost less of -2 log L may have a size that no derivative sees; it
 #: has none where its loss costs no more than that.
 _HARDLY = 9.0
 #: What a size that is a bound is multiplied by to see that it changes no reading.
@@ -155,7 +155,7 @@ class FlightPasses:
 
     @staticmethod
     def run_withheld(stream: str, held: Sequence[tuple[float, float]], along: Along) -> Journal:
-        """A pass that is not given a stream's readings of some windows, but says what it foretells of them."""
+        """A pass that is not given a stream's readings of some windows, but says what it predicts of them."""
         model = along.model.replace(withheld={stream: held})
         return pass_along(replace(along, model=model), [], blocks=0, keep_rows=1, stride=0)[0]
 
@@ -187,7 +187,7 @@ class FlightPasses:
         beta, motion = list(beta), self.plain_motion
         prior = self._prior(effects)
         best: tuple[float, float, list[FloatArray], Journal, Along, Sensitivity, FloatArray] | None = None
-        halvings, foretold = 0, np.inf
+        halvings, predicted = 0, np.inf
         for _ in range(_MOST_STEPS):
             try:
                 if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
@@ -208,7 +208,7 @@ class FlightPasses:
                 cost = np.inf
             if best is not None and best[0] < cost:  # too far: half the way back
                 halvings += 1
-                if halvings > _MOST_HALVINGS or foretold < _SETTLED_DEVIANCE:
+                if halvings > _MOST_HALVINGS or predicted < _SETTLED_DEVIANCE:
                     break
                 beta = [0.5 * (b + good) for b, good in zip(beta, best[2], strict=True)]
                 journal, motion = best[3], best[4].motion
@@ -218,7 +218,7 @@ class FlightPasses:
                 break
             pull = score - prior * np.concatenate(beta)
             step = self._step(information, pull, prior)
-            foretold = float(2.0 * step @ pull - step @ (information @ step + prior * step))
+            predicted = float(2.0 * step @ pull - step @ (information @ step + prior * step))
             sigma = _posterior_sigma(information, prior)
             if np.all(np.abs(step) < _SETTLED * sigma):
                 break
@@ -228,8 +228,8 @@ class FlightPasses:
         covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
         found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, along, sensitivity, self.recording)
-        for k, seen, foretold in self._hardly_seen(effects, beta, information):
-            least = self._least(found, k, part, seen, foretold)
+        for k, seen, predicted in self._hardly_seen(effects, beta, information):
+            least = self._least(found, k, part, seen, predicted)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
                 nearer = self.fitted(effects, least.beta, part, again=False)
                 return nearer if nearer.deviance < found.deviance else least
@@ -240,22 +240,22 @@ class FlightPasses:
         self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray
     ) -> list[tuple[int, bool, float]]:
         """Places of the effects that are in the model at a size at which the derivative hardly sees them, whether it
-        does at all, and what it foretells of -2 log L for their loss.
+        does at all, and what it predicts of -2 log L for their loss.
         """
         found = []
         ends = np.cumsum([0, *(len(b) for b in beta)])
         for k, (entry, b, (first, last)) in enumerate(zip(effects, beta, pairwise(ends), strict=True)):
             own = information[first:last, first:last]
             seen = np.diag(own) * entry.plausible_in(self.plain_motion) ** 2 > WIDEST_DIRECTION**-2
-            foretold = float(b @ own @ b)
-            if np.any(b) and foretold < _HARDLY:
-                found.append((k, bool(np.any(seen)), foretold))
+            predicted = float(b @ own @ b)
+            if np.any(b) and predicted < _HARDLY:
+                found.append((k, bool(np.any(seen)), predicted))
         return found
 
-    def _least(self, fit: Fitted, k: int, part: Part, is_seen: bool, foretold: float) -> Fitted:
+    def _least(self, fit: Fitted, k: int, part: Part, is_seen: bool, predicted: float) -> Fitted:
         """The fit with effect k as small as the data are alike, which is a bound and has no sigma, nor has one of which
         the data say nothing; one that fits better, where there is one on the way; itself where its loss costs what the
-        derivative has foretold, or where more of it changes the readings.
+        derivative has predicted, or where more of it changes the readings.
         """
         std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
 
@@ -277,7 +277,7 @@ class FlightPasses:
             return none
         if gain < _HARDLY:
             return fit if is_seen else found
-        if foretold > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _SETTLED_DEVIANCE:
+        if predicted > LINEAR * gain or abs(at(_LARGER).deviance - fit.deviance) > _SETTLED_DEVIANCE:
             return fit
         while high - low > _BOUND_KNOWN * high:
             share = 0.5 * (low + high)

@@ -11,7 +11,7 @@ explains, and the error has to be there in what the place does not explain eithe
 for noise.
 
 Neglects what the error does between two nodes, a hundredth of a log at best, what fits other than the plain one change
-of V, and that a base receiver may share it. The law is found about the plain model, and again beside what is found.
+of V, and that a base receiver may share it. The law is found about the plain model, and again given what is found.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Law:
     ----------
     nodes : (m,) s, at which it has values, and is linear between them
     tau, sigma : time constant [s] and standard deviation [m]
-    noise : variance of the white innovations of the GPS beside it, at least 1; `covariance` is in units of that
+    noise : variance of the white innovations of the GPS besides it, at least 1; `covariance` is in units of that
     """
 
     nodes: FloatArray

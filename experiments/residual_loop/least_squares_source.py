@@ -45,7 +45,7 @@ _SUSPECT = 4.0
 _ENDS_WITHIN = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
 _PROBE_SHARE = 0.4
-#: A probe less likely to be chance than this is asked what it foretells.
+#: A probe less likely to be chance than this is asked what it predicts.
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance of turns and rests: a turn has two.
 _SHORTEST_OF_SUMS = 2
@@ -323,7 +323,7 @@ class LeastSquaresSource:
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """Every probe and the evidence for it about the fit, the fit's own terms projected out.
 
-        The p-value is the larger of two: of what it explains, and of what it foretells of readings left out of the fit.
+        The p-value is the larger of two: of what it explains, and of what it predicts of readings left out of the fit.
         """
         here = {term.name for term in fit.terms}
         probes = [entry for entry in self._probes if entry.name not in here]
@@ -366,7 +366,7 @@ class LeastSquaresSource:
         """Never: each fit has the noise that it leaves."""
         return False
 
-    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Minus infinity: the readings have no filter that slow noise could fool."""
         return [-np.inf] * len(terms)
 
@@ -428,11 +428,11 @@ class LeastSquaresSource:
         return ()
 
     @property
-    def is_foretelling(self) -> bool:
+    def is_predicting(self) -> bool:
         """Never: nothing errs for long in a set of poses."""
         return False
 
-    def foretells(self, fit: Fit, without: Fit) -> bool:
+    def predicts(self, fit: Fit, without: Fit) -> bool:
         """Never."""
         return False
 

@@ -1,10 +1,10 @@
-"""Whether functions that explain readings also foretell readings that they were not fitted to.
+"""Whether functions that explain readings also predict readings that they were not fitted to.
 
 Of a linear model with flat priors the readings D that were left out have, given the rest, the predictive density
 
     -2 log p(D | rest) = SSE(all) - SSE(rest) + log |J'J (all)| - log |J'J (rest)|        (noise of one)
 
-and Student's with the same parts where the noise level is estimated: what a fit through few readings foretells is wide,
+and Student's with the same parts where the noise level is estimated: what a fit through few readings predicts is wide,
 and costs little where it is wrong. Source: S. Geisser, W. F. Eddy, J. American Statistical Association 74 (1979) 153.
 """
 
@@ -20,7 +20,7 @@ _RIDGE = 1e-9
 
 
 def log_p_left_out(residual: FloatArray, given: FloatArray, added: FloatArray, fold: IntArray, known: bool) -> float:
-    """Logarithm of the p-value that `added` foretells nothing: Student's t of the gains over the folds, one-sided.
+    """Logarithm of the p-value that `added` predicts nothing: Student's t of the gains over the folds, one-sided.
 
     Parameters as of `gains_left_out`.
     """
@@ -48,8 +48,8 @@ def gains_left_out(
     if known:
         sse, _ = _fitted(residual, both, np.ones(len(residual), dtype=bool))
         noise = max(sse / max(len(residual) - both.shape[1], 1), 1.0)
-    without, beside = (_deviances(residual, J, fold, noise if known else None) for J in (given, both))
-    return without - beside
+    without, jointly = (_deviances(residual, J, fold, noise if known else None) for J in (given, both))
+    return without - jointly
 
 
 def _deviances(residual: FloatArray, J: FloatArray, fold: IntArray, noise: float | None) -> FloatArray:

@@ -104,7 +104,7 @@ def best_onsets(
         log_p = log_p_value(best.gain, best.dof)
         if worth:
             lead = CONFUSED if stream in DRIFTING else -np.inf
-            log_p = max(log_p, _slow_noise(stream, joints, best).log_p_beside(best.column, best.dof, lead))
+            log_p = max(log_p, _slow_noise(stream, joints, best).log_p_given(best.column, best.dof, lead))
         short = refine and best.interval[1] - best.interval[0] < spacing and stream not in DRIFTING
         if short and log_p + searched < refine_below:
             log_p = max(log_p, _log_p_among_peers(rows_of, stream, best, streams[stream], (start, end)))
@@ -183,7 +183,7 @@ def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, flo
 
 
 def slow_noise_of(rows: Rows, steps: Mapping[str, FloatArray], stream: str, span: tuple[float, float]) -> SlowNoise:
-    """Slow noise of a stream beside the own terms of the rows.
+    """Slow noise of a stream given the own terms of the rows.
 
     Parameters
     ----------
@@ -199,11 +199,11 @@ def slow_noise_of(rows: Rows, steps: Mapping[str, FloatArray], stream: str, span
     return _slow_noise(stream, joints)
 
 
-def log_p_beside(noise: SlowNoise, rows: Rows) -> float:
-    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, beside slow noise."""
+def log_p_given(noise: SlowNoise, rows: Rows) -> float:
+    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, given slow noise."""
     alone = _Joint(rows, rows.wanted.shape[1], np.zeros(1))
     dof = int(alone.gain(np.array([[0, -1]]))[1][0])
-    return noise.log_p_beside(alone.W, dof)
+    return noise.log_p_given(alone.W, dof)
 
 
 def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArray, span: tuple[float, float]) -> float:
@@ -220,12 +220,12 @@ def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArr
     plain = rows_of([*_steps(stream, onsets), *_steps(stream, onsets + length)])
     explained = [best.column]
 
-    def beside(rows: Rows) -> Rows:
+    def jointly(rows: Rows) -> Rows:
         return replace(rows, own=np.hstack([rows.own, *explained]))
 
     peers = np.zeros(0)
     for _ in range(_FURTHER + 1):
-        joint = _Joint(beside(plain), size, np.arange(2.0 * m))  # numbered: an end may be the onset of another
+        joint = _Joint(jointly(plain), size, np.arange(2.0 * m))  # numbered: an end may be the onset of another
         gain, dof, _ = joint.gain(np.stack([np.arange(m), np.arange(m) + m], axis=1))
         seen = dof > 0
         if not np.any(seen) or log_p_value(float(np.sum(gain[seen])), int(np.sum(dof[seen]))) > _AS_WHITE:
@@ -234,7 +234,7 @@ def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArr
             peers = gain[seen] / dof[seen]
         t = float(onsets[int(np.argmax(gain))])
         spacing = (end - begin) / _ONSETS
-        explained.append(refined(lambda s: beside(rows_of(s)), stream, (t, t + length), spacing, stamps, *span).column)
+        explained.append(refined(lambda s: jointly(rows_of(s)), stream, (t, t + length), spacing, stamps, *span).column)
     return log_p_among(best.gain / best.dof, peers, best.dof)
 
 
@@ -286,7 +286,7 @@ class _Best:
         return self.steps[0] - self.steps[1] if len(self.steps) > 1 else self.steps[0]
 
 
-def beside_columns(columns: FloatArray, values: FloatArray) -> FloatArray:
+def projected_out(columns: FloatArray, values: FloatArray) -> FloatArray:
     """What of `values` (r, k) no combination of the columns (r, m) is; columns of any unit."""
     if not columns.shape[1]:
         return values
@@ -311,8 +311,8 @@ class _Joint:
         self, rows: Rows, size: int, onsets: FloatArray, on_grid: int | None = None,
         span: tuple[float, float] = (-np.inf, np.inf),
     ) -> None:  # fmt: skip
-        W = beside_columns(rows.own, rows.wanted)
-        white = beside_columns(rows.own, rows.white[:, None])[:, 0]
+        W = projected_out(rows.own, rows.wanted)
+        white = projected_out(rows.own, rows.white[:, None])[:, 0]
         m = len(onsets)
         order = np.argsort(onsets, kind="stable")
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)

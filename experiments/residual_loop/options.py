@@ -95,7 +95,7 @@ def option_of(s: Statistic) -> Option:
 
 
 def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:
-    """Options that the score does not see, from where they are likelier than the fit: tried beside any shortlist.
+    """Options that the score does not see, from where they are likelier than the fit: tried with any shortlist.
 
     What is the best of several starts pays for the search.
     """
@@ -114,7 +114,7 @@ def not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], thresh
     Of an interval the search has asked that.
     """
     lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
-    log_p = source.log_p_beside_noise(fit, [o.term for o in lasting])
+    log_p = source.log_p_given_noise(fit, [o.term for o in lasting])
     passes = [
         p < threshold or not source.is_first_order(fit, o.term, o.beta) for o, p in zip(lasting, log_p, strict=True)
     ]

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
-from sinan.experiments.residual_loop.foretelling import SHORTEST_ASKED
 from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams
+from sinan.experiments.residual_loop.prediction import SHORTEST_ASKED
 from sinan.experiments.residual_loop.select import Selection
 from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual
 from sinan.experiments.residual_loop.term import Term
@@ -57,7 +57,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one effect does to the held-out error, beside all others that are in the model.
+    """What one effect does to the held-out error, given all others that are in the model.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def stream_in_question(source: Source, selection: Selection, names: Collection[s
     """
     residuals = [r for r in source.residuals(selection.plain) if r.stream in names]
     if not residuals:
-        expected = "a stream that the model foretells from beginning to end"
+        expected = "a stream that the model predicts from beginning to end"
         raise InputError(source.name, "no stream with readings left to fit and to prove by", expected)
     if selection.findings:
         entered = source.effect(selection.findings[0].term).stream
@@ -190,17 +190,17 @@ def rms_interval(squares: FloatArray, rng: np.random.Generator) -> tuple[float, 
 
 def known_from_fitting(source: Source, selection: Selection) -> frozenset[Term]:
     """The terms whose size the fitting part of the data can tell: one in an interval may lie outside it; or the rest of
-    a log, where each part is foretold by the others.
+    a log, where each part is predicted by the others.
     """
     terms = selection.final.terms
-    if source.is_foretelling:
-        return frozenset(term for term in terms if can_be_foretold(term))
+    if source.is_predicting:
+        return frozenset(term for term in terms if can_be_predicted(term))
     inside = {term for term in terms if term.interval is not None and not _is_held_out(source, selection, term)}
     known = {term for term in terms if term.interval is None}
     if inside:
         part = source.evidence(replace(selection.final, part="fitting"), own_terms_only=True)
         for term in inside:
-            others = selection.final.keys_beside(term)
+            others = selection.final.keys_given(term)
             if predicted_lambda(part, term.key, selection.final.beta[term], others) > DETECTABLE_LAMBDA:
                 known.add(term)
     return frozenset(known)
@@ -215,7 +215,7 @@ def tested(source: Source, selection: Selection, known: frozenset[Term]) -> list
         and f.term in known
         and (
             f.term.interval is None
-            or source.is_foretelling
+            or source.is_predicting
             or any(np.any(r.held_out) for r in _inside(source, selection, f.term))
         )
     ]
@@ -242,11 +242,11 @@ def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) 
 def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[Term]) -> Fit:
     """The known effects, fitted to what is not held out: where readings are withheld, that is seen to when they are."""
     terms = [term for term in selection.final.terms if term in known]
-    part: Part = "all" if source.is_foretelling else "fitting"
+    part: Part = "all" if source.is_predicting else "fitting"
     return source.fit(terms, {term: selection.final.beta[term] for term in terms}, part)
 
 
-def can_be_foretold(term: Term) -> bool:
+def can_be_predicted(term: Term) -> bool:
     """Whether the readings around withheld ones tell the size of an effect: not of one that is soon over."""
     return term.interval is None or term.interval[1] - term.interval[0] >= SHORTEST_ASKED
 
@@ -271,7 +271,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
         if finding.term in asked
     )
     fits = plain, fitting
-    if source.is_foretelling:  # a reference is asked on the last third
+    if source.is_predicting:  # a reference is asked on the last third
         fits = source.fit((), part="fitting"), source.fit(fitting.terms, fitting.beta, "fitting")
     return Proof(stream, first, second, third, fourth, untested, (plain, fitting), fits, contributions)
 
@@ -290,7 +290,7 @@ def _contribution(
 
 
 def changes(source: Source, plain: Fit, fitted: Fit, streams: Sequence[str]) -> tuple[Change, ...]:
-    """Held-out RMS of streams by two models of the fitting part, where both foretell them."""
+    """Held-out RMS of streams by two models of the fitting part, where both predict them."""
     before, after = ({r.stream: r for r in source.held_out(fit)} for fit in (plain, fitted))
     both = [(before[name], after[name]) for name in streams if name in before and name in after]
     return tuple(Change(first.stream, first.unit, first.rms, second.rms) for first, second in both)
@@ -321,8 +321,8 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
     """
-    if source.is_foretelling:
-        return _not_foretold(source, selection)
+    if source.is_predicting:
+        return _not_predicted(source, selection)
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     fitted = _fitted_on_the_rest(source, selection, known)
@@ -336,13 +336,13 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     return tuple(reversed(dropped))
 
 
-def _not_foretold(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects without which withheld readings are foretold as well, the last found asked first."""
+def _not_predicted(source: Source, selection: Selection) -> tuple[Term, ...]:
+    """Effects without which withheld readings are predicted as well, the last found asked first."""
     fit, dropped = selection.final, list[Term]()
     for finding in reversed(selection.findings):
-        if finding.term.in_mean and can_be_foretold(finding.term):
+        if finding.term.in_mean and can_be_predicted(finding.term):
             without = fit_without(source, fit, finding.term)
-            if not source.foretells(fit, without):
+            if not source.predicts(fit, without):
                 dropped.append(finding.term)
                 fit = without
     return tuple(reversed(dropped))
@@ -384,7 +384,7 @@ def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
 
 def _errors_given_back(source: Source, fitted: Fit, term: Term) -> FloatArray:
     """Eigenvalues of L_h L_f^-1 of an effect, the others projected out of the whole and of the fitting part."""
-    others = fitted.keys_beside(term)
+    others = fitted.keys_given(term)
     of_all = _information(source, replace(fitted, part="all"), term, others)
     of_part = _information(source, fitted, term, others)
     ratio = np.linalg.pinv(of_part, rcond=1e-12, hermitian=True) @ (of_all - of_part)
@@ -405,7 +405,7 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     gain, change = 0.0, 0.0
     residuals = source.held_out(fitted)
     concerned = {term: _concerned(source, term, residuals) for term in unknown}
-    both = {r.stream: r for r in residuals}  # a model may foretell no reading of a stream
+    both = {r.stream: r for r in residuals}  # a model may predict no reading of a stream
     for one in source.held_out(without):
         other = both.get(one.stream)
         if other is None:

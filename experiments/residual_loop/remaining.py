@@ -87,8 +87,8 @@ def remaining(
         is_coloured = colour is not None and colour[1] < alpha
         if known:
             # noise that is found and a little off is that of its class
-            found += [one for one in _variance(r, alpha) if one.in_mean or not source.is_foretelling]
-        if colour is not None and is_coloured and (r.stream not in ASSUMED or not source.is_foretelling):
+            found += [one for one in _variance(r, alpha) if one.in_mean or not source.is_predicting]
+        if colour is not None and is_coloured and (r.stream not in ASSUMED or not source.is_predicting):
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
     for stream, share, p, words in source.neglected(fit):
@@ -110,7 +110,7 @@ def remaining(
 def stands_out(
     source: Source, fit: Fit, finding: Finding, suspects: Sequence[tuple[Term, Statistic]], alpha: float
 ) -> bool:
-    """Whether an effect found beside an error that nothing explains would still be found in what that error leaves.
+    """Whether an effect found given an error that nothing explains would still be found in what that error leaves.
 
     Its gain is divided by the long-run variance of the streams that it shows in: what the probes leave is as large, and
     as slow, as the noise of that recording. Where no noise is declared, by the scatter of its own block scores. An
@@ -156,7 +156,7 @@ def _says_something(source: Source, fit: Fit, term: Term) -> bool:
     plausible = evidence.plausible[evidence.columns(term.key)]
     if np.all(np.isinf(fit.std[term])):
         return bool(np.any(np.abs(fit.beta[term]) > plausible))
-    std = statistic_of(evidence, term.key, fit.keys_beside(term)).std
+    std = statistic_of(evidence, term.key, fit.keys_given(term)).std
     return bool(np.any(std < plausible))
 
 

@@ -105,13 +105,13 @@ def _before_after(
 
 
 #: What is held out where readings are withheld.
-FORETOLD = "withheld seconds"
+PREDICTED = "withheld seconds"
 
 
 def held_out_part(part: Part) -> str:
     """Which part of the data took no part in the fit, in words."""
-    if part.source.is_foretelling:
-        return FORETOLD
+    if part.source.is_predicting:
+        return PREDICTED
     held = part.source.residuals(part.trace.selection.plain)[0].held_out
     stretches = int(np.sum(np.diff(held.astype(int)) == 1)) + int(held[0])
     share = "third" if np.mean(held) > 0.25 else "fifth"

@@ -16,7 +16,7 @@ from sinan.estimator.evidence.score import (
     statistic_of,
 )
 from sinan.experiments.residual_loop.options import Offered, Option
-from sinan.experiments.residual_loop.shared_ends import told_as_one
+from sinan.experiments.residual_loop.shared_ends import merged
 from sinan.experiments.residual_loop.source import Fit, LocalFinding, Part, Source, log_p_needed
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import (
@@ -34,23 +34,23 @@ from sinan.sensors.arrays import FloatArray
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
-#: The same beside an error that is in no catalogue.
-MOST_BESIDE = 3
-#: Length of the shortlist beside an error that is in no catalogue, in whose model a pass costs several times as much.
-SHORTLIST_BESIDE = 3
+#: The same given an error that is in no catalogue.
+MOST_GIVEN_ERROR = 3
+#: Length of the shortlist given an error that is in no catalogue, in whose model a pass costs several times as much.
+SHORTLIST_GIVEN_ERROR = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
 
 #: Times that readings are set aside for what would have been a disturbance of one or two, and that the selection begins
 #: again with other noise.
 _MOST_ROUNDS, _MOST_NOISES = 3, 2
-#: Share of what the information foretells that the loss of an effect costs at least, whatever its form.
-_FORETOLD = 0.1
+#: Share of what the information predicts that the loss of an effect costs at least, whatever its form.
+_PREDICTED = 0.1
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the selection: the model before it, and the effect that was then added; of a pair, each beside the
+    """One step of the selection: the model before it, and the effect that was then added; of a pair, each given the
     other.
     """
 
@@ -127,8 +127,8 @@ def select(
        as one where the data do not notice.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
-    6. Where the noise is another one beside what was found, all of it is done again with that; readings that were set
-       aside stay so. Not on a part, nor beside given terms.
+    6. Where the noise is another one given what was found, all of it is done again with that; readings that were set
+       aside stay so. Not on a part, nor with terms that are given.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _selected(
     source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None, intervals: bool
 ) -> Selection:
     """The selection with the noise as it is."""
-    most, shortlist = (MOST_BESIDE, SHORTLIST_BESIDE) if given else (MOST_EFFECTS, SHORTLIST)
+    most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
     path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
     while len(path.findings) < most:
         best = path.best(shortlist)
@@ -220,7 +220,7 @@ class _Path:
     def _tell_as_one(self) -> None:
         """Put one offset in the place of two that share an end; not without end, as more may be found again."""
         while self._unions < MOST_LOCAL:
-            one = told_as_one(self._source, self._fit, self.findings, self._threshold, self._apart)
+            one = merged(self._source, self._fit, self.findings, self._threshold, self._apart)
             if one is None:
                 break
             self._unions += 1
@@ -288,8 +288,8 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
         term, dof = finding.term, len(finding.beta)
         if not term.in_mean:
             continue
-        foretold = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_beside(term))
-        if evidence.noise_known and log_p_value(_FORETOLD * foretold, dof) < threshold:
+        predicted = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_given(term))
+        if evidence.noise_known and log_p_value(_PREDICTED * predicted, dof) < threshold:
             continue  # a refit would not find otherwise
         without = fit_without(source, fit, term)
         if log_p_of_deviance(evidence, without.deviance - fit.deviance, dof) > threshold:
@@ -303,7 +303,7 @@ def updated(finding: Finding, fit: Fit, evidence: Evidence) -> Finding:
     beta = fit.beta[term]
     information, spread, std = finding.information, 1.0, fit.std[term]
     if term.in_mean:
-        others = fit.keys_beside(term)
+        others = fit.keys_given(term)
         information = predicted_lambda(evidence, term.key, beta, others)
         s = statistic_of(evidence, term.key, others)
         spread = float(np.sqrt(max(s.scatter, 1.0)))

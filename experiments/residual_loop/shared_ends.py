@@ -38,7 +38,7 @@ class OneOffset:
     parts: tuple[Finding, Finding]
 
 
-def told_as_one(
+def merged(
     source: Source, fit: Fit, findings: Sequence[Finding], threshold: float, apart: set[frozenset[Term]]
 ) -> OneOffset | None:
     """The first two offsets that one explains as well: with it in their place a second would not be found.

@@ -30,7 +30,7 @@ class SlowNoise:
     With V the sensitivities to an offset in each cell, z ~ N(0, s^2 (I + V K V')), K_ij = v exp(-|t_i - t_j| / tau).
     v and tau are those of the largest likelihood, once with the effect (an interval's offset, or any other) in the mean
     and once without, s is what the best with it leaves, at least 1; the difference of 2 log likelihood is what the
-    effect explains beside the noise. It is judged by F, since the law of the noise is known from a number of cells
+    effect explains given the noise. It is judged by F, since the law of the noise is known from a number of cells
     alone. Where the data do not call for such noise once the effect is in the mean, neither with the declared white
     noise nor with that which is left, there is none; but for an offset of a stream that drifts by nature, unless the
     offset alone is much likelier than the noise alone.
@@ -63,17 +63,17 @@ class SlowNoise:
     def _score(self) -> FloatArray:
         return np.asarray(self._V.T @ self.white)
 
-    def log_p_beside(self, column: FloatArray, dof: int, lead: float = -np.inf) -> float:
+    def log_p_given(self, column: FloatArray, dof: int, lead: float = -np.inf) -> float:
         """Logarithm of the p-value of an offset with sensitivities `column` (r, size), `dof` directions of it seen;
-        for `lead` see `gain_beside`.
+        for `lead` see `gain_given`.
         """
-        gain, cells = self.gain_beside(column, lead)
+        gain, cells = self.gain_given(column, lead)
         if dof == 0 or cells == 0:
             return log_p_value(gain, dof)
         return float(stats.f.logsf(gain / dof, dof, cells))
 
-    def gain_beside(self, column: FloatArray, lead: float = -np.inf) -> tuple[float, int]:
-        """What the offset explains of -2 log L beside the noise, and from how many offsets the law of that is known:
+    def gain_given(self, column: FloatArray, lead: float = -np.inf) -> tuple[float, int]:
+        """What the offset explains of -2 log L given the noise, and from how many offsets the law of that is known:
         0 where the data do not call for it.
 
         Parameters
@@ -86,27 +86,27 @@ class SlowNoise:
         values, vectors = np.linalg.eigh(column.T @ column)
         seen = vectors[:, values > _FLOOR * max(float(values[-1]), 1e-300)]
         x, own, score = x @ seen, seen.T @ (column.T @ column) @ seen, seen.T @ (column.T @ self.white)
-        beside_laws = [law.beside(b, x, own, score) for law in self._laws]
+        given_laws = [law.jointly(b, x, own, score) for law in self._laws]
         offset_alone = np.linalg.solve(own, score)
         s2, gain, needed = 1.0, 0.0, False
         for _ in range(_ROUNDS):
             offset = offset_alone
             alone = float(score @ offset) / s2
-            without, beside = 0.0, alone
+            without, jointly = 0.0, alone
             at_best: FloatArray = np.zeros(len(b))
-            for one in beside_laws:
+            for one in given_laws:
                 noise = one.explained / s2 - one.log_det
                 rest = one.score / s2
                 estimate = np.linalg.solve(one.information / s2, rest[:, :, None])[:, :, 0]
                 both = noise + np.sum(rest * estimate, axis=1)
                 without = max(without, float(np.max(noise)))
                 best = int(np.argmax(both))
-                if both[best] > beside:
-                    beside, offset = float(both[best]), estimate[best]
+                if both[best] > jointly:
+                    jointly, offset = float(both[best]), estimate[best]
                     at_best = one.most_likely(best, offset)
-            needed |= beside - alone > _NEEDED  # with the offset in the model
+            needed |= jointly - alone > _NEEDED  # with the offset in the model
             needed |= alone - without < lead
-            gain = beside - without if needed else alone
+            gain = jointly - without if needed else alone
             residual = self.white - V @ at_best - column @ (seen @ offset)
             s2 = max(1.0, float(np.mean(residual[self.mine] ** 2)))
         return gain, x.shape[0] if needed else 0
@@ -142,8 +142,8 @@ class _Law:
     root: FloatArray
     information: FloatArray
 
-    def beside(self, b: FloatArray, x: FloatArray, own: FloatArray, score: FloatArray) -> _Beside:
-        """An offset beside noise of this law.
+    def jointly(self, b: FloatArray, x: FloatArray, own: FloatArray, score: FloatArray) -> _Given:
+        """An offset given noise of this law.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class _Law:
         y = self.root.T @ np.column_stack([b, x])  # along the law's own directions
         known = 1.0 + self.information * _VARIANCES[:, None]
         shrunk = _VARIANCES[:, None] / known
-        return _Beside(
+        return _Given(
             self.root,
             y,
             shrunk,
@@ -165,8 +165,8 @@ class _Law:
 
 
 @dataclass(frozen=True)
-class _Beside:
-    """An offset of the stream beside noise of one law, for each of `_VARIANCES`, in units of s^2.
+class _Given:
+    """An offset of the stream given noise of one law, for each of `_VARIANCES`, in units of s^2.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class _Beside:
     shrunk : (v, k) variances of the law's directions, given the innovations
     explained : (v,) what the noise alone explains
     log_det : (v,) logarithm of the determinant of I + V K V'
-    information, score : (v, d, d), (v, d) of the offset, beside the noise
+    information, score : (v, d, d), (v, d) of the offset, given the noise
     """
 
     root: FloatArray

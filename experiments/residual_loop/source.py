@@ -27,7 +27,7 @@ LEAST_SPARE = 3
 #: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
 #: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
 IMPLAUSIBLE = 10.0
-#: Share of its gain that an effect's own information foretells where the innovations go with it. A cone wider than any
+#: Share of its gain that an effect's own information predicts where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative.
 LINEAR = 0.1
 #: A field whose norm is as near to 1 as this is in units of itself: what the declared digits of its parts may make.
@@ -88,7 +88,7 @@ class Fit:
         """The names by which the evidence calls them."""
         return [term.key for term in self.in_mean]
 
-    def keys_beside(self, term: Term) -> list[str]:
+    def keys_given(self, term: Term) -> list[str]:
         """The same without one of the terms."""
         return [other.key for other in self.in_mean if other != term]
 
@@ -259,14 +259,14 @@ class Source(Protocol):
         Returns whether it changed; fits made before are then of other noise.
         """
 
-    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term beside slow noise, and of an effect beside what the plain model
+    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+        """Logarithm of the p-value of each term given slow noise, and of an effect given what the plain model
         neglects by intent, where there may be such, else minus infinity: of a term of the fit as it is, of another to
         first order.
         """
 
     def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """Whether a term that is not in the fit would do, at that size, what its derivative foretells, about."""
+        """Whether a term that is not in the fit would do, at that size, what its derivative predicts, about."""
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """What the errors might follow that is in no catalogue, and the evidence for each about the fit."""
@@ -283,13 +283,13 @@ class Source(Protocol):
         """What the model leaves on all data, everything in it fitted on the fit's part."""
 
     @property
-    def is_foretelling(self) -> bool:
-        """Whether an effect is proved by what a fit foretells of withheld readings, each part of the log by what the
+    def is_predicting(self) -> bool:
+        """Whether an effect is proved by what a fit predicts of withheld readings, each part of the log by what the
         others say; else by residuals of a part that was not fitted: the noise is declared, or nothing can err for long.
         """
 
-    def foretells(self, fit: Fit, without: Fit) -> bool:
-        """Whether a fit foretells withheld readings better than another, where effects are proved by that."""
+    def predicts(self, fit: Fit, without: Fit) -> bool:
+        """Whether a fit predicts withheld readings better than another, where effects are proved by that."""
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the

@@ -15,7 +15,7 @@ from sinan.experiments.residual_loop.remaining import patches, remaining, stands
 from sinan.experiments.residual_loop.select import Selection, select
 from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from sinan.experiments.residual_loop.term import Term
-from sinan.experiments.residual_loop.trials import BESIDE_ERROR, ROLLED_BACK, Finding, fit_without, refitted
+from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Finding, fit_without, refitted
 from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
 from sinan.sensors.errors import InputError
 
@@ -50,7 +50,7 @@ def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> 
     alpha : family-wise error over all candidates
     scores : errors against a reference; called after the decision
     """
-    selection, suspects = _select_beside_suspects(source, alpha)
+    selection, suspects = _select_given_suspects(source, alpha)
     dropped: tuple[Term, ...] = ()
     if selection.findings:
         dropped = rolled_back(source, selection)
@@ -84,32 +84,32 @@ def _is_confirmed(
     return set(select(source, alpha, "fitting", given, intervals).names) == set(selection.names)
 
 
-def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, list[tuple[Term, Statistic]]]:
-    """The selection; where something remains that follows a thing of no catalogue, the selection beside that.
+def _select_given_suspects(source: Source, alpha: float) -> tuple[Selection, list[tuple[Term, Statistic]]]:
+    """The selection; where something remains that follows a thing of no catalogue, the selection given that.
 
     An error that the catalogue does not know takes the shape of what it knows. Once a probe for it is in the model from
     the start, only what the data call for besides is chosen. The final model has the effects alone, with the estimates
-    that they have beside the probe.
+    that they have given the probe.
     """
     plain = _Plain(source)
     strongest = _passing(source, plain.fit, alpha)[:1]
     suspects = strongest if strongest and _is_obvious(plain, strongest[0][1]) else []
-    selection = _beside(source, alpha, suspects)
+    selection = _given(source, alpha, suspects)
     alone = None if suspects else selection
     if not suspects and selection.plain.deviance != plain.fit.deviance:  # readings or noise are others now
         plain = _Plain(source)
         strongest = _passing(source, plain.fit, alpha)[:1]
     if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):
         suspects = strongest
-        selection = _beside(source, alpha, suspects)
+        selection = _given(source, alpha, suspects)
     fit, more = _more_suspects(source, selection.final, suspects, alpha)
     if len(more) > len(suspects):
         suspects = more
-        beside = _beside(source, alpha, suspects)
-        selection = _better(beside, replace(selection, final=refitted(source, fit)))
+        jointly = _given(source, alpha, suspects)
+        selection = _better(jointly, replace(selection, final=refitted(source, fit)))
     if not suspects:
         cut_out = patches(source, selection.final, selection.findings, alpha)
-        return _without(source, selection, cut_out, BESIDE_ERROR) if cut_out else selection, suspects
+        return _without(source, selection, cut_out, GIVEN_ERROR) if cut_out else selection, suspects
     suspects, joint = _needed(source, selection, suspects, alpha)
     if not suspects:
         return _of_what_is_left(source, alone) if alone else select(source, alpha), []
@@ -117,15 +117,15 @@ def _select_beside_suspects(source: Source, alpha: float) -> tuple[Selection, li
     terms = [finding.term for finding in findings]
     final = source.fit(terms, {term: joint.beta[term] for term in terms})
     final = replace(final, beta={t: joint.beta[t] for t in terms}, std={t: joint.std[t] for t in terms})
-    beside = replace(
+    jointly = replace(
         selection,
         plain=source.fit(()),  # of the readings that are left
         findings=findings,
         plain_statistics=plain.statistics,
         plain_local=plain.local,
-        dropped=_dropped(selection, findings, BESIDE_ERROR),
+        dropped=_dropped(selection, findings, GIVEN_ERROR),
     )
-    return beside.with_final(final), suspects
+    return jointly.with_final(final), suspects
 
 
 def _more_suspects(
@@ -147,7 +147,7 @@ def _more_suspects(
     return fit, more
 
 
-def _beside(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
+def _given(source: Source, alpha: float, suspects: Sequence[tuple[Term, Statistic]]) -> Selection:
     return select(source, alpha, given={term: s.beta for term, s in suspects})
 
 
@@ -163,13 +163,13 @@ def _of_what_is_left(source: Source, selection: Selection) -> Selection:
     return replace(selection, plain=refitted(source, selection.plain)).with_final(refitted(source, selection.final))
 
 
-def _better(beside: Selection, found: Selection) -> Selection:
-    """The selection beside all probes; or what was found without some of them, with them added, where that explains as
+def _better(jointly: Selection, found: Selection) -> Selection:
+    """The selection given all probes; or what was found without some of them, with them added, where that explains as
     much, to what can be told apart, by Akaike's count of parameters and has other names: a probe can contain an
     effect's own functions.
     """
-    if set(found.names) <= set(beside.names) or _price(beside.final) + CONFUSED < _price(found.final):
-        return beside
+    if set(found.names) <= set(jointly.names) or _price(jointly.final) + CONFUSED < _price(found.final):
+        return jointly
     return found
 
 
@@ -236,7 +236,7 @@ def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statist
 def _needed(
     source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
 ) -> tuple[list[tuple[Term, Statistic]], Fit]:
-    """The probes that the data would miss beside the effects found, and the fit with those alone."""
+    """The probes that the data would miss given the effects found, and the fit with those alone."""
     fit = selection.final
     for term, s in list(suspects):
         without = fit_without(source, fit, term)
@@ -251,9 +251,9 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     so where the residual is slow the probe is held against that; else against the noise that it leaves.
     """
     gain = without.deviance - fit.deviance
-    if source.is_foretelling:
-        return gain - s.dof >= DETECTABLE_LAMBDA and source.foretells(fit, without)
-    log_p = source.log_p_beside_noise(without, [term])[0]
+    if source.is_predicting:
+        return gain - s.dof >= DETECTABLE_LAMBDA and source.predicts(fit, without)
+    log_p = source.log_p_given_noise(without, [term])[0]
     if np.isfinite(log_p):
         return gain - s.dof >= DETECTABLE_LAMBDA and log_p < log_p_needed(source, alpha)
     noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))

@@ -30,7 +30,7 @@ from sinan.sensors.errors import InputError
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
-#: So many are tried beside it that the score prefers though their blocks scatter too much to pass before a refit.
+#: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit.
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
@@ -44,9 +44,9 @@ SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "sca
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Those that may not hold any more once another effect is in the model.
 OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
-#: Why an effect that had been chosen was dropped: it does not stand out beside an error that is in no catalogue; the
+#: Why an effect that had been chosen was dropped: it does not stand out given an error that is in no catalogue; the
 #: held-out part does not bear it out.
-BESIDE_ERROR, ROLLED_BACK = "beside an error", "rolled back"
+GIVEN_ERROR, ROLLED_BACK = "beside an error", "rolled back"
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def best_pair(
     source: Source, fit: Fit, evidence: Evidence, threshold: float
 ) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
     """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
-    the noise. The pair has to pass among all pairs, and in the refit each of them beside the other.
+    the noise. The pair has to pass among all pairs, and in the refit each of them given the other.
 
     Returns
     -------
@@ -217,7 +217,7 @@ def trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | Non
         return None
     is_local = term.interval is not None
     bounded = not is_local or source.effect(term).stream in DRIVERS
-    others = refit.keys_beside(term)
+    others = refit.keys_given(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
     likeliest = without_prior(evidence, term.key, beta, source.prior_sigma * plausible, others) if linear else beta
@@ -232,7 +232,7 @@ def trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | Non
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
     if linear:
-        log_p = min(max(log_p, source.log_p_beside_noise(refit, [term])[0] + option.search_raw), 0.0)
+        log_p = min(max(log_p, source.log_p_given_noise(refit, [term])[0] + option.search_raw), 0.0)
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
     if is_local and log_odds < 0.0:
         log_p = 0.0

@@ -9,7 +9,7 @@ is the largest part of what such a log leaves. Neglects that the filter takes a 
 out too short: by a tenth to a fifth in simulation.
 
 Where the point moves, each component of a is another such function. In a motion to and fro the tilt that an error of
-the gyroscope leaves is as much in step with the turning, and looks like it. So an effect on the IMU is judged beside
+the gyroscope leaves is as much in step with the turning, and looks like it. So an effect on the IMU is judged given
 
     a_i = sum_jk q_ijk w_j w_k + sum_j d_ij dw_j/dt,
 
@@ -29,7 +29,7 @@ from sinan.estimator.evidence.sensitivity import driver_regressors
 from sinan.estimator.filter.effect_forms import Along, Terms
 from sinan.estimator.filter.events import window_means
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.experiments.residual_loop.onsets import Rows, beside_columns
+from sinan.experiments.residual_loop.onsets import Rows, projected_out
 from sinan.experiments.residual_loop.probes import offsets
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.effects import Effect, effect
@@ -64,23 +64,23 @@ IN_STEP = Effect(
 )
 
 
-def log_p_beside_turning(rows: Rows, turning: FloatArray) -> float:
-    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, beside what is in `own` and
+def log_p_given_turning(rows: Rows, turning: FloatArray) -> float:
+    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, given what is in `own` and
     `turning` (r, 27), the sensitivities to `IN_STEP`; divided by the scatter of its blocks in time.
 
-    An effect whose own estimate explains less than half of what it foretells there is none: the acceleration has given
+    An effect whose own estimate explains less than half of what it predicts there is none: the acceleration has given
     it its size. So is one of which nothing is left there.
     """
     asked = np.column_stack([rows.wanted, rows.white])
-    alone = beside_columns(rows.own, asked)
-    beside = beside_columns(np.hstack([rows.own, turning]), asked)
-    information, W, z = alone[:, :-1].T @ alone[:, :-1], beside[:, :-1], beside[:, -1]
+    alone = projected_out(rows.own, asked)
+    jointly = projected_out(np.hstack([rows.own, turning]), asked)
+    information, W, z = alone[:, :-1].T @ alone[:, :-1], jointly[:, :-1], jointly[:, -1]
     values, vectors = np.linalg.eigh(W.T @ W)
     seen = values > _FLOOR * max(float(np.trace(information)), 1e-300)
     if not np.any(seen):
         return 0.0
-    foretold = W @ (np.linalg.pinv(information, rcond=_FLOOR, hermitian=True) @ (alone[:, :-1].T @ alone[:, -1]))
-    if 2.0 * float(foretold @ z) - float(foretold @ foretold) < 0.5 * float(foretold @ foretold):
+    predicted = W @ (np.linalg.pinv(information, rcond=_FLOOR, hermitian=True) @ (alone[:, :-1].T @ alone[:, -1]))
+    if 2.0 * float(predicted @ z) - float(predicted @ predicted) < 0.5 * float(predicted @ predicted):
         return 0.0
     W = W @ (vectors[:, seen] / np.sqrt(values[seen]))
     beta = W.T @ z

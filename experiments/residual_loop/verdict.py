@@ -213,7 +213,7 @@ def _rival_that_predicts(source: Source, told: Selection, finding: Finding) -> F
 
 
 def in_place(source: Source, selection: Selection, term: Term, finding: Finding) -> Selection:
-    """The selection with an effect in the place of another, or beside its effects where that is not among them."""
+    """The selection with an effect in the place of another, or given its effects where that is not among them."""
     terms = list(dict.fromkeys([finding.term if t == term else t for t in selection.final.terms] + [finding.term]))
     final = source.fit(terms, {**selection.final.beta, finding.term: finding.beta})
     found = {f.term: f for f in [finding if f.term == term else f for f in selection.findings] + [finding]}

@@ -1,4 +1,4 @@
-"""accel.scale: each axis of the accelerometer has a gain of its own."""
+"""accel.scale: each axis of the accelerometer has a scale factor of its own."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def regressor(motion: Motion) -> FloatArray:
 EFFECT = Effect(
     name="accel.scale",
     stream="accel",
-    summary="The accelerometer's gain is off.",
+    summary="The accelerometer's scale factor is off.",
     enters="f_i += b_i f_i",
     physics=(
-        "f_i += b_i f_i: the spring and the read-out of each axis have a gain of their own. Exact. In hover the force "
-        "hardly changes, so the scale cannot be told from the bias; climbs, descents and hard turns separate them. "
-        "Poses have the scale in the plain model, so it is a candidate in flight alone."
+        "f_i += b_i f_i: the spring and the read-out of each axis have a scale factor of their own. Exact. In hover "
+        "the force hardly changes, so the scale cannot be told from the bias; climbs, descents and hard turns "
+        "separate them. Poses have the scale in the plain model, so it is a candidate in flight alone."
     ),
     source="D. Tedaldi, A. Pretto, E. Menegatti, ICRA 2014; size: MPU-6000 data sheet, section 6.2 (+-3 %)",
     parameters=tuple(Parameter(axis, "1", PLAUSIBLE) for axis in "xyz"),

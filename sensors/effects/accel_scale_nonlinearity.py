@@ -1,4 +1,4 @@
-"""accel.scale_nonlinearity: the accelerometer's gain grows with the force."""
+"""accel.scale_nonlinearity: the accelerometer's scale factor grows with the force."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def regressor(motion: Motion) -> FloatArray:
 EFFECT = Effect(
     name="accel.scale_nonlinearity",
     stream="accel",
-    summary="The accelerometer's gain depends on the force.",
+    summary="The accelerometer's scale factor depends on the force.",
     enters="f_i += b_i f_i^2",
     physics=(
         "f_i += b_i f_i^2, the second term of the sensor's characteristic (K2 of IEEE Std 1293): spring and "

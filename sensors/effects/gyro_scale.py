@@ -1,4 +1,4 @@
-"""gyro.scale: each axis of the gyroscope has a gain of its own."""
+"""gyro.scale: each axis of the gyroscope has a scale factor of its own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def regressor(motion: Motion) -> FloatArray:
 EFFECT = Effect(
     name="gyro.scale",
     stream="gyro",
-    summary="The gyroscope's gain is off.",
+    summary="The gyroscope's scale factor is off.",
     enters="w_i += b_i w_i",
     physics=(
         "w_i += b_i w_i. Exact. After a turn by an angle a the attitude is off by b a, which the magnetometer or the "

@@ -1,4 +1,4 @@
-"""mag.scale: each axis of the magnetometer has a gain of its own."""
+"""mag.scale: each axis of the magnetometer has a scale factor of its own."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def regressor(motion: Motion) -> FloatArray:
 EFFECT = Effect(
     name="mag.scale",
     stream="mag",
-    summary="The magnetometer's gain is off.",
+    summary="The magnetometer's scale factor is off.",
     enters="B_i += b_i B_i",
     physics=(
-        "B_i += b_i B_i: gain of each axis, and the symmetric part of soft iron along the axes. Exact. Poses have the "
-        "scale in the plain model, so it is a candidate in flight alone."
+        "B_i += b_i B_i: the scale factor of each axis, and the symmetric part of soft iron along the axes. Exact. "
+        "Poses have the scale in the plain model, so it is a candidate in flight alone."
     ),
     source="V. Renaudin, M. H. Afzal, G. Lachapelle, Journal of Sensors 2010, 967245; size: HMC5883L data sheet",
     parameters=tuple(Parameter(axis, "1", PLAUSIBLE) for axis in "xyz"),

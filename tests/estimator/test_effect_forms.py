@@ -101,7 +101,7 @@ def test_scores_of_a_clean_flight_are_normal(flown) -> None:
     assert abs(np.mean(z**2) - 1.0) < 3.3 * np.sqrt(2.0 / seen.sum())
 
 
-def test_effects_on_readings_that_the_reference_does_not_foretell(flown) -> None:
+def test_effects_on_readings_that_the_reference_does_not_predict(flown) -> None:
     """Upside down a sonar's beam is above the horizon: its prediction is infinite, and an effect adds nothing to it."""
     recording, motion, _, _ = flown
     on_its_back = np.tile((0.0, 1.0, 0.0, 0.0), (len(motion), 1))

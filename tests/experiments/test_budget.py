@@ -24,7 +24,7 @@ def budgets(*effects: str) -> dict[str, Budget]:
     return {one.stream: one for one in source.budget(source.fit(()), final)}
 
 
-def test_without_an_effect_all_of_it_is_foretold() -> None:
+def test_without_an_effect_all_of_it_is_predicted() -> None:
     found = budgets()
     assert set(found) == {"mag", "baro", "sonar", "laser", "gps"} & set(found)
     for one in found.values():

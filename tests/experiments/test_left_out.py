@@ -1,4 +1,4 @@
-"""What a probe foretells of readings that were left out of its fit."""
+"""What a probe predicts of readings that were left out of its fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def problem(rng: np.random.Generator, n: int, size: float) -> tuple[FloatArray, 
     return residual, given, added, np.arange(n) * BLOCKS // n
 
 
-def test_noise_is_foretold_by_nothing() -> None:
+def test_noise_is_predicted_by_nothing() -> None:
     """Fewer than one in a hundred, as the gains' own price of parameters makes the test cautious."""
     rng = np.random.default_rng(3)
     for known in (True, False):
@@ -25,14 +25,14 @@ def test_noise_is_foretold_by_nothing() -> None:
         assert np.mean(np.array(p) < np.log(LEVEL)) <= LEVEL
 
 
-def test_what_is_there_is_foretold() -> None:
+def test_what_is_there_is_predicted() -> None:
     rng = np.random.default_rng(4)
     for known in (True, False):
         p = [log_p_left_out(*problem(rng, 200, 0.8), known) for _ in range(20)]
         assert max(p) < np.log(LEVEL)
 
 
-def test_what_is_in_one_stretch_alone_is_not_foretold_elsewhere() -> None:
+def test_what_is_in_one_stretch_alone_is_not_predicted_elsewhere() -> None:
     rng = np.random.default_rng(5)
     residual, given, added, fold = problem(rng, 200, 0.0)
     residual[80:88] += 8.0 * added[80:88, 0]

@@ -27,7 +27,7 @@ TERM = Term("mag.declination")
 
 
 def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
-    """It touches no held-out reading; without it the other effect is fitted wrongly and would foretell nothing."""
+    """It touches no held-out reading; without it the other effect is fitted wrongly and would predict nothing."""
     effects = ("mag.temperature=0.0006,0,0.0004", "mag.transient=0.1,0.05,-0.1@2:15")
     recording, _ = simulate(load_scenario("warm_up"), np.random.default_rng(33), [parse_effect(e) for e in effects])
     source = FlightSource(recording, flight_model(recording))
@@ -48,7 +48,7 @@ class Whitened:
         return effect(term.name)
 
     @property
-    def is_foretelling(self) -> bool:
+    def is_predicting(self) -> bool:
         return False
 
     def held_out(self, fit: Fit) -> list[StreamResidual]:
@@ -190,8 +190,8 @@ def test_slow_noise_asks_for_a_gain(monkeypatch: pytest.MonkeyPatch) -> None:
         assert prove._is_borne_out(source, fitted, without, TERM, ()) == borne_out
 
 
-class Foretold(Whitened):
-    """The same; the model with the effect foretells no reading of the range sensor."""
+class Predicted(Whitened):
+    """The same; the model with the effect predicts no reading of the range sensor."""
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
         mag = super().residuals(fit)
@@ -201,16 +201,16 @@ class Foretold(Whitened):
         return Fit(tuple(terms), dict(start or {}), {}, 0.0, part, None)
 
 
-def test_errors_are_compared_on_a_stream_that_both_models_foretell() -> None:
+def test_errors_are_compared_on_a_stream_that_both_models_predict() -> None:
     noise = np.random.default_rng(1).standard_normal(100)
-    source = cast(Source, Foretold(noise, np.ones(100)))
+    source = cast(Source, Predicted(noise, np.ones(100)))
     plain, final = source.fit(()), source.fit((TERM,), {TERM: np.ones(1)})
     proof = prove.prove(source, Selection(plain, final, (), (), (), (), ()), np.random.default_rng(2))
     assert proof.stream == "mag"
     assert np.isfinite(prove._held_out_gain(source, final, plain, ())[0])
 
 
-def test_no_stream_that_both_models_foretell_is_one_line() -> None:
-    source = cast(Source, Foretold(np.ones(100), np.ones(100)))
+def test_no_stream_that_both_models_predict_is_one_line() -> None:
+    source = cast(Source, Predicted(np.ones(100), np.ones(100)))
     with pytest.raises(InputError, match="no stream with readings left"):
         prove.stream_in_question(source, Selection(source.fit(()), source.fit(()), (), (), (), (), ()), ())

@@ -236,7 +236,7 @@ def test_burst_where_no_noise_is_declared_is_no_structure_of_the_mean() -> None:
 class OnlyResiduals:
     """A source of one stream with declared noise, and nothing else."""
 
-    noise_known, is_foretelling = True, False
+    noise_known, is_predicting = True, False
 
     def __init__(self, z: FloatArray, stream: str = "baro", *others: StreamResidual) -> None:
         self._all = [residual(z, stream), *others]

@@ -49,7 +49,7 @@ from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.trials import (
-    BESIDE_ERROR,
+    GIVEN_ERROR,
     IMPOSSIBLE,
     NO_EVIDENCE,
     ROLLED_BACK,
@@ -165,7 +165,7 @@ def chosen_and_dropped(nothing: Report, why: str) -> Report:
     option = min(selection.last_options, key=lambda o: o.log_p)
     rest = tuple(o for o in selection.last_options if o is not option)
     log_p = -11.0 * np.log(10.0)
-    if why in (BESIDE_ERROR, ROLLED_BACK):
+    if why in (GIVEN_ERROR, ROLLED_BACK):
         dropped = Finding(option.term, option.beta, option.beta, log_p, log_p, 0.0, 0.0, 0.0, ())
         selection = replace(selection, last_options=rest, dropped=((dropped, why),))
     else:
@@ -175,7 +175,7 @@ def chosen_and_dropped(nothing: Report, why: str) -> Report:
 
 
 @pytest.mark.parametrize(
-    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, BESIDE_ERROR, ROLLED_BACK]
+    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, GIVEN_ERROR, ROLLED_BACK]
 )
 def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Report, tmp_path: Path, why: str) -> None:
     result, document = chosen_and_dropped(nothing, why)
@@ -204,7 +204,7 @@ def test_an_effect_that_does_not_stand_out_beside_an_error_without_a_name_is_sai
     result, document = worded_report(Traced.alone(source, trace(source)))
     assert document["verdict"] == "unexplained"
     assert [(f.term.name, why) for f, why in result.parts[0].trace.selection.dropped] == [
-        ("mag.cross_axis", BESIDE_ERROR)
+        ("mag.cross_axis", GIVEN_ERROR)
     ]
     assert "it does not stand out beside the error" in lead(document)
     assert "mag.cross_axis (other error)" in [bar.label for bar in evidence(result)]

@@ -39,7 +39,7 @@ def best_gains(z: FloatArray, lead: float = -np.inf) -> tuple[float, float]:
     k = int(np.argmax(gain))
     V = steps - np.pad(steps[:, 1:], ((0, 0), (0, 1)))
     noise = SlowNoise(((np.arange(CELLS) + 0.5, V),), z, 1, np.ones(READINGS, dtype=bool))
-    return float(gain[k]), noise.gain_beside(columns[:, k : k + 1], lead)[0]
+    return float(gain[k]), noise.gain_given(columns[:, k : k + 1], lead)[0]
 
 
 def test_slow_noise_is_not_taken_for_an_offset() -> None:
@@ -120,4 +120,4 @@ def test_gain_is_that_of_the_likelihoods_themselves(level: float) -> None:
                 left.append(float(np.mean((inverse @ (z - offset * column[:, 0])) ** 2)))
         gains = max(beside) - max(without)
         s2 = max(1.0, left[int(np.argmax(beside))])
-    assert noise.gain_beside(column)[0] == pytest.approx(gains, rel=1e-9)
+    assert noise.gain_given(column)[0] == pytest.approx(gains, rel=1e-9)

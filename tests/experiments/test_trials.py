@@ -59,7 +59,7 @@ class Line:
         """It is linear."""
         return True
 
-    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """The noise is white."""
         return [-np.inf] * len(terms)
 
@@ -99,7 +99,7 @@ class Explained(Line):
         """As told."""
         return self._first_order
 
-    def log_p_beside_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
+    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
         """Slow noise explains all."""
         return [0.0] * len(terms)
 

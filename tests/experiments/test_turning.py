@@ -16,7 +16,7 @@ from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.turning import (
     IN_STEP,
     TurningPoint,
-    log_p_beside_turning,
+    log_p_given_turning,
     turning_point,
     turning_regressor,
 )
@@ -88,21 +88,21 @@ def in_a_hand(seed: int, tilt: float, push: float) -> tuple[Rows, FloatArray]:
 
 def test_an_effect_stands_beside_the_acceleration() -> None:
     rows, turning = in_a_hand(6, tilt=0.4, push=0.0)
-    assert log_p_beside_turning(rows, turning) < -20.0
-    assert log_p_beside_turning(*in_a_hand(7, tilt=0.0, push=0.0)) > -5.0
+    assert log_p_given_turning(rows, turning) < -20.0
+    assert log_p_given_turning(*in_a_hand(7, tilt=0.0, push=0.0)) > -5.0
 
 
 def test_an_effect_to_which_an_acceleration_has_given_its_size_does_not() -> None:
     """Half a sigma in every reading: without the acceleration in the model it is certain, p = exp(-50)."""
     rows, turning = in_a_hand(8, tilt=0.0, push=1.5)
-    assert log_p_beside_turning(rows, turning[:, :0]) < -50.0
-    assert log_p_beside_turning(rows, turning) > -5.0
+    assert log_p_given_turning(rows, turning[:, :0]) < -50.0
+    assert log_p_given_turning(rows, turning) > -5.0
 
 
 def test_its_size_counts_though_what_is_left_of_it_would_pass() -> None:
     """A tilt of 0.3 that the acceleration makes one of 0.9: found, but not as large as the model would have it."""
     rows, turning = in_a_hand(9, tilt=0.3, push=1.5)
-    assert log_p_beside_turning(rows, turning) == 0.0
+    assert log_p_given_turning(rows, turning) == 0.0
 
 
 def test_in_step_has_the_acceleration_of_an_arm() -> None:

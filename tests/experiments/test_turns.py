@@ -12,7 +12,7 @@ import pytest
 from sinan.calibration.poses.gyro import read_turns
 from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
 from sinan.experiments.residual_loop.report import report
-from sinan.experiments.residual_loop.shared_ends import told_as_one
+from sinan.experiments.residual_loop.shared_ends import merged
 from sinan.experiments.residual_loop.source import Fit, log_p_needed
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trace import trace
@@ -56,7 +56,7 @@ def found(fit: Fit, term: Term, rivals: Sequence[Finding]) -> Finding:
 
 
 def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) -> Finding | None:
-    """What `told_as_one` puts in the place of offsets in two intervals."""
+    """What `merged` puts in the place of offsets in two intervals."""
     terms = [Term("gyro.step" if end == LAST else "gyro.transient", (begin, end)) for begin, end in intervals]
     fit = source.fit(terms)
     others = (("gyro.temperature",), ("gyro.step", "accel.step"))
@@ -64,7 +64,7 @@ def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) ->
         found(fit, term, [Finding(Term(name), *NOTHING, ()) for name in other])
         for term, other in zip(terms, others, strict=True)
     ]
-    one = told_as_one(source, fit, findings, log_p_needed(source, 0.01), set())
+    one = merged(source, fit, findings, log_p_needed(source, 0.01), set())
     return None if one is None else one.finding
 
 
@@ -79,7 +79,7 @@ def one_in_place(source: LeastSquaresSource, *intervals: tuple[float, float]) ->
     ],
 )
 @pytest.mark.parametrize("declared", [True, False], ids=["noise declared", "noise estimated"])
-def test_offsets_that_share_an_end_are_told_as_one(
+def test_offsets_that_share_an_end_are_merged(
     two: tuple[tuple[float, float], tuple[float, float]], one: tuple[float, float], declared: bool
 ) -> None:
     found = one_in_place(source_with(OFFSET, *one, declared=declared), *two)

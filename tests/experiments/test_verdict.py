@@ -85,7 +85,7 @@ def held_out_rms(reading: FloatArray, norm: float, covariate: FloatArray) -> tup
 
 def test_an_effect_is_in_the_head_line_only_if_the_held_out_error_falls_with_it() -> None:
     """A current loop at the edge of what 120 readings show: in some sets the effect passes its test on all data and
-    foretells the held-out readings worse than the model without it.
+    predicts the held-out readings worse than the model without it.
     """
     failed = []
     for seed in range(24):

@@ -128,5 +128,5 @@ def test_a_simulated_scan_gives_the_height_of_the_truth() -> None:
     slant = scan_range_of_the_course(ranges, ANGLES)
     course = tilt_compensated_height(slant, roll, pitch) + at.p_n[:, 2]
     assert np.sqrt(np.mean(course**2)) > 20.0 * CENTIMETRE
-    foretold = tilt_compensated_height(slant / (1.0 + course_scan_error(ANGLES, roll)), roll, pitch) + at.p_n[:, 2]
-    assert np.sqrt(np.mean(foretold**2)) < 1.8 * CENTIMETRE
+    predicted = tilt_compensated_height(slant / (1.0 + course_scan_error(ANGLES, roll)), roll, pitch) + at.p_n[:, 2]
+    assert np.sqrt(np.mean(predicted**2)) < 1.8 * CENTIMETRE

@@ -28,7 +28,7 @@ WINDOW, EVERY = 5.0, 7.5
 SHORTEST_ASKED = 2.0 * EVERY
 #: Level at which a model counts as the better one.
 LEVEL = 0.05
-#: Parts of a log, each foretold by what the others say of the effects.
+#: Parts of a log, each predicted by what the others say of the effects.
 FOLDS = 4
 #: A log with fewer windows has no scatter of them.
 LEAST_WINDOWS = 3
@@ -36,7 +36,7 @@ LEAST_WINDOWS = 3
 
 @dataclass(frozen=True)
 class Share:
-    """How much of what an effect foretells of withheld readings is there: 1 of a true effect, 0 of one that is not.
+    """How much of what an effect predicts of withheld readings is there: 1 of a true effect, 0 of one that is not.
 
     With e the whitened error without the effect and d what the effect changes of it, the squares grow less with it
     where the share is above one half; the windows, in which errors go together, tell how well it is known.
@@ -65,15 +65,15 @@ class Share:
 
     @property
     def is_there(self) -> bool:
-        """Whether withheld readings are foretold better with the effect, and that is no chance of the windows."""
+        """Whether withheld readings are predicted better with the effect, and that is no chance of the windows."""
         from scipy import stats
 
         n = np.count_nonzero(self.squares)
         return bool(n > 1 and self.value > max(0.5, float(stats.t.isf(LEVEL, n - 1)) * self.std))
 
 
-class Foretelling:
-    """What fits of one flight foretell of withheld readings; each is asked once.
+class Prediction:
+    """What fits of one flight predict of withheld readings; each is asked once.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Foretelling:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the log is long enough, and has a stream beside the IMU."""
+        """Whether the log is long enough, and has a stream besides the IMU."""
         return len(self._windows) >= LEAST_WINDOWS and bool(self._streams)
 
     def share(self, fit: Fit, without: Fit) -> Share:
@@ -113,7 +113,7 @@ class Foretelling:
         return Share(np.concatenate([np.zeros(0), *products]), np.concatenate([np.zeros(0), *squares]))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
-        """Withheld readings of each instrument less what the fit foretells of them, up to `WINDOW` seconds on.
+        """Withheld readings of each instrument less what the fit predicts of them, up to `WINDOW` seconds on.
 
         Each has the weight that one over its variance gives it, so that the RMS is not that of the last second. The
         squares of the whitened are -2 log density by the law that the model gives an innovation.
@@ -137,7 +137,7 @@ class Foretelling:
             asked = []
             for first, last in zip(self._edges[:-1], self._edges[1:], strict=True):
                 mine = [window for window in self._windows if first <= window[0] + 0.5 * WINDOW < last]
-                beta = self._beside(fit, first, last, mine)
+                beta = self._given(fit, first, last, mine)
                 asked.append((self._passes.along(state.effects, beta, state.motion), mine))
         found = []
         for name, unit in self._streams:
@@ -148,9 +148,10 @@ class Foretelling:
         self._known[id(state)] = state, found
         return found
 
-    def _beside(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> list[FloatArray]:
-        """The sizes without what is foretold, to first order about the fit, each held to zero by its plausible size: of
-        what lasts without all readings from `first` to `last`, of an interval without those in the windows there.
+    def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> list[FloatArray]:
+        """The sizes without what is predicted, to first order about the fit, each held to zero by its plausible size.
+
+        Of what lasts without all readings from `first` to `last`, of an interval without those in the windows there.
         """
         state = fit.detail
         assert isinstance(state, Fitted)
