@@ -15,6 +15,8 @@ from sinan.sensors.noise import BiasProcess
 ASSUMED = ("level", "place", "speed")
 #: Readings of the bounds a second: a swing of the arm lasts about as long as one of them.
 RATE = 2.0
+#: Sigma of what is not bounded: higher than what flies without GPS [m].
+FREE = 1e4
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,16 @@ class Place(_Bound):
     Attributes
     ----------
     sigma : standard deviation of each coordinate about the place [m]
+    sigma_down : of the third, where a sensor measures the height and nothing else need be said of it; 0: `sigma`
     """
 
     name: str = "place"
+    sigma_down: float = 0.0
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) squares of the sigmas [m^2]."""
+        return np.diag(np.square([self.sigma, self.sigma, self.sigma_down or self.sigma]))
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) position, NED [m]."""
@@ -87,12 +96,14 @@ class Bounds:
     Attributes
     ----------
     place, speed : their standard deviations [m], [m/s]
+    height : whether the height is bounded too: a body that is near a place may climb as far as its barometer shows
     """
 
     place: float
     speed: float
+    height: bool = True
 
     @property
     def sensors(self) -> Mapping[str, Place | Speed]:
         """As pseudo-sensors by name."""
-        return {"place": Place(self.place), "speed": Speed(self.speed)}
+        return {"place": Place(self.place, sigma_down=0.0 if self.height else FREE), "speed": Speed(self.speed)}

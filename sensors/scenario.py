@@ -96,6 +96,8 @@ class Turns:
     Attributes
     ----------
     kind : "poses" (hold, turn, hold, ...), "sweep" (slow, through all directions) or "hand" (to and fro, with pauses)
+    attitudes : (roll, pitch, yaw) [rad] of each pose; none: `poses` of them, evenly into all directions
+    around : angle about the vertical that is turned through while a pose is held [rad]
     duration : s; of poses: poses x (hold + turn)
     poses : number of poses
     hold, turn : s
@@ -108,6 +110,8 @@ class Turns:
     hold: float = 4.0
     turn: float = 2.0
     sway: float = 0.0
+    attitudes: tuple[tuple[float, float, float], ...] = ()
+    around: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -159,7 +163,7 @@ class Scenario:
         if self.turns is None:
             return float(sum(manoeuvre.duration for manoeuvre in self.manoeuvres))
         if self.turns.kind == "poses":
-            return self.turns.poses * (self.turns.hold + self.turns.turn)
+            return (len(self.turns.attitudes) or self.turns.poses) * (self.turns.hold + self.turns.turn)
         return self.turns.duration
 
     def replace(self, **changes: object) -> Scenario:
@@ -213,9 +217,11 @@ def turned(t: FloatArray, turns: Turns) -> FloatArray:
 
 def _posed(t: FloatArray, turns: Turns) -> FloatArray:
     """Angles of hold, turn, hold, ...: each turn in even time from one pose to the next."""
-    angles = pose_angles(turns.poses)
+    angles = np.array(turns.attitudes) if turns.attitudes else pose_angles(turns.poses)
+    last = len(angles) - 1
     each = turns.hold + turns.turn
-    k = np.clip((t / each).astype(np.int64), 0, turns.poses - 1)
+    k = np.clip((t / each).astype(np.int64), 0, last)
     share = np.clip((t - k * each - turns.hold) / turns.turn, 0.0, 1.0)[:, None]
-    following = angles[np.minimum(k + 1, turns.poses - 1)]
-    return np.asarray(angles[k] * (1.0 - share) + following * share)
+    out = np.asarray(angles[k] * (1.0 - share) + angles[np.minimum(k + 1, last)] * share)
+    out[:, 2] += turns.around * (k + np.clip((t - k * each) / turns.hold, 0.0, 1.0))
+    return out

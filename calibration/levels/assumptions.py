@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.calibration.levels.compass import direction_at
 from sinan.calibration.levels.fit import STAMP_STD, Levels, Size
 from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
@@ -91,7 +92,8 @@ def _words(recording: Recording, size: Size) -> tuple[str, str, str]:
 def _of_the_field(recording: Recording, m_n: FloatArray, covariance: FloatArray) -> list[Assumption]:
     """Norm, dip and declination of the field that the filter starts from."""
     norm, dip, east = float(np.linalg.norm(m_n)), inclination(m_n), declination(m_n)
-    source = "log" if recording.origin is None else "place"
+    placed = recording.origin is not None and np.allclose((dip, east), direction_at(recording.origin))
+    source = "place" if placed else "log"
     found = []
     for quantity, value, unit, gradient in (
         ("norm", norm, recording.environment.field_unit or "of the log", m_n / norm),

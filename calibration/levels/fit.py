@@ -112,7 +112,7 @@ class Levels:
             return replace(self, latency={**self.latency, size.key: value})
         if size.sensor == "bounds":
             assert self.bounds is not None
-            return replace(self, bounds=replace(self.bounds, **{size.key: value}))
+            return replace(self, bounds=replace(self.bounds, **{size.key: value}))  # type: ignore[arg-type]
         spec = replace(self.specs[size.sensor], **{size.key: value})  # type: ignore[arg-type]
         return replace(self, specs={**self.specs, size.sensor: spec})
 
@@ -220,8 +220,9 @@ def first_levels(
             specs[name] = replace(specs[name], bias_std=std if std > SAME_ZERO else 0.0, bias_walk=walk)
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
+    bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
     levels = Levels(
-        specs, InStep(), None if "gps" in recording.streams else Bounds(1.0, 1.0), m_n, field,
+        specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0, declared_lateness(recording),
     )  # fmt: skip
     for size in sizes:
@@ -404,7 +405,8 @@ def widest_bounds_needed(recording: Recording, levels: Levels) -> Levels:
     tried = []
     for place in WIDER:
         for speed in WIDER[:3]:
-            bounds = Bounds(HAND.place * place, HAND.speed * speed)
+            assert levels.bounds is not None
+            bounds = replace(levels.bounds, place=HAND.place * place, speed=HAND.speed * speed)
             one = replace(levels, bounds=bounds)
             tried.append((run(prepare(recording, one.model(recording)), "numba", 0).log_likelihood, one))
     return max(tried, key=lambda pair: pair[0])[1]

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
-from sinan.calibration.levels.compass import DIRECTION_STD, Compass, compass_of, corrected, direction_at
+from sinan.calibration.levels.compass import Compass, compass_of, corrected
+from sinan.calibration.levels.fields import field_beforehand
 from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_levels import NoiseFit, first_guess, fit_noise_levels
 from sinan.calibration.levels.noise_start import within_imu
-from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.geomagnetism import declination, field_along, inclination
+from sinan.sensors.geomagnetism import declination, inclination
 from sinan.sensors.recording import Recording
 
 
@@ -113,9 +113,10 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)
         notes += said
-    m_n, covariance, said = field_beforehand(within)
+    field = field_beforehand(within)
+    m_n, covariance = (None, None) if field is None else (field.m_n, field.covariance)
     headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
-    notes += [*said, *headed.notes[len(recording.notes) :]]
+    notes += [*([] if field is None else [field.note]), *headed.notes[len(recording.notes) :]]
     levels = fit_levels(headed, m_n, covariance)
     declared = declared_lateness(within)  # which the filter takes off by itself
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if late and k not in declared})
@@ -147,39 +148,6 @@ def is_settled(recording: Recording) -> bool:
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
     return all(size.sensor == "bounds" for size in sizes_of(within_imu(recording)))
-
-
-#: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
-#: steel in a room makes a tenth.
-FIELD_STD = 0.1
-#: 1-sigma of the declination at a place that nobody tells [rad]: between 60 degrees north and south it is mostly less.
-DECLINATION_STD = 0.2
-
-
-def field_beforehand(recording: Recording) -> tuple[FloatArray | None, FloatArray | None, list[str]]:
-    """(3,) field that the readings are expected to show, its (3, 3) covariance, and what was taken, in words.
-
-    Its norm is that of the readings; dip and declination are those of the place, where there is one, else the dip is
-    that of the log, and north is magnetic north. None where the recording declares the field, or has no compass.
-    """
-    if "mag" not in recording.streams or recording.environment.magnetic_field is not None:
-        return None, None, []
-    found = field_of_the_log(recording)
-    norm, dip, east = float(np.linalg.norm(found)), inclination(found), 0.0
-    stds = np.array([FIELD_STD, FIELD_STD, 0.0])
-    if recording.origin is not None:
-        dip, east = direction_at(recording.origin)
-        stds[1:] = DIRECTION_STD[1], DIRECTION_STD[0] * np.cos(dip)
-    elif "gps" in recording.streams:  # whose north is the true one
-        stds[2] = DECLINATION_STD * np.cos(dip)
-    m_n = field_along(norm, dip, east)
-    along, level = m_n / norm, np.array([-np.sin(east), np.cos(east), 0.0])
-    axes = np.stack([along, np.cross(along, level), level], axis=1)
-    where = "of the place" if recording.origin is not None else "found from the log"
-    if recording.origin is None and "gps" not in recording.streams:
-        where += "; north is magnetic north"
-    said = f"mag: field of norm {norm:.4g} from the log; dip {np.rad2deg(dip):.0f} deg, declination "
-    return m_n, norm**2 * (axes * stds**2) @ axes.T, [f"{said}{np.rad2deg(east):.1f} deg {where}; a state"]
 
 
 def level_notes(levels: Levels) -> list[str]:

@@ -111,7 +111,7 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     and,
     where a GPS gives velocities, of the acceleration between them.
 
-        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n)
+        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n) + J_n d(m_n)
 
     J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
     The field
@@ -149,7 +149,12 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
     errors = [process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None]
     variance = sum(process.std**2 for process in errors) + float(mag.R[0, 0])
-    return q, covariance + variance * J_m @ J_m.T, {**beside, **{e.block: -(e.std**2) * J_m for e in errors}}
+    covariance = covariance + variance * J_m @ J_m.T
+    beside |= {e.block: -(e.std**2) * J_m for e in errors}
+    if model.field is not None:
+        J_n = _differences(lambda v: attitude_from_vectors(f_b, field_b, f_n, v), model.m_n, q)
+        covariance, beside["field"] = covariance + J_n @ model.field @ J_n.T, J_n @ model.field
+    return q, covariance, beside
 
 
 def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:

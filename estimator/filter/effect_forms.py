@@ -343,8 +343,8 @@ def _slopes(function: Callable[[Motion], FloatArray], motion: Motion, states: Se
 def linear_form(along: Along, name: str) -> StreamForm:
     """Prediction and Jacobian of one sensor along a motion, with the effects of its stream."""
     at, sensor = along.at(name), along.model.sensors[name]
-    at = replace(at, m_n=along.model.m_n[None, :])  # the field's error is a state, whose part of H adds it
-    z_pred, D = sensor.predict(at), np.zeros((len(at), sensor.size, 9))
+    plain = replace(at, m_n=along.model.m_n[None, :])  # the field's error is a state, whose part of H adds it
+    z_pred, D = sensor.predict(plain), np.zeros((len(at), sensor.size, 9))
     with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, and the reading is left out
         jacobian = sensor.jacobian(at)
     for place, block in enumerate(("position", "velocity", "attitude")):

@@ -191,7 +191,8 @@ class ReadableFilter:
             for block, values in sensor.jacobian(motion).items():
                 H[:, layout.slice(block)] = values[0]
         if name == "mag" and layout.has("field"):
-            H[:, layout.slice("field")] = matrix_from_quaternion(x[6:10]).T
+            replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in the field's error too
+            H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, 6:10] if replaced else x[6:10]).T
         for start, process in model.colour_of(name):
             part = slice(start, start + process.size) if process.size > 1 else slice(None)
             H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0

@@ -1042,6 +1042,8 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
             _matrix(x, C0)
             if not np.isfinite(C0[0] + x[2]):
                 return NOT_FINITE, k, rows
+            if sensors.kind[s] == MAG and sensors.form[s] == 2:  # linear about the reference in the field's error too
+                _matrix(readings.ref[k], C0)
             if not _measure(s, m, sensors, world, x, C0, H, z_pred):
                 out.status[k] = NO_PREDICTION
             else:

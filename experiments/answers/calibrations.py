@@ -151,7 +151,7 @@ def calibrate(
     >>> calibrations["mag"].K.shape
     (3,)
     """
-    require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace`")
+    require_kind(recording, "poses", "calibrate", "`sinan estimate` or `sinan trace` (or --poses: turned by hand)")
     asked_for = sensors_asked_for(recording, None if sensor == ALL else sensor)
     done, left_out = of_each_sensor(recording, asked_for, lambda name: calibrate_sensor(recording, name, axes, gravity))
     several = len(sensors_in_poses(recording)) > 1

@@ -49,13 +49,13 @@ def ardupilot_terms(found: Findings, parameters: Mapping[str, float], log: Path 
     log : which tells the number of the compass that was read; None: the first
     """
     terms = Terms("ardupilot", parameters)
-    _mag(found, terms, _compass(found, terms, log))
+    _mag(found, terms, compass_number(found, terms, log))
     _imu(found, terms)
     _estimator(found, terms)
     return terms
 
 
-def _compass(found: Findings, terms: Terms, log: Path | None) -> str:
+def compass_number(found: Findings, terms: Terms, log: Path | None) -> str:
     """The number in the parameters of the compass that was read: nothing, 2 or 3."""
     from sinan.sensors.formats import what_is
     from sinan.sensors.formats.ardupilot import compass_of

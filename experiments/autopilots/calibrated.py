@@ -13,15 +13,21 @@ M D = Q P, and Q' takes the turn off. Sources: `ardupilot.py` and `px4.py` of th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
 from sinan.calibration.poses.triad import Calibration
+from sinan.experiments.autopilots.ardupilot import compass_number
 from sinan.experiments.autopilots.corrections import stretch_then_turn
+from sinan.experiments.autopilots.findings import Findings
 from sinan.experiments.autopilots.orientations import from_degrees, rotation_of
+from sinan.experiments.autopilots.parameters import autopilot_of, facts_beside
+from sinan.experiments.autopilots.px4 import chips_of
 from sinan.experiments.autopilots.terms import AXES, Terms
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import Choice
 
 #: Where a calibration is named in place of an effect.
 LABEL = {"accel": "accelerometer calibration", "mag": "compass calibration"}
@@ -79,6 +85,26 @@ def calibration_terms(
            ("px4", "accel"): _px4_accel, ("px4", "mag"): _px4_mag}[autopilot, sensor]  # fmt: skip
     put(terms, k, M, b)
     return terms
+
+
+def terms_of_log(sensor: str, result: Calibration, log: Path, choice: Choice) -> Terms | None:
+    """The same for a log of an autopilot, which tells them; None: no autopilot's log, or readings without corrections.
+
+    Raises
+    ------
+    InputError : as `calibration_terms`
+    """
+    facts = facts_beside(log)
+    name = autopilot_of(facts)
+    if facts is None or not name or choice.raw:
+        return None
+    found, terms = Findings({}, choice=choice), Terms(name, facts.parameters)
+    number = choice.mag if sensor == "mag" else choice.imu
+    if name == "px4":
+        number = chips_of(found, terms, log)["MAG" if sensor == "mag" else "ACC"]
+    elif sensor == "mag":
+        number = int(compass_number(found, terms, log) or "1") - 1
+    return calibration_terms(name, sensor, result, facts.parameters, number)
 
 
 def _number(autopilot: str, number: int) -> str:

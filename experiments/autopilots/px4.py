@@ -54,14 +54,14 @@ def px4_terms(found: Findings, parameters: Mapping[str, float], log: Path | None
     log : which names the chips that were read; None: the first of each
     """
     terms = Terms("px4", parameters)
-    chips = _chips(found, terms, log)
+    chips = chips_of(found, terms, log)
     _mag(found, terms, chips["MAG"])
     _imu(found, terms, chips)
     _estimator(found, terms)
     return terms
 
 
-def _chips(found: Findings, terms: Terms, log: Path | None) -> dict[str, int]:
+def chips_of(found: Findings, terms: Terms, log: Path | None) -> dict[str, int]:
     """Number in `CAL_MAGn`, `CAL_ACCn`, `CAL_GYROn` of each chip that was read, by its device's number."""
     from sinan.sensors.formats import what_is
     from sinan.sensors.formats.ulog_messages import read_topics

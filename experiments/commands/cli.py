@@ -324,6 +324,12 @@ def calibrate(
     map: Map = None,
     start: From = None,
     stop: To = None,
+    poses: Annotated[
+        bool, typer.Option("--poses", help="an autopilot's log of a board turned by hand: its rests are the poses")
+    ] = False,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    raw: Raw = False,
     json: Json = None,
     html: Html = None,
 ) -> None:
@@ -333,7 +339,8 @@ def calibrate(
 
     def work() -> str:
         with working("calibrating"):
-            return run(sensor.value, input, axes.value if axes else None, gravity, map, json, html, (start, stop))
+            form, choice = axes.value if axes else None, _choice(imu, mag, 0, 0, raw)
+            return run(sensor.value, input, form, gravity, map, json, html, (start, stop), poses, choice)
 
     _say(work, json, html)
 

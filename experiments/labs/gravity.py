@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sinan.calibration.poses.triad import norm_residual
+from sinan.calibration.poses.triad import calibrate_norm, norm_residual
 from sinan.experiments.datasets import resolve
 from sinan.experiments.labs.course_data import calibrated, numbers
 from sinan.experiments.report.figures import lines
+from sinan.experiments.report.lab_figures import Panel, panels
 from sinan.experiments.report.page import Page
 from sinan.sensors.recording import ACCEL
 
@@ -44,6 +45,42 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     t = np.arange(len(turned), dtype=np.float64)
     figure = lines(t, {"g = 9.8": pitch[0], "g = 1": pitch[1]}, "reading", "pitch / deg")
     page.figure(figure, "Pitch while the autopilot is turned slowly: the two curves lie on each other.")
+    page.heading("Why: K' = a K, b' = b")
+    page.text(
+        "At the minimum every derivative of Σ(|K (r + b)| - g)^2 is zero. Put a K for K and a g for g: "
+        "every residual is "
+        "a times what it was, so the sum is a^2 times what it was at any K and b, and its minimum lies at a K and the "
+        "same b. Not only a stationary point: the minimum. Angles are ratios of calibrated readings, from which a "
+        "cancels."
+    )
+    a = np.geomspace(0.02, 50.0, 13)
+    fits = [calibrate_norm("accel", readings.reading, 9.8 * factor) for factor in a]
+    off = [np.max(np.abs(fit.K / (factor * nine.K) - 1.0)) for fit, factor in zip(fits, a, strict=True)]
+    moved = [np.max(np.abs(fit.offset - nine.offset)) for fit in fits]
+    say(f"a from 0.02 to 50: K' / (a K) - 1 at most {max(off):.0e}, b' - b at most {max(moved):.0e} m/s^2")
+    page.figure(
+        panels(
+            [
+                Panel(
+                    "a",
+                    "K'",
+                    {"known a K (of y)": (a, a * nine.K[1])},
+                    {"found (x, y, z)": (np.repeat(a, 3), np.array([fit.K for fit in fits]).ravel())},
+                    "scale",
+                    "xy",
+                ),
+                Panel(
+                    "a",
+                    "b' / (m/s²)",
+                    {},
+                    {c: (a, np.array([fit.offset[k] for fit in fits])) for k, c in enumerate("xyz")},
+                    "offset",
+                    "x",
+                ),
+            ]
+        ),
+        "Thirteen calibrations of the same readings, each with another g.",
+    )
     rows = [
         ["K, g = 9.8", numbers(nine.K), "0.9912, 0.9974, 0.9947"],
         ["b, g = 9.8", numbers(nine.offset), "0.0168, 0.2691, 0.1253"],

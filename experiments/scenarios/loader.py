@@ -267,9 +267,23 @@ def _turns(table: Table) -> Turns | None:
         hold=_or(_time(turns, "hold"), default.hold),
         turn=_or(_time(turns, "turn"), default.turn),
         sway=_or(turns.number("sway", at_least=0.0, at_most=LARGEST), default.sway),
+        attitudes=_attitudes(turns),
+        around=np.deg2rad(_or(turns.number("around", at_least=-LARGEST, at_most=LARGEST), 0.0)),
     )
     turns.done()
     return result
+
+
+def _attitudes(turns: Table) -> tuple[tuple[float, float, float], ...]:
+    """Roll, pitch, yaw [rad] of each pose, from a list of lists in degrees."""
+    entries = turns.get("attitudes")
+    if entries is None:
+        return ()
+    if not isinstance(entries, list) or not 2 <= len(entries) <= MOST_ROWS:
+        raise turns.wrong("attitudes", "two or more of [roll, pitch, yaw], deg")
+    tables = [Table(turns.path, {"attitudes": row}, turns.name) for row in entries]
+    rows = [table.vector("attitudes", 3, at_most=LARGEST) for table in tables]
+    return tuple((float(r), float(p), float(y)) for r, p, y in (np.deg2rad(row) for row in rows if row is not None))
 
 
 def _manoeuvres(table: Table, turned: bool) -> tuple[Manoeuvre, ...]:

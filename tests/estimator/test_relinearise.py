@@ -10,10 +10,11 @@ from sinan.estimator.evidence.consistency import nees
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.effect_forms import Along, Terms, linear_form, reference_motion
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.events import collect
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.imu import imu_table
-from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.inputs import outputs_for, prepare
 from sinan.estimator.filter.layout import StateLayout
 from sinan.estimator.filter.relinearise import is_coarse, run_relinearised
 from sinan.estimator.filter.run_filter import run_filter
@@ -21,6 +22,7 @@ from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from sinan.sensors.recording import Stream
+from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 from sinan.sensors.simulate import simulate
 from tests.estimator.analytic_flight import fly
 from tests.estimator.test_engines import AGREEMENT, difference
@@ -120,3 +122,30 @@ def test_a_beam_above_the_horizon_has_no_prediction() -> None:
     after = run(Along(recording, model, Terms(), motion, table).inputs, "numba")
     assert np.all(np.isfinite(after.x_end))
     assert after.counts()["laser"]["no prediction"] >= 18
+
+
+def test_nothing_is_learnt_of_heading_and_field_turned_together() -> None:
+    """Body and field turned about the vertical by the same angle change no reading of a magnetometer: so says H, also
+    where the field was found to be another than believed, and the filter's own attitude is off.
+    """
+    recording, _ = fly(13, duration=2.0)
+    model = flight_model(recording, field=0.1 * np.eye(3)).replace(relinearise=True)
+    plain = run_filter(recording, model.replace(relinearise=False), engine="numba")
+    motion = reference_motion(recording, plain, Terms(), plain.run.imu)
+    found = model.m_n + np.array([-0.2, 0.3, 0.1])
+    inputs = Along(recording, model, Terms(), replace(motion, m_n=found[None])).inputs
+    engine, layout = ReadableFilter(inputs, outputs_for(inputs)), model.layout
+    engine.x[6:10] = quaternion_multiply(engine.x[6:10], quaternion_exp(np.array([0.05, -0.1, 0.2])))
+    down = np.array([0.0, 0.0, 1.0])
+    for k in np.flatnonzero(inputs.events.sensor == inputs.events.sensors.index("mag"))[::20]:
+        _, H = engine.prediction("mag", int(k))
+        D = inputs.events.D[inputs.events.row[k] : inputs.events.row[k + 1], 6:9]
+        body = D @ rotate_back(inputs.events.ref[k, 6:10], down)
+        assert np.allclose(body + H[:, layout.slice("field")] @ np.cross(down, found), 0.0, atol=1e-12)
+
+
+def test_engines_agree_about_a_reference_in_an_unsure_field() -> None:
+    recording, _ = fly(14, duration=3.0)
+    model = flight_model(recording, gate_level=None, field=0.1 * np.eye(3)).replace(relinearise=True)
+    fast, slow = (run_relinearised(recording, model, engine=engine, passes=2) for engine in ("numba", "filterpy"))
+    assert difference(fast, slow) < AGREEMENT

@@ -27,11 +27,11 @@ from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.facts import Facts
 from sinan.sensors.motion import Motion
-from sinan.sensors.recording import MAG, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_rpy
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
-from tests.experiments.test_own_logs import FIELD, dataflash, ulog
+from tests.experiments.test_own_logs import FIELD, dataflash, flight, ulog
 
 SINGLE = 3e-7  # a file has 32 bits a number
 G = 9.80665
@@ -581,3 +581,42 @@ def test_a_choice_of_sensors_is_that_of_the_report() -> None:
     found = Findings({"mag.scale": np.array([0.1, 0.0, 0.0])}, choice=Choice(mag=1))
     terms = terms_for("ardupilot", found, None)
     assert terms.settings[0].name == "COMPASS_DIA2_X"
+
+
+# --- an autopilot's log of a board that was turned by hand -------------------------------------------------
+
+
+@BOTH
+def test_poses_in_an_autopilots_log_become_its_parameters(tmp_path: Path, autopilot: str) -> None:
+    """Twelve rests of 2.5 s with turns between. What the log holds was corrected by parameters that it tells."""
+    rng = np.random.default_rng(8)
+    rests = rng.standard_normal((12, 3))
+    up = np.repeat(rests / np.linalg.norm(rests, axis=1)[:, None], 250, axis=0)
+    for k in range(250, len(up), 250):  # a turn from one to the next, of 0.6 s
+        part = np.linspace(0.0, 1.0, 60)[:, None]
+        turn = (1.0 - part) * up[k - 31] + part * up[k + 30]
+        up[k - 30 : k + 30] = turn / np.linalg.norm(turn, axis=1)[:, None]
+    t = 0.01 * np.arange(len(up))
+    still = np.linalg.norm(np.gradient(up, axis=0), axis=1) < 1e-9
+    w = rng.normal(0.0, 0.001, up.shape) + np.where(still, 0.0, 1.0)[:, None]
+    before = {
+        "px4": {"CAL_ACC0_XSCALE": 1.02, "CAL_ACC0_YOFF": -0.1, "CAL_ACC0_ID": 0.0, "SENS_BOARD_ROT": 0.0},
+        "ardupilot": {"INS_ACCSCAL_X": 1.02, "INS_ACCSCAL_Y": 1.0, "INS_ACCSCAL_Z": 1.0, "INS_ACCOFFS_Y": -0.1},
+    }[autopilot]
+    off, scale = {"px4": ("CAL_ACC0_{}OFF", "CAL_ACC0_{}SCALE"), "ardupilot": ("INS_ACCOFFS_{}", "INS_ACCSCAL_{}")}[
+        autopilot
+    ]
+    raw = G * up * [1.03, 0.98, 1.01] + [0.2, -0.3, 0.1] + rng.normal(0.0, 0.02, up.shape)
+    sent = (raw - three(before, off)) * three(before, scale, 1.0)
+    imu = Stream(t, dict(zip((*ACCEL, *GYRO), np.hstack([sent, w]).T, strict=True)))
+    write = {"px4": ulog, "ardupilot": dataflash}[autopilot]
+    others = flight().streams
+    log = write(tmp_path / "log", flight().replace(streams={**others, "imu": imu}), before)
+    refused = CliRunner().invoke(app, ["calibrate", "accel", str(log)])
+    assert 'kind = "flight"' in str(refused.exception)
+    said = invoke("calibrate", "accel", str(log), "--poses")
+    lines = [line.split() for line in said.splitlines() if line.endswith("for accelerometer calibration")]
+    found = {line[1]: float(line[2].rstrip(",")) for line in lines}
+    new = {**before, **found}
+    np.testing.assert_allclose(three(new, scale, 1.0), 1.0 / np.array([1.03, 0.98, 1.01]), atol=2e-3)
+    np.testing.assert_allclose(three(new, off), [0.2, -0.3, 0.1], atol=0.02)

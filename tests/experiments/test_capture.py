@@ -139,6 +139,8 @@ def test_a_recording_as_it_goes_with_loss_and_a_burst(loopback: Loopback) -> Non
     assert recording.streams["power"]["current_2"][-1] == pytest.approx(3.5)
     assert recording.streams["baro"]["pressure"][0] == pytest.approx(95_000.0)
     assert 0.02 < account["lost"] / sum(account["messages"].values()) < 0.09
+    section = (ROOT / "docs" / "json.md").read_text().split("## `sinan capture`")[1].split("\n## ")[0]
+    assert all(f"`{key}" in section for key in account)
     assert f"lost {account['lost']} messages" in said
     assert "missing: " not in said.splitlines()[-2]
     course = read_mwlog(loopback.folder / "course.bin")
@@ -242,7 +244,7 @@ SCALE, OFFSET, FIELD_OFFSET = np.array([1.03, 0.98, 1.01]), np.array([0.3, -0.2,
 def typed(said: str) -> dict[str, float]:
     """The parameters that were printed."""
     lines = [line.split(": ", 1)[1].split() for line in said.splitlines() if line.startswith(("ArduPilot: ", "PX4: "))]
-    return {line[0]: float(line[1]) for line in lines if line[0] != "note:"}
+    return {line[0]: float(line[1].rstrip(",")) for line in lines if line[0] != "note:"}
 
 
 def typed_in(loopback: Loopback, said: str) -> dict[str, float]:

@@ -25,6 +25,12 @@ def test_the_place_reads_how_far_off_the_body_is() -> None:
     assert place.bias is None
 
 
+def test_a_height_that_is_measured_is_not_bounded() -> None:
+    place = Bounds(place=0.5, speed=2.0, height=False).sensors["place"]
+    assert np.array_equal(np.diag(place.R)[:2], [0.25, 0.25])
+    assert place.R[2, 2] > 1e6
+
+
 def test_the_speed_reads_how_fast_it_is() -> None:
     speed = Bounds(place=0.5, speed=2.0).sensors["speed"]
     assert np.array_equal(speed.predict(a_motion()), [[0.1, 0.0, 0.0], [0.0, -0.8, 0.3]])

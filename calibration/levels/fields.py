@@ -1,0 +1,106 @@
+"""The magnetic field that a log does not declare: what it may be before the readings, and which of it they bear out.
+
+A model of the Earth gives the field of a place to half a degree, and a log that was made there in the open has it so.
+Beside steel its direction is off by a tenth; in a hall, a hull or a simulation it has nothing to do with the place.
+Each is a belief with a prior, and the likelihood of the log decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinan.calibration.levels.compass import DIRECTION_STD, direction_at
+from sinan.calibration.levels.fit import first_levels, sizes_of
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.field import field_of_the_log
+from sinan.estimator.filter.inputs import prepare
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.geomagnetism import field_along, inclination
+from sinan.sensors.recording import Recording
+
+#: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
+#: steel in a room makes a tenth.
+FIELD_STD = 0.1
+#: 1-sigma of the declination at a place that nobody tells [rad]: between 60 degrees north and south it is mostly less.
+DECLINATION_STD = 0.2
+#: Of a hundred logs that say where they were made, so many are made beside steel, and where the place tells nothing.
+BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
+
+
+@dataclass(frozen=True)
+class Field:
+    """What may be believed of a field.
+
+    Attributes
+    ----------
+    m_n, covariance : (3,) in NED, (3, 3)
+    prior : its share among the beliefs
+    words : where its direction is from
+    """
+
+    m_n: FloatArray
+    covariance: FloatArray
+    prior: float
+    words: str
+
+    @property
+    def note(self) -> str:
+        """In a line for the report."""
+        norm, dip = np.linalg.norm(self.m_n), np.rad2deg(inclination(self.m_n))
+        east = np.rad2deg(np.arctan2(self.m_n[1], self.m_n[0]))
+        said = f"mag: field of norm {norm:.4g} from the log; dip {dip:.0f} deg, declination {east:.1f} deg"
+        return f"{said} {self.words}; a state"
+
+
+def field_beforehand(recording: Recording) -> Field | None:
+    """The likeliest belief at the medians of all other sizes; None where the field is declared, or nothing reads it."""
+    beliefs = fields_beforehand(recording)
+    if len(beliefs) < 2:
+        return beliefs[0] if beliefs else None
+    sizes = sizes_of(recording)
+
+    def log_posterior(belief: Field) -> float:
+        levels = first_levels(recording, sizes, belief.m_n, belief.covariance)
+        try:
+            journal = run(prepare(recording, levels.model(recording)), "numba", 0)
+        except InputError:  # no state follows from such a field
+            return -np.inf
+        return journal.log_likelihood + float(np.log(belief.prior))
+
+    return max(beliefs, key=log_posterior)
+
+
+def fields_beforehand(recording: Recording) -> Sequence[Field]:
+    """What may be believed of a field that the recording does not declare.
+
+    The norm is that of the readings. Dip and declination are those of the place, where there is one, as the model has
+    them or beside steel; or the dip is that of the log, and north is magnetic north.
+    """
+    if "mag" not in recording.streams or recording.environment.magnetic_field is not None:
+        return ()
+    found = field_of_the_log(recording)
+    norm, dip = float(np.linalg.norm(found)), inclination(found)
+    gps = "gps" in recording.streams  # whose north is the true one
+    words = "found from the log" + ("" if gps else "; north is magnetic north")
+    stds = FIELD_STD, DECLINATION_STD if gps else 0.0
+    if recording.origin is None:
+        return (_field(norm, dip, 0.0, stds, 1.0, words),)
+    there, east = direction_at(recording.origin)
+    return (
+        _field(norm, there, east, DIRECTION_STD[::-1], 1.0 - BESIDE_STEEL - ELSEWHERE, "of the place"),
+        _field(norm, there, east, (FIELD_STD, FIELD_STD), BESIDE_STEEL, "of the place, but beside steel"),
+        _field(norm, dip, 0.0, stds, ELSEWHERE, f"{words}: not that of the place"),
+    )
+
+
+def _field(norm: float, dip: float, east: float, stds: tuple[float, float], prior: float, words: str) -> Field:
+    """A field whose dip and declination have a 1-sigma of `stds` [rad]."""
+    m_n = field_along(norm, dip, east)
+    along, level = m_n / norm, np.array([-np.sin(east), np.cos(east), 0.0])
+    axes = np.stack([along, np.cross(along, level), level], axis=1)
+    each = np.array([FIELD_STD, stds[0], stds[1] * np.cos(dip)])
+    return Field(m_n, norm**2 * (axes * each**2) @ axes.T, prior, words)

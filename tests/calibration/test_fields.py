@@ -1,0 +1,62 @@
+"""Which field a log shows: that of its place, that beside steel, or another one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sinan.calibration.levels.compass import direction_at
+from sinan.calibration.levels.fields import field_beforehand
+from sinan.sensors.geomagnetism import field_along, inclination
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
+
+ZURICH = (47.4, 8.5, 400.0)
+
+
+def turned_at(origin: tuple[float, float, float] | None, m_n: np.ndarray) -> Recording:
+    """A board that is turned to and fro about all axes in a field, and says where on the Earth it is."""
+    rng, t = np.random.default_rng(3), np.arange(0.0, 40.0, 0.02)
+    rpy = np.stack([0.4 * np.sin(0.7 * t), 0.5 * np.sin(0.9 * t), 0.8 * np.sin(0.3 * t)], axis=-1)
+    roll, pitch, _ = rpy.T
+    rates = np.stack([0.28 * np.cos(0.7 * t), 0.45 * np.cos(0.9 * t), 0.24 * np.cos(0.3 * t)], axis=-1)
+    w = np.stack(
+        [
+            rates[:, 0] - np.sin(pitch) * rates[:, 2],
+            np.cos(roll) * rates[:, 1] + np.sin(roll) * np.cos(pitch) * rates[:, 2],
+            -np.sin(roll) * rates[:, 1] + np.cos(roll) * np.cos(pitch) * rates[:, 2],
+        ],
+        axis=-1,
+    )
+    q = quaternion_from_rpy(rpy)
+    f = rotate_back(q, np.tile([0.0, 0.0, -9.81], (len(t), 1)))
+    imu = np.concatenate([f + 0.02 * rng.standard_normal(f.shape), w + 1e-3 * rng.standard_normal(w.shape)], axis=1)
+    m = rotate_back(q, np.tile(m_n, (len(t), 1)))
+    mag = (m + 0.003 * rng.standard_normal(m.shape))[::5]
+    streams = {
+        "imu": Stream(t, dict(zip((*ACCEL, *GYRO), imu.T, strict=True))),
+        "mag": Stream(t[::5], dict(zip(MAG, mag.T, strict=True))),
+    }
+    return Recording("board", "flight", streams, origin=origin, environment=Environment())
+
+
+@pytest.mark.parametrize(
+    ("off", "words"),
+    [(0.0, "of the place"), (0.12, "of the place, but beside steel"), (0.9, "not that of the place")],
+)
+def test_the_log_says_whether_its_field_is_that_of_the_place(off: float, words: str) -> None:
+    dip, east = direction_at(ZURICH)
+    m_n = field_along(0.5, dip - off, east)
+    found = field_beforehand(turned_at(ZURICH, m_n))
+    assert found is not None
+    assert found.words.endswith(words)
+    error = inclination(found.m_n) - inclination(m_n)
+    assert abs(error) < 0.13 if off < 0.5 else abs(error) < 0.05
+
+
+def test_without_a_place_there_is_one_belief() -> None:
+    found = field_beforehand(turned_at(None, field_along(0.5, -0.6, 0.0)))
+    assert found is not None
+    assert found.prior == 1.0
+    assert np.linalg.norm(found.m_n) == pytest.approx(0.5, rel=0.02)
+    assert inclination(found.m_n) == pytest.approx(-0.6, abs=0.05)
