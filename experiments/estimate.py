@@ -14,7 +14,7 @@ from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
-from sinan.estimator.filter.layout import StateLayout
+from sinan.estimator.filter.layout import DP, DTHETA, DV, P_N, Q_NB, V_N, StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
 from sinan.experiments.measured.reference import Mounted, covered, described, errors_of, states_at
@@ -123,9 +123,9 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "log_likelihood": journal.log_likelihood,
         "estimates": "position, velocity and attitude" if journal.model.translation else "attitude",
         "final": {
-            "position": end[0:3].tolist(), "velocity": end[3:6].tolist(), "quaternion": end[6:10].tolist(),
-            "position_std": sigma[0:3].tolist(), "velocity_std": sigma[3:6].tolist(),
-            "attitude_std": sigma[6:9].tolist(),
+            "position": end[P_N].tolist(), "velocity": end[V_N].tolist(), "quaternion": end[Q_NB].tolist(),
+            "position_std": sigma[DP].tolist(), "velocity_std": sigma[DV].tolist(),
+            "attitude_std": sigma[DTHETA].tolist(),
         },
         "notes": [str(note) for note in journal.notes],
     }  # fmt: skip
@@ -141,9 +141,9 @@ def smoothed_report(layout: StateLayout, smoothed: SmoothedStates) -> dict[str, 
         "bias_at_start": {sensor: x[layout.nominal(block)].tolist() for sensor, block in biases.items()},
         "bias_at_start_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},
         "start": {
-            "position": x[0:3].tolist(), "velocity": x[3:6].tolist(), "quaternion": x[6:10].tolist(),
-            "position_std": sigma[0:3].tolist(), "velocity_std": sigma[3:6].tolist(),
-            "attitude_std": sigma[6:9].tolist(),
+            "position": x[P_N].tolist(), "velocity": x[V_N].tolist(), "quaternion": x[Q_NB].tolist(),
+            "position_std": sigma[DP].tolist(), "velocity_std": sigma[DV].tolist(),
+            "attitude_std": sigma[DTHETA].tolist(),
         },
     }  # fmt: skip
 

@@ -10,6 +10,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
+from sinan.sensors.sensor_type import XYZ, SensorType
 
 
 @dataclass(frozen=True)
@@ -50,3 +51,21 @@ class Accelerometer:
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """The bias enters directly; as a driver of the process the reading has no other state in it."""
         return {"b_accel": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+
+SENSOR = SensorType(
+    name="accel",
+    title="accelerometer",
+    make=lambda given: Accelerometer(given.sigma, given.bias_std, given.bias_walk),
+    kernel="",
+    declares=("noise_density", "noise_std", "bias_walk", "bias_std", "average_time", "imu_samples"),
+    components=XYZ,
+    unit="m/s^2",
+    plausible=0.5,  # a knock or thermal shock of a MEMS sensor (zero tolerance of the MPU-6000: 50 mg)
+    in_poses=True,
+    bias=XYZ,
+    thermometers=("imu", "poses"),
+    thermometer=True,
+    spoils="attitude_rms",
+    believed_bias=0.3,  # ICM-20602 and the like after the autopilot's calibration; its data sheet allows 0.6
+)

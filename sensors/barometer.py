@@ -10,6 +10,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
+from sinan.sensors.sensor_type import SensorType
 
 
 @dataclass(frozen=True)
@@ -54,3 +55,31 @@ class Barometer:
         if self.bias is not None:
             blocks["b_baro"] = np.ones((len(motion), 1, 1))
         return blocks
+
+
+SENSOR = SensorType(
+    name="baro",
+    title="barometer",
+    make=lambda given: Barometer(given.sigma, given.bias_std, given.bias_walk),
+    kernel="height",
+    columns=(("height",), ("pressure",)),
+    own=("temperature",),
+    components=("height",),
+    unit="m",
+    plausible=3.0,  # a door or a gust
+    bias=("",),
+    colour=("",),
+    height=lambda model, reading, roll, pitch: reading[:, 0],
+    height_turn=0,
+    late="climb_descent",
+    thermometers=("baro",),
+    thermometer=True,
+    spoils="height_rms",
+    quantities={
+        "height": (("height",), "length"),
+        "pressure": (("pressure",), "pressure"),
+        "temperature": (("temperature",), "temperature"),
+    },
+    believed_bias=2.0,  # the air in the draught
+    levels=(("colour_std", 0.2, 1.0), ("colour_time", 3.0, 1.0), ("bias_walk", 0.03, 1.0)),
+)

@@ -16,6 +16,7 @@ from sinan.sensors.lenses import LENSES, Lens
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matrix, rotate_back, skew
+from sinan.sensors.sensor_type import SensorType
 
 #: A camera that looks ahead: its x is body right, its y body down, its z body forward. Columns are the camera's axes.
 LOOKS_AHEAD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -191,3 +192,13 @@ class Camera:
         """(n, 2, 3) d pixel / d P_b = J C_cb."""
         by_P, _ = self.intrinsics.slopes(self.points_c(motion))
         return by_P @ self.C_bc.T
+
+
+SENSOR = SensorType(
+    name="camera",
+    title="camera",
+    make=None,  # of its lens and mounting: `covariates.camera_of`
+    kernel="form",
+    columns=(("point", "u", "v"),),
+    declares=("noise_std", "focal", "centre", "lens", "coefficients", "mounting", "lever_arm"),
+)

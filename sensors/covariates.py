@@ -11,17 +11,11 @@ from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.noise import sample_std
 from sinan.sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.registry import BySensor
 from sinan.sensors.rotation import matrix_from_quaternion
 
 #: Where the temperature of a sensor is looked for, in order: its own chip first, then the board it sits on
-_THERMOMETERS: dict[str, tuple[str, ...]] = {
-    "accel": ("imu", "poses"),
-    "gyro": ("imu", "poses"),
-    "mag": ("mag", "poses", "imu"),
-    "baro": ("baro",),
-    "sonar": ("sonar", "air"),
-    "laser": ("laser",),
-}
+_THERMOMETERS = BySensor(lambda entry: entry.thermometers)
 #: Covariates that power and air carry, and their columns
 _ABOARD: dict[str, tuple[str, ...]] = {
     "current": ("current",),
@@ -69,8 +63,8 @@ def covariates_for(recording: Recording, stream: str, t: FloatArray) -> dict[str
     for name, effect in _DECLARED.items():
         if effect in recording.effects:
             found[name] = np.full(len(t), recording.effects[effect][0])
-    angles = recording.spec("laser").angles
-    if stream == "laser" and angles is not None:
+    angles = recording.spec(stream).angles
+    if angles is not None:
         found["angles"] = np.tile(angles, (len(t), 1))
     if stream == "camera":
         found.update(seen_points(recording, len(t)))

@@ -10,6 +10,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
+from sinan.sensors.sensor_type import NED, PER_READING, SensorType
 
 
 @dataclass(frozen=True)
@@ -108,3 +109,42 @@ class BaseReceiver:
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """Identity on the GPS bias."""
         return {"b_gps": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+
+_FIX = (NED, ("latitude", "longitude", "height"))
+_OWN = (*_FIX[1], "vel_north", "vel_east", "vel_down")
+
+
+SENSOR = SensorType(
+    name="gps",
+    title="GPS",
+    make=lambda given: Gps(given.sigma, given.sigma_velocity, given.bias_std, given.bias_walk),
+    kernel="position",
+    columns=_FIX,
+    own=_OWN,
+    declares=(*PER_READING, "velocity_noise_std"),
+    components=NED,
+    unit="m",
+    plausible=10.0,  # a multipath jump
+    bias=NED,
+    colour=NED,
+    velocity=True,
+    turn=0,
+    spoils="position_rms",
+    believed_bias=2.0,  # the atmosphere and the orbits
+)
+
+BASE = SensorType(
+    name="base",
+    title="base receiver",
+    make=lambda given: BaseReceiver(given.sigma),
+    kernel="zero",
+    columns=_FIX,
+    own=_OWN,
+    declares=(*PER_READING, "velocity_noise_std", "base_position"),
+    components=NED,
+    unit="m",
+    plausible=10.0,
+    bias_block="b_gps",
+    turn=1,
+)

@@ -10,6 +10,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
+from sinan.sensors.sensor_type import XYZ, SensorType
 
 
 @dataclass(frozen=True)
@@ -50,3 +51,21 @@ class Gyroscope:
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """The bias enters directly; as a driver of the process the reading has no other state in it."""
         return {"b_gyro": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+
+SENSOR = SensorType(
+    name="gyro",
+    title="gyroscope",
+    make=lambda given: Gyroscope(given.sigma, given.bias_std, given.bias_walk),
+    kernel="",
+    declares=("noise_density", "noise_std", "bias_walk", "bias_std", "average_time", "imu_samples"),
+    components=XYZ,
+    unit="rad/s",
+    plausible=0.05,  # a knock or thermal shock (zero tolerance of the MPU-6000: 20 deg/s)
+    in_poses=True,
+    bias=XYZ,
+    thermometers=("imu", "poses"),
+    thermometer=True,
+    spoils="attitude_rms",
+    believed_bias=0.01,  # after the autopilot's calibration; data sheets allow 0.09
+)

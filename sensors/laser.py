@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.ranging import descent, scan_beams, slant_range, slant_range_jacobian
 from sinan.sensors.rotation import rotate, tilted
+from sinan.sensors.sensor_type import PER_READING, SensorType
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Laser:
     sigma : standard deviation of one range [m]
     bias_std, bias_walk : of the optional bias, common to all beams [m], [m/sqrt(s)]; both zero: no bias state
     angles : (beams,) rad; one zero: a single beam along body down
+    minimum, maximum : ranges between which an echo comes back [m]
     """
 
     sigma: float
@@ -34,6 +36,8 @@ class Laser:
     bias_walk: float = 0.0
     angles: FloatArray = field(default_factory=lambda: np.zeros(1))
     name: str = "laser"
+    minimum: float = 0.0
+    maximum: float = np.inf
 
     @property
     def size(self) -> int:
@@ -68,6 +72,13 @@ class Laser:
         if self.bias is not None:
             blocks["b_laser"] = np.ones((len(motion), self.size, 1))
         return blocks
+
+    def echo(self, motion: Motion, softness: float = 0.0) -> BoolArray:
+        """(n,) whether all beams come back: none above the horizon or out of range; the ground's softness is nothing to
+        light.
+        """
+        ranges = self.predict(motion)
+        return np.asarray(np.all((ranges >= self.minimum) & (ranges <= self.maximum) & np.isfinite(ranges), axis=1))
 
 
 def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
@@ -111,3 +122,30 @@ def ground_points(motion: Motion, ranges: FloatArray, angles: FloatArray) -> Flo
 def slant_from_height(motion: Motion) -> FloatArray:
     """(n,) height / (cos(pitch) cos(roll)) [m], what the course's scan mean stands for: the range along body down."""
     return slant_range(motion)
+
+
+SENSOR = SensorType(
+    name="laser",
+    title="laser",
+    make=lambda given: Laser(
+        given.sigma, given.bias_std, given.bias_walk, given.angles, minimum=given.minimum, maximum=given.maximum
+    ),
+    kernel="range",
+    columns=(("range",), ("range_0",)),
+    numbered="range_",
+    declares=(*PER_READING, "angles"),
+    components=("range",),
+    unit="m",
+    plausible=1.0,  # an obstacle under the beam
+    bias=("",),
+    bias_optional=True,
+    colour=("",),
+    height=lambda model, reading, roll, pitch: scan_height(reading, model.angles, roll, pitch),
+    height_turn=1,
+    heard=Laser.echo,
+    late="climb_descent",
+    thermometers=("laser",),
+    spoils="height_rms",
+    quantities={"range": (("range",), "length")},
+    levels=(("colour_std", 0.05, 1.0), ("colour_time", 1.0, 1.0)),
+)

@@ -11,6 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.rotation import rotate, rotate_back, skew, tilted
+from sinan.sensors.sensor_type import PER_READING, XYZ, SensorType
 
 
 @dataclass(frozen=True)
@@ -88,3 +89,26 @@ def tilt_compensated_heading(m_b: FloatArray, roll: FloatArray, pitch: FloatArra
     """
     level = rotate(tilted(roll, pitch), m_b)
     return np.asarray(np.arctan2(-level[..., 1], level[..., 0]))
+
+
+SENSOR = SensorType(
+    name="mag",
+    title="magnetometer",
+    make=lambda given: Magnetometer(given.sigma, given.bias_std, given.bias_walk),
+    kernel="field",
+    columns=(("mag_x", "mag_y", "mag_z"),),
+    declares=(*PER_READING, "average_time"),
+    components=XYZ,
+    unit="1",
+    plausible=0.1,  # iron brought near: a tenth of the field
+    in_poses=True,
+    bias=XYZ,
+    colour=XYZ,
+    late="aerobatics",
+    thermometers=("mag", "poses", "imu"),
+    spoils="heading_rms",
+    quantities={
+        "mag": (("mag_x", "mag_y", "mag_z"), "field"),
+        "temperature": (("temperature",), "temperature"),
+    },
+)

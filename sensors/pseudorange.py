@@ -65,7 +65,8 @@ CLOCK_OF: Mapping[str, str] = {"G": "G", "J": "J", "E": "E", "C": "C", "R": "R"}
 SHORTEST, LONGEST = 1.0e7, 1.0e8  # m: outside, a number is no pseudorange, whatever the receiver's clock shows
 
 
-#: Noise of a pseudorange: RTKLIB 2.4.2 manual, E.6, for a plain antenna.
+#: Error of one pseudorange, noise and multipath together, by which one epoch is weighed: RTKLIB 2.4.2 manual, E.6, for
+#: a plain antenna. What of it changes with time is less: `residual_loop.pseudoranges.CHANGING_NOISE`.
 CODE_NOISE = 0.9  # m at the zenith for each of the two parts
 GLONASS_NOISE = 1.5  # times that of the others: half the chip rate
 DEFAULT_ACCURACY = 2.4  # m, where the message has none

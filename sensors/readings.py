@@ -11,21 +11,16 @@ from zlib import crc32
 
 import numpy as np
 
-from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.barometer import Barometer
 from sinan.sensors.effects import Effect, apply_effects
 from sinan.sensors.effects.outliers import draw
-from sinan.sensors.gps import BaseReceiver, Gps
-from sinan.sensors.gyroscope import Gyroscope
-from sinan.sensors.laser import Laser
-from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess, random_walk, sample_std
-from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY
+from sinan.sensors.recording import POSITION, VELOCITY
+from sinan.sensors.registry import sensor
 from sinan.sensors.scenario import Instrument, Scenario
-from sinan.sensors.sonar import Sonar
+from sinan.sensors.sensor_type import Given
 from sinan.sensors.vehicle import Vehicle
 
 #: A grid so fine that what an effect reads between its points (a delay, a lag) is exact to 1e-6 of the signal
@@ -103,32 +98,26 @@ def model_of(name: str, instrument: Instrument) -> SensorModel:
         sigma = sample_std(spec.noise_density, instrument.rate)
     else:
         sigma = spec.noise_std or 0.0
-    std, walk = spec.bias_std or 0.0, spec.bias_walk or 0.0
-    if name == "accel":
-        return Accelerometer(sigma, std, walk)
-    if name == "gyro":
-        return Gyroscope(sigma, std, walk)
-    if name == "mag":
-        return Magnetometer(sigma, std, walk)
-    if name == "baro":
-        return Barometer(sigma, std, walk)
-    if name == "sonar":
-        return Sonar(sigma, std, walk, instrument.minimum, instrument.maximum, instrument.beam_angle)
-    if name == "laser":
-        return Laser(sigma, std, walk, np.zeros(1) if spec.angles is None else spec.angles)
-    if name == "gps":
-        return Gps(sigma, (spec.velocity_noise_std or 0.0) if instrument.velocity else None, std, walk)
-    return BaseReceiver(sigma)
+    make = sensor(name).make
+    if make is None:
+        raise ValueError(f"`{name}` cannot be simulated: its declaration has no `make`")
+    return make(
+        Given(
+            sigma=sigma,
+            bias_std=spec.bias_std or 0.0,
+            bias_walk=spec.bias_walk or 0.0,
+            sigma_velocity=(spec.velocity_noise_std or 0.0) if instrument.velocity else None,
+            angles=np.zeros(1) if spec.angles is None else spec.angles,
+            minimum=instrument.minimum,
+            maximum=instrument.maximum,
+            beam_angle=instrument.beam_angle,
+        )
+    )
 
 
 def columns_of(name: str, size: int) -> tuple[str, ...]:
     """Names of the columns of a reading."""
-    if name in ("gps", "base"):
-        return (*POSITION, *VELOCITY)[:size]
-    if name == "laser" and size > 1:
-        return tuple(f"range_{i}" for i in range(size))
-    columns = {"accel": ACCEL, "gyro": GYRO, "mag": MAG, "baro": ("height",), "sonar": ("range",), "laser": ("range",)}
-    return columns[name]
+    return (*POSITION, *VELOCITY)[:size] if sensor(name).velocity else sensor(name).named(size)
 
 
 def instants(scenario: Scenario, name: str, rng: np.random.Generator) -> FloatArray:
@@ -157,7 +146,7 @@ def read(world: World, name: str) -> Readings:
     scale = scale_of(world, name)
     if np.any(scale):
         value = value + scale * model.predict(motion)
-    value = value + bias_at(world, "gps" if name == "base" else name, t, asked_by=name, size=model.size)
+    value = value + bias_at(world, sensor(name).block.removeprefix("b_"), t, asked_by=name, size=model.size)
     sigma = np.sqrt(np.diag(model.R))
     value = value + sigma * world.rng(f"{name}.noise").standard_normal((len(t), model.size))
     for present in world.on(name):
@@ -243,9 +232,7 @@ def _arrives(world: World, name: str, motion: Motion, model: SensorModel) -> Boo
     heard = world.rng(f"{name}.loss").random(len(t)) >= instrument.loss
     for start, end in instrument.dropouts:
         heard &= (t < start) | (t >= end)
-    if isinstance(model, Sonar):
-        heard &= model.echo(motion, instrument.softness)
-    elif isinstance(model, Laser):
-        ranges = model.predict(motion)
-        heard &= np.all((ranges >= instrument.minimum) & (ranges <= instrument.maximum) & np.isfinite(ranges), axis=1)
+    returns = sensor(name).heard
+    if returns is not None:
+        heard &= returns(model, motion, instrument.softness)
     return np.asarray(heard)

@@ -13,12 +13,11 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.errors import InputError
+from sinan.sensors.registry import BySensor, sensor
 
 Kind = Literal["flight", "poses"]
 
-ACCEL = ("accel_x", "accel_y", "accel_z")
-GYRO = ("gyro_x", "gyro_y", "gyro_z")
-MAG = ("mag_x", "mag_y", "mag_z")
+ACCEL, GYRO, MAG = (sensor(name).named(3) for name in ("accel", "gyro", "mag"))
 POSITION = ("north", "east", "down")
 VELOCITY = ("vel_north", "vel_east", "vel_down")
 GEODETIC = ("latitude", "longitude", "height")
@@ -28,20 +27,16 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 FIX_QUALITY = ("eph", "epv", "s_variance", "hdop", "vdop", "pdop", "satellites")
 
 #: The columns that a stream must have; where several alternatives exist, one of them.
-REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = {
-    "imu": ((*ACCEL, *GYRO),),
-    "mag": (MAG,),
-    "baro": (("height",), ("pressure",)),
-    "sonar": (("range",),),
-    "laser": (("range",), ("range_0",)),
-    "gps": (POSITION, GEODETIC),
-    "base": (POSITION, GEODETIC),
-    "power": (("current",), ("voltage",)),
-    "motors": (("motor_1",),),
-    "air": (("airspeed",), ("wind_north", "wind_east"), ("temperature",)),
-    "camera": (("point", "u", "v"),),
-    "poses": (ACCEL, MAG),
-}
+REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = BySensor(
+    lambda entry: entry.columns,
+    before={"imu": ((*ACCEL, *GYRO),)},
+    after={
+        "power": (("current",), ("voltage",)),
+        "motors": (("motor_1",),),
+        "air": (("airspeed",), ("wind_north", "wind_east"), ("temperature",)),
+        "poses": (ACCEL, MAG),
+    },
+)
 #: The largest reading: beyond every unit and clock, and its powers stay finite.
 LARGEST_READING = 1e30
 #: The most columns of a stream beyond the format's own, numbered ones aside.
@@ -228,8 +223,8 @@ class Recording:
     ----------
     name : of the recording
     kind : "flight" (moving, feeds the filter) or "poses" (static or slowly turned, feeds a calibration)
-    streams : by name: imu, mag, baro, sonar, laser, gps, base, power, motors, air, camera, poses
-    sensors : what is declared, by sensor: accel, gyro, mag, baro, sonar, laser, gps, base, camera
+    streams : by name: imu, those of the sensors (`sensors.registry`), power, motors, air, poses
+    sensors : what is declared, by sensor
     origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
     effects : declared effects by name, with their parameters; every estimator models them
     source : where it was read from, for messages

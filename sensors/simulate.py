@@ -32,6 +32,7 @@ from sinan.sensors.recording import (
     Stream,
     Truth,
 )
+from sinan.sensors.registry import BySensor, sensor
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
 from sinan.sensors.scenario import Scenario
 from sinan.sensors.trajectory import Multicopter
@@ -41,15 +42,7 @@ __all__ = ["Present", "simulate"]
 
 #: Amplitude given to a vehicle that does not shake when the effect of its vibration is asked for [m/s^2]
 SHAKING = (1.0, 1.0, 2.0)
-BIAS_COLUMNS = {
-    "accel": ("bias_accel_x", "bias_accel_y", "bias_accel_z"),
-    "gyro": ("bias_gyro_x", "bias_gyro_y", "bias_gyro_z"),
-    "mag": ("bias_mag_x", "bias_mag_y", "bias_mag_z"),
-    "gps": ("bias_gps_north", "bias_gps_east", "bias_gps_down"),
-    "baro": ("bias_baro",),
-    "sonar": ("bias_sonar",),
-    "laser": ("bias_laser",),
-}
+BIAS_COLUMNS = BySensor(lambda entry: entry.bias_columns)
 
 
 def simulate(
@@ -155,7 +148,7 @@ def _streams(world: World) -> dict[str, Stream]:
 
 def _temperature(world: World, name: str, t: FloatArray) -> dict[str, FloatArray]:
     """The thermometer on the chip: of the IMU, of the barometer, and of a magnetometer without an IMU beside it."""
-    if name in ("accel", "gyro", "baro") or (name == "mag" and "accel" not in world.scenario.sensors):
+    if sensor(name).thermometer or (name == "mag" and "accel" not in world.scenario.sensors):
         return {"temperature": world.vehicle.temperature(t, name)}
     return {}
 

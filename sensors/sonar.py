@@ -11,8 +11,9 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.atmosphere import speed_of_sound
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
-from sinan.sensors.ranging import slant_range, slant_range_jacobian
+from sinan.sensors.ranging import slant_range, slant_range_jacobian, tilt_compensated_height
 from sinan.sensors.rotation import cos_tilt
+from sinan.sensors.sensor_type import SensorType
 
 
 @dataclass(frozen=True)
@@ -91,3 +92,32 @@ def range_from_time_of_flight(time: FloatArray, temperature: FloatArray | float)
     Neglects wind along the beam and humidity.
     """
     return np.asarray(0.5 * speed_of_sound(np.asarray(temperature, dtype=np.float64)) * np.asarray(time))
+
+
+SENSOR = SensorType(
+    name="sonar",
+    title="sonar",
+    make=lambda given: Sonar(
+        given.sigma, given.bias_std, given.bias_walk, given.minimum, given.maximum, given.beam_angle
+    ),
+    kernel="range",
+    columns=(("range",),),
+    components=("range",),
+    unit="m",
+    plausible=1.0,  # an obstacle under the beam
+    bias=("",),
+    bias_optional=True,
+    colour=("",),
+    height=lambda model, reading, roll, pitch: tilt_compensated_height(reading[:, 0], roll, pitch),
+    height_turn=2,
+    heard=Sonar.echo,
+    late="low_pass",
+    thermometers=("sonar", "air"),
+    spoils="height_rms",
+    quantities={
+        "range": (("range",), "length"),
+        "time_of_flight": (("time_of_flight",), "time"),
+        "temperature": (("temperature",), "temperature"),
+    },
+    levels=(("colour_std", 0.05, 1.0), ("colour_time", 1.0, 1.0)),
+)

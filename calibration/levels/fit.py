@@ -14,11 +14,10 @@ from dataclasses import field as default
 
 import numpy as np
 
-from sinan.calibration.levels.noise_start import datum, imu_density, reading_noise, readings_of
+from sinan.calibration.levels.noise_start import datum, height_sensors, imu_density, reading_noise, readings_of
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
-from sinan.estimator.filter.events import height_of
 from sinan.estimator.filter.flight_model import FlightModel, InStep, flight_model
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs, prepare
@@ -27,6 +26,7 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
+from sinan.sensors.registry import sensor, sensors, where
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
@@ -153,20 +153,10 @@ def sizes_of(recording: Recording) -> list[Size]:
             Size("mag", "bias_std", 0.06 * norm, 0.7),
             Size("latency", "mag", 0.01, 0.01, linear=True),
         ]
-    if "baro" in streams:
-        sizes += [
-            Size("baro", "noise_std", reading_noise(height_of(recording)[:, None]), 1.0),
-            Size("baro", "colour_std", 0.2, 1.0),
-            Size("baro", "colour_time", 3.0, 1.0),
-            Size("baro", "bias_walk", 0.03, 1.0),
-        ]
-    for name in ("sonar", "laser"):
-        if name in streams:
-            sizes += [
-                Size(name, "noise_std", reading_noise(readings_of(recording, name)), 1.0),
-                Size(name, "colour_std", 0.05, 1.0),
-                Size(name, "colour_time", 1.0, 1.0),
-            ]
+    for entry in sensors():
+        if entry.levels and entry.name in streams:
+            sizes += [Size(entry.name, "noise_std", reading_noise(readings_of(recording, entry.name)), 1.0)]
+            sizes += [Size(entry.name, *level) for level in entry.levels]
     if "gps" in streams:
         white = reading_noise(readings_of(recording, "gps"))
         sizes += [Size("gps", "noise_std", white, 1.0)]
@@ -209,13 +199,13 @@ def first_levels(
     recording: Recording, sizes: Sequence[Size], m_n: FloatArray | None, field: FloatArray | None
 ) -> Levels:
     """All sizes at the medians of their priors."""
-    specs = {name: recording.spec(name) for name in ("accel", "gyro", "gps", "mag", "baro", "sonar", "laser", "base")}
+    specs = {name: recording.spec(name) for name in where(lambda entry: entry.make is not None)}
     undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency"}
     if "gps" in recording.streams and specs["gps"].bias_std is None:
-        specs["gps"] = replace(specs["gps"], bias_std=2.0)
-    for name in ("baro", "sonar", "laser"):
+        specs["gps"] = replace(specs["gps"], bias_std=sensor("gps").believed_bias)
+    for name in height_sensors():
         if name in recording.streams and specs[name].bias_std is None and name in undeclared:
-            std = float(np.hypot(2.0 if name == "baro" else 0.0, datum(recording, name)))
+            std = float(np.hypot(sensor(name).believed_bias, datum(recording, name)))
             walk = specs[name].bias_walk or 0.0
             specs[name] = replace(specs[name], bias_std=std if std > SAME_ZERO else 0.0, bias_walk=walk)
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
@@ -418,4 +408,4 @@ def is_told_without_position(size: Size) -> bool:
     Its innovations are colour on the scale of the motion, of which the one-step likelihood makes instruments that are
     too good; a time is told by the motion itself, and a height sensor's noise by the sensor.
     """
-    return size.sensor in ("latency", "baro", "sonar", "laser") or (size.sensor, size.key) == ("mag", "bias_std")
+    return size.sensor in ("latency", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")

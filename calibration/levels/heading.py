@@ -12,6 +12,7 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import collect
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.rotation import quaternion_multiply
 
@@ -44,7 +45,7 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
 
     def turned(heading: float) -> Recording:
         turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])
-        first = replace(initial, quaternion=quaternion_multiply(turn, x[6:10]), attitude_std=LEFT)
+        first = replace(initial, quaternion=quaternion_multiply(turn, x[Q_NB]), attitude_std=LEFT)
         return recording.replace(initial=first)
 
     def surprise(heading: float) -> float:

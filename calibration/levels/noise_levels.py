@@ -13,8 +13,9 @@ import numpy as np
 
 from sinan.calibration.levels.compass import DIRECTION_STD, LEAST_READINGS, compass_of
 from sinan.calibration.levels.noise_start import (
-    READINGS,
+    aiding_sensors,
     datum,
+    height_sensors,
     imu_density,
     reading_noise,
     readings_of,
@@ -34,14 +35,12 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.geomagnetism import declination, field_along, inclination
 from sinan.sensors.recording import GYRO, MAG, VELOCITY, Recording, SensorSpec
+from sinan.sensors.registry import BySensor, where
 
 #: Noise below this, in SI units, is that of numbers which nobody has measured.
 NO_NOISE = 1e-15
 #: What is believed of the biases of consumer instruments where nothing is declared: 1-sigma at the start [unit].
-#: Offset of MPU-6000, ICM-20602 and the like after the calibration that every autopilot does; their data sheets allow
-#: 0.6 m/s^2 and 0.09 rad/s before it.
-#: A barometer's is the air in the draught, a GPS's the atmosphere and the orbits.
-BIAS_STD = {"accel": 0.3, "gyro": 0.01, "baro": 2.0, "gps": 2.0}
+BIAS_STD: Mapping[str, float] = BySensor(lambda entry: entry.believed_bias)
 #: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
 MAG_BIAS_STD = 0.15
 #: A hard iron that the log shows counts from so many of its sigmas on.
@@ -82,7 +81,6 @@ UNWATCHED_WALK = 1e-4
 SCALE_ERROR, TURN = 0.005, 0.5
 
 Key = tuple[str, str]
-HEIGHTS = ("baro", "sonar", "laser")
 _PART = {"noise_std": slice(0, 3), "velocity_noise_std": slice(3, 6)}  # of a GPS reading
 
 
@@ -181,7 +179,7 @@ def fit_noise_levels(recording: Recording, seek_field: bool = False) -> NoiseFit
     if inside is not recording:
         recording = inside
         specs, missing, assumed = first_guess(recording)
-    sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in HEIGHTS)
+    sought = tuple(key for key in missing if "gps" in recording.streams or key[0] in height_sensors())
     ruled = tuple(key for key in missing if key not in sought)
     if not sought and not seek_field:
         model = flight_model(recording, specs=specs)
@@ -209,7 +207,7 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
     found: dict[Key, float] = {}
     found["accel", "noise_density"] = imu_density(recording)
     found["gyro", "noise_density"] = imu_density(recording, GYRO)
-    for name in READINGS:
+    for name in aiding_sensors():
         if name in streams:
             found[name, "noise_std"] = reading_noise(readings_of(recording, name))
     if "gps" in streams and streams["gps"].has(VELOCITY):
@@ -225,16 +223,15 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
         believed[name, "bias_std"] = BIAS_STD[name]
     if "mag" in streams:
         believed["mag", "bias_std"] = _hard_iron(recording)
-    if "baro" in streams:
-        believed["baro", "bias_std"] = BIAS_STD["baro"]
-    if "gps" in streams:
-        believed["gps", "bias_std"] = BIAS_STD["gps"]
-    for name in ("baro", "sonar", "laser"):
+    for name, std in BIAS_STD.items():
+        if name in streams:
+            believed[name, "bias_std"] = std
+    for name in height_sensors():
         off = datum(recording, name) if name in streams else 0.0
         if off > SAME_ZERO:
             believed[name, "bias_std"] = float(np.hypot(BIAS_STD.get(name, 0.0), off))
             believed[name, "bias_walk"] = 0.0
-    for name in ("accel", "gyro", "mag", "baro", "gps"):
+    for name in where(lambda entry: bool(entry.believed_bias) or entry.kernel == "field"):
         if (name, "bias_std") in believed:
             noise = found.get((name, "noise_density")) or found[name, "noise_std"]
             found[name, "bias_walk"] = min(WALK_START * noise, 0.3 * BIAS_STD.get(name, np.inf) / np.sqrt(LEAST_WANDER))
@@ -271,7 +268,7 @@ def _without_position(
     which a circling hand makes: it counts as known, and `level` bears it, unless a height sensor shows it.
     """
     given: dict[Key, float] = {}
-    if not any(name in recording.streams for name in HEIGHTS):
+    if not any(name in recording.streams for name in height_sensors()):
         given |= {("accel", key): 0.0 for key in ("bias_std", "bias_walk")}
     given["gyro", "bias_walk"] = UNWATCHED_WALK
     rate_rms = float(np.sqrt(np.mean(np.square(recording.streams["imu"].array(GYRO)))))

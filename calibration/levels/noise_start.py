@@ -6,10 +6,11 @@ import numpy as np
 
 from sinan.calibration.levels.allan import white_density
 from sinan.calibration.poses.segments import still_rows
-from sinan.estimator.filter.events import height_of, position_of, ranges_of
+from sinan.estimator.filter.events import gives_place, own_readings, position_of
 from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording
+from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording
+from sinan.sensors.registry import sensor, where
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
 LEAST_STILL = 1.0
@@ -17,10 +18,18 @@ LEAST_STILL = 1.0
 #: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
 ROUNDING = 1.0 / np.sqrt(12.0)
 SAME, OFTEN = 1e-3, 0.05
-#: The streams whose readings update the filter.
-READINGS = ("mag", "baro", "sonar", "laser", "gps", "base")
 #: Median of the magnitude of a standard normal.
 MEDIAN_NORMAL = 0.6745
+
+
+def aiding_sensors() -> tuple[str, ...]:
+    """The sensors whose readings update the filter and whose noise a log shows."""
+    return where(lambda entry: entry.columns and entry.make is not None)
+
+
+def height_sensors() -> tuple[str, ...]:
+    """The sensors whose readings show a height."""
+    return where(lambda entry: entry.height is not None)
 
 
 def within_imu(recording: Recording) -> Recording:
@@ -32,15 +41,15 @@ def within_imu(recording: Recording) -> Recording:
     ------
     InputError : a stream with readings, all of them outside
     """
-    imu = recording.streams["imu"]
+    imu, aiding = recording.streams["imu"], aiding_sensors()
     kept = {}
     for name, stream in recording.streams.items():
         inside = (stream.t >= imu.t[0]) & (stream.t <= imu.t[-1])
-        if name in READINGS and len(stream) and not np.any(inside):
+        if name in aiding and len(stream) and not np.any(inside):
             found = f"{len(stream)} readings from {stream.t[0]:g} to {stream.t[-1]:g} s"
             expected = f"some within the IMU's time, {imu.t[0]:g} to {imu.t[-1]:g} s: one clock for all streams"
             raise InputError(recording.where, found, expected, f"stream {name}")
-        kept[name] = stream if name not in READINGS or np.all(inside) else stream.rows(inside)
+        kept[name] = stream if name not in aiding or np.all(inside) else stream.rows(inside)
     if all(kept[name] is stream for name, stream in recording.streams.items()):
         return recording
     return recording.replace(streams=kept)
@@ -117,9 +126,9 @@ def datum(recording: Recording, name: str) -> float:
         return 0.0
     down = float(position_of(recording, "gps")[0, 2])
     first = float(np.min(readings_of(recording, name)[0]))  # of a scan the beam nearest to the vertical
-    if name == "baro":
-        return abs(first + down)
-    return abs(first - (recording.environment.ground_down - down))
+    if sensor(name).kernel == "range":
+        return abs(first - (recording.environment.ground_down - down))
+    return abs(first + down)
 
 
 def rounding(recording: Recording, name: str, key: str) -> float:
@@ -134,13 +143,9 @@ def _density_factor(recording: Recording, name: str) -> float:
 
 def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:
     """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
-    stream = recording.streams["imu" if name in ("accel", "gyro") else name]
-    if name == "baro":
-        return height_of(recording)[:, None]
-    if name in ("sonar", "laser"):
-        return stream.array(ranges_of(stream))
+    entry = sensor(name)
     if key == "velocity_noise_std":
-        return stream.array(VELOCITY)
-    if name in ("gps", "base"):
-        return position_of(recording, name)
-    return stream.array({"accel": ACCEL, "gyro": GYRO, "mag": MAG}[name])
+        return recording.streams[name].array(VELOCITY)
+    if not entry.columns:
+        return recording.streams[entry.stream].array(entry.named(3))
+    return position_of(recording, name) if gives_place(name) else own_readings(recording, name)

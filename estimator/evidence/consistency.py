@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.estimator.filter.journal import Journal
-from sinan.estimator.filter.layout import BLOCK_SIZES, StateLayout
+from sinan.estimator.filter.layout import StateLayout, size_of
 from sinan.sensors.arrays import FloatArray
 
 LEVEL = 0.99  # probability of the intervals
@@ -84,7 +84,7 @@ def nees_by_block(
 def block_dof(layout: StateLayout, translation: bool = True) -> Mapping[str, int]:
     """Degrees of freedom of each entry of `nees_by_block`."""
     names = [name for name in layout.names if translation or name not in ("position", "velocity")]
-    return {"overall": sum(BLOCK_SIZES[n] for n in names), **{BLOCK_NAMES[n]: BLOCK_SIZES[n] for n in names}}
+    return {"overall": sum(size_of(n) for n in names), **{BLOCK_NAMES[n]: size_of(n) for n in names}}
 
 
 def coverage(error: FloatArray, sigma: FloatArray) -> Mapping[str, float]:

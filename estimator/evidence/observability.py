@@ -33,7 +33,7 @@ import numpy as np
 from sinan.estimator.evidence.error_integrals import MOVING, ErrorIntegrals, transitions
 from sinan.estimator.filter.error_dynamics import bias_rates
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.estimator.filter.layout import StateLayout
+from sinan.estimator.filter.layout import DP, DV, StateLayout
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
@@ -204,7 +204,7 @@ def _noise_since(H: FloatArray, rates: FloatArray, h: FloatArray) -> FloatArray:
     Q = q_v [h^3 / 3, h^2 / 2; h^2 / 2, h] on position and velocity, q h on every other state; what the attitude's noise
     does to the velocity within h is left out.
     """
-    p, v = slice(0, 3), slice(3, 6)
+    p, v = DP, DV
     q, h1 = rates[:, None, v], h[:, None, None]
     moved = (H * (rates * h[:, None])[:, None, :]) @ np.swapaxes(H, 1, 2)
     crossed = (H[:, :, p] * (0.5 * q * h1**2)) @ np.swapaxes(H[:, :, v], 1, 2)

@@ -12,11 +12,11 @@ from collections.abc import Callable
 import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.laser import Laser, scan_height
-from sinan.sensors.ranging import tilt_compensated_height
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.rotation import (
     cross,
     quaternion_conjugate,
@@ -28,7 +28,6 @@ from sinan.sensors.rotation import (
     rpy_from_quaternion,
     turned_since_start,
 )
-from sinan.sensors.sonar import Sonar
 
 WINDOW = 1.0  # s, over which the first specific force and field are averaged
 WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
@@ -54,11 +53,11 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
     q, P_attitude, beside = _first_attitude(recording, model)
-    x[6:10], P[6:9, 6:9] = q, P_attitude
+    x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
     for name, block_beside in beside.items():
         if layout.has(name):
             P[6:9, layout.slice(name)] = block_beside
-            P[layout.slice(name), 6:9] = block_beside.T
+            P[layout.slice(name), DTHETA] = block_beside.T
     position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
@@ -208,22 +207,21 @@ def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) 
         waited = max(0.0, float(stream.t[0] - recording.streams["imu"].t[0]))
         spread = np.hypot(np.sqrt(gps.R[0, 0]), 0.0 if gps.bias is None else gps.bias.std)
         return stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
-    for name in ("baro", "laser", "sonar"):
-        if name not in model.sensors:
+    heights = [sensor(name) for name in model.sensors if is_sensor(name)]
+    for entry in sorted(heights, key=lambda entry: entry.height_turn):
+        if entry.height is None:
             continue
         from sinan.estimator.filter.events import readings
 
-        sensor = model.sensors[name]
-        first = readings(recording, model, name)[0][:1]
+        instrument = model.sensors[entry.name]
+        first = readings(recording, model, entry.name)[0][:1]
         roll, pitch, _ = rpy_from_quaternion(q_nb[None]).T
-        if isinstance(sensor, Laser):
-            height = scan_height(first, sensor.angles, roll, pitch) - model.ground_down
-        elif isinstance(sensor, Sonar):
-            height = tilt_compensated_height(first[:, 0], roll, pitch) - model.ground_down
-        else:
-            height = first[:, 0]
+        height = entry.height(instrument, first, roll, pitch)
+        if entry.kernel == "range":
+            height = height - model.ground_down
         p[2] = -float(height[0])
-        sigma[2] = WIDE * np.hypot(np.sqrt(sensor.R[0, 0]), 0.0 if sensor.bias is None else sensor.bias.std)
+        bias = instrument.bias
+        sigma[2] = WIDE * np.hypot(np.sqrt(instrument.R[0, 0]), 0.0 if bias is None else bias.std)
         break
     return p, sigma
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinan.estimator.filter.error_dynamics import bias_rates
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.estimator.filter.inputs import BIAS_BLOCK, KIND, RunInputs, RunOutputs, raise_for
+from sinan.estimator.filter.inputs import RANGE, RunInputs, RunOutputs, bias_block, kind_of, raise_for
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray, IntArray
 
@@ -165,14 +165,14 @@ class CompiledRun:
         from sinan.estimator.filter.engine_numba import Sensors
 
         names = self.inputs.events.sensors
-        blocks = [BIAS_BLOCK.get(name, f"b_{name}") for name in names]
+        blocks = [bias_block(name) for name in names]
         beams, beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
         for s, name in enumerate(names):
-            if KIND[name] == 4:
+            if kind_of(name) == RANGE:
                 beam_start[s] = sum(len(b) for b in beams)
                 beams.append(getattr(model.sensors[name], "beams_b", np.array([[0.0, 0.0, 1.0]])))
         return Sensors(
-            kind=np.array([KIND[name] for name in names], dtype=np.int64),
+            kind=np.array([kind_of(name) for name in names], dtype=np.int64),
             size=np.array([model.sensors[name].size for name in names], dtype=np.int64),
             bias=np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64),
             colour=np.array([_first_colour(model, name) for name in names], dtype=np.int64),

@@ -19,7 +19,7 @@ import numpy as np
 
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
-from sinan.estimator.filter.events import FORM_ONLY, StreamForm, collect, stamps
+from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
@@ -256,7 +256,7 @@ class Along:
     @cached_property
     def inputs(self) -> RunInputs:
         """Of a pass with the effects in the model."""
-        linear = [name for name in self.model.sensors if self.model.relinearise or name in FORM_ONLY]
+        linear = [name for name in self.model.sensors if self.model.relinearise or is_form_only(name)]
         forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
         events = collect(
             self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}

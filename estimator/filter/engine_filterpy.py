@@ -15,8 +15,9 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
-from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED, NO_PREDICTION, WITHHELD
-from sinan.estimator.filter.inputs import BIAS_BLOCK, RunInputs, RunOutputs, outputs_for, raise_for
+from sinan.estimator.filter.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD, is_form_only
+from sinan.estimator.filter.inputs import RunInputs, RunOutputs, bias_block, outputs_for, raise_for
+from sinan.estimator.filter.layout import D_BIASES, D_MOTION, DTHETA, P_N, Q_NB, V_N, X_BIASES
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
@@ -126,7 +127,7 @@ class ReadableFilter:
         u1 = (1.0 - a1) * imu.u[i] + a1 * imu.u[i + 1]
         self.x, step = strapdown_step(self.x, u0, u1, h, model.g_n, model.w_ie_n, model.translation)
         phi, q = decay_over(h, self.walk2, self.rate)
-        self.x[10:] *= phi[9:]
+        self.x[X_BIASES] *= phi[D_BIASES]
         self.ekf.F = transition(step, model.layout.n, model.translation, phi)
         self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], q, model.translation)
         self.ekf.predict()
@@ -169,9 +170,9 @@ class ReadableFilter:
         self.update = Update(events.z[rows], z_pred, nu, H, R, S, self.ekf.K.copy())
         dx = self.ekf.x[:, 0]
         self.x = layout.retract(self.x, dx)
-        self.x[6:10] /= np.linalg.norm(self.x[6:10])
+        self.x[Q_NB] /= np.linalg.norm(self.x[Q_NB])
         reset = np.eye(layout.n)
-        reset[6:9, 6:9] = right_jacobian(dx[6:9])
+        reset[DTHETA, DTHETA] = right_jacobian(dx[DTHETA])
         self.ekf.P = reset @ self.ekf.P @ reset.T
         self.ekf.P = 0.5 * (self.ekf.P + self.ekf.P.T)
         self.ekf.x = np.zeros((layout.n, 1))
@@ -182,33 +183,33 @@ class ReadableFilter:
         sensor = model.sensors[name]
         m_n = model.m_n + x[layout.nominal("field")] if layout.has("field") else model.m_n
         motion = Motion(
-            t=events.t[k : k + 1], p_n=x[None, 0:3], v_n=x[None, 3:6], q_nb=x[None, 6:10], m_n=m_n[None, :],
+            t=events.t[k : k + 1], p_n=x[None, P_N], v_n=x[None, V_N], q_nb=x[None, Q_NB], m_n=m_n[None, :],
             g_n=model.g_n, ground_down=model.ground_down,
         )  # fmt: skip
         z_pred, H = np.zeros(sensor.size), np.zeros((sensor.size, layout.n))
-        if name not in FORM_ONLY:
+        if not is_form_only(name):
             z_pred += sensor.predict(motion)[0]
             for block, values in sensor.jacobian(motion).items():
                 H[:, layout.slice(block)] = values[0]
         if name == "mag" and layout.has("field"):
             replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in the field's error too
-            H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, 6:10] if replaced else x[6:10]).T
+            H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, Q_NB] if replaced else x[Q_NB]).T
         for start, process in model.colour_of(name):
             part = slice(start, start + process.size) if process.size > 1 else slice(None)
             H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0
             z_pred[part] += x[layout.nominal(process.block)]
-        bias = BIAS_BLOCK.get(name, f"b_{name}")
+        bias = bias_block(name)
         if layout.has(bias):
             z_pred += H[:, layout.slice(bias)] @ x[layout.nominal(bias)]
         if events.has_form[events.sensor[k]]:
             ref, D = events.ref[k], events.D[events.row[k] : events.row[k + 1]]
-            turn = quaternion_log(quaternion_multiply(quaternion_conjugate(ref[6:10]), x[6:10]))
+            turn = quaternion_log(quaternion_multiply(quaternion_conjugate(ref[Q_NB]), x[Q_NB]))
             if events.has_form[events.sensor[k]] == 2:  # linear about the reference: only the bias stays
-                z_pred = H[:, 9:] @ x[10:]
-                H[:, :9] = 0.0
+                z_pred = H[:, D_BIASES] @ x[X_BIASES]
+                H[:, D_MOTION] = 0.0
             z_pred += D @ np.concatenate([x[:6] - ref[:6], turn])
             H[:, :6] += D[:, :6]
-            H[:, 6:9] += D[:, 6:] @ np.linalg.inv(right_jacobian(turn))
+            H[:, DTHETA] += D[:, DTHETA] @ np.linalg.inv(right_jacobian(turn))
         return z_pred, H
 
 

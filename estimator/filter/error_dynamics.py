@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.layout import DB_ACCEL, DB_GYRO, DP, DTHETA, DV
 from sinan.estimator.filter.strapdown import Step
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import right_jacobian, skew
@@ -25,7 +26,7 @@ from sinan.sensors.rotation import right_jacobian, skew
 def transition(step: Step, n: int, translation: bool = True, decay: FloatArray | None = None) -> FloatArray:
     """(n, n) Phi of one step; `decay` (n,) is that of the biases, from `decay_over`; default: none decays."""
     h, Phi = step.h, np.eye(n) if decay is None else np.diag(decay)
-    p, v, t, a, g = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+    p, v, t, a, g = DP, DV, DTHETA, DB_ACCEL, DB_GYRO
     Phi[t, t] = step.C1.T @ step.C0
     Phi[t, g] = -h * right_jacobian(step.phi)
     if not translation:
@@ -67,10 +68,10 @@ def process_noise(h: float, q_accel: float, q_gyro: float, q_bias: FloatArray, t
     q_bias : (n,) from `decay_over`
     """
     Q = np.diag(q_bias)
-    Q[6:9, 6:9] += q_gyro * h * np.eye(3)
+    Q[DTHETA, DTHETA] += q_gyro * h * np.eye(3)
     if translation:
-        Q[3:6, 3:6] += q_accel * h * np.eye(3)
-        Q[0:3, 0:3] += q_accel * h * h * h / 3.0 * np.eye(3)
-        Q[0:3, 3:6] += 0.5 * q_accel * h * h * np.eye(3)
-        Q[3:6, 0:3] += 0.5 * q_accel * h * h * np.eye(3)
+        Q[DV, DV] += q_accel * h * np.eye(3)
+        Q[DP, DP] += q_accel * h * h * h / 3.0 * np.eye(3)
+        Q[DP, DV] += 0.5 * q_accel * h * h * np.eye(3)
+        Q[DV, DP] += 0.5 * q_accel * h * h * np.eye(3)
     return Q

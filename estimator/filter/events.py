@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,14 +13,17 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.atmosphere import height_from_pressure
 from sinan.sensors.bounds import RATE
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.registry import is_sensor, sensor
 
 #: What became of a reading.
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 STATUS = ("accepted", "gated", "outside the IMU's time", "no prediction", "faulty", "withheld")
 
-#: Sensors without equations of their own in the engines: their readings enter as forms that replace the prediction.
-FORM_ONLY = ("camera",)
+
+def is_form_only(name: str) -> bool:
+    """Whether the engines have no equations of a sensor: its readings enter as forms that replace the prediction."""
+    return is_sensor(name) and sensor(name).kernel == "form"
 
 
 @dataclass(frozen=True)
@@ -92,23 +95,34 @@ def readings(recording: Recording, model: FlightModel, name: str) -> tuple[Float
     if name in ("place", "speed"):
         return np.zeros((len(t), 3)), t
     stream, size = recording.streams[name], model.sensors[name].size
-    if name == "mag":
-        return stream.array(MAG), t
-    if name == "baro":
-        return height_of(recording)[:, None], t
     if name == "camera":
         return stream.array(("u", "v")), t
-    if name in ("sonar", "laser"):
-        columns = ranges_of(stream)
-        if columns != (("range",) if "range" in stream and size == 1 else tuple(f"range_{i}" for i in range(size))):
-            found = f"columns {', '.join(stream.columns)}"
-            expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
-            raise InputError(recording.where, found, expected, f"stream {name}")
-        return stream.array(columns), t
-    position = position_of(recording, name)
-    if name == "base":
-        return position - _base_position(recording), t
-    return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+    if gives_place(name):
+        position = position_of(recording, name)
+        if name == "base":
+            return position - _base_position(recording), t
+        return (np.concatenate([position, stream.array(VELOCITY)], axis=1) if size == 6 else position), t
+    values = own_readings(recording, name)
+    if values.shape[1] != size:
+        found = f"columns {', '.join(stream.columns)}"
+        expected = f"{size} range(s), one for each of `angles` in [sensors.{name}]"
+        raise InputError(recording.where, found, expected, f"stream {name}")
+    return values, t
+
+
+def gives_place(name: str) -> bool:
+    """Whether a sensor's readings are places on the Earth."""
+    return POSITION in sensor(name).columns
+
+
+def own_readings(recording: Recording, name: str) -> FloatArray:
+    """(n, k) the readings of a sensor that measures no place; pressures as heights [m]."""
+    stream, entry = recording.streams[name], sensor(name)
+    if ("pressure",) in entry.columns:
+        return height_of(recording, name)[:, None]
+    if entry.numbered:
+        return stream.array(ranges_of(stream, entry.numbered))
+    return stream.array(entry.columns[0])
 
 
 def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
@@ -147,28 +161,29 @@ def with_variances(events: Events, recording: Recording, model: FlightModel) -> 
     return replace(events, r=r)
 
 
-def ranges_of(stream: Stream) -> tuple[str, ...]:
+def ranges_of(stream: Stream, numbered: str = "range_") -> tuple[str, ...]:
     """Columns of a range finder's readings: `range`, or `range_0`, `range_1`, ... of a scan, in this order."""
-    if "range" in stream:
-        return ("range",)
-    beams = [c for c in stream.columns if c.startswith("range_") and c.removeprefix("range_").isdigit()]
-    return tuple(sorted(beams, key=lambda name: int(name.removeprefix("range_"))))
+    single = numbered.removesuffix("_")
+    if single in stream:
+        return (single,)
+    beams = [c for c in stream.columns if c.startswith(numbered) and c.removeprefix(numbered).isdigit()]
+    return tuple(sorted(beams, key=lambda name: int(name.removeprefix(numbered))))
 
 
-def height_of(recording: Recording) -> FloatArray:
-    """(n,) height of the barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
+def height_of(recording: Recording, name: str = "baro") -> FloatArray:
+    """(n,) height of a barometer's readings [m]; of one that gives pressure alone, above its first in the IMU's time.
 
     Raises
     ------
     InputError : a pressure of zero or less
     """
-    baro = recording.streams["baro"]
+    baro = recording.streams[name]
     if "height" in baro:
         return baro["height"]
     pressure = baro["pressure"]
     if np.any(pressure <= 0.0):
         row = int(np.argmax(pressure <= 0.0))
-        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream baro, row {row + 1}")
+        raise InputError(recording.where, f"pressure {pressure[row]:g} Pa", "above 0", f"stream {name}, row {row + 1}")
     start = recording.streams["imu"].t[0] if "imu" in recording.streams else -np.inf
     first = int(np.argmax(baro.t >= start))  # its very first where all are earlier
     return height_from_pressure(pressure, reference=float(pressure[first]))
@@ -211,6 +226,16 @@ def window_means(recording: Recording, model: FlightModel, values: FloatArray) -
     return np.asarray(means[whole])
 
 
+@dataclass(frozen=True)
+class _Part:
+    """The readings of one sensor before they are put among the others."""
+
+    t: FloatArray
+    z: FloatArray
+    status: IntArray
+    form: StreamForm | None
+
+
 def collect(
     recording: Recording,
     model: FlightModel,
@@ -224,53 +249,70 @@ def collect(
     forms : by sensor, what effects add to its prediction
     shifts : by sensor, further lateness of its stamps [s], as an effect has it
     """
-    forms, shifts = forms or {}, shifts or {}
-    names = tuple(model.sensors)
-    imu = recording.streams["imu"].t
-    parts, notes = [], []
-    for s, name in enumerate(names):
-        z, t = readings(recording, model, name)
-        late = shifts.get(name, 0.0)
-        t = t - late
-        status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
-        outside = int(np.sum(status == OUTSIDE))
-        if outside:
-            notes.append(
-                Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out")
-            )
-        if name not in ("level", "base", "place", "speed", "camera"):
-            for start, stop in frozen_runs(z):
-                status[start + 1 : stop] = FAULTY
-                notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
-            for start, stop in saturated_runs(z) if len(z) > 1 else []:
-                notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
-        form = forms.get(name)
-        if form is None and name in FORM_ONLY:  # the pass that finds the motion about which it is linear
-            status = np.where(status == ACCEPTED, NO_PREDICTION, status)
-        if form is not None:
-            there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
-            status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
-            z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
-        status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
-        parts.append((np.full(len(t), s), t, z, status, form))
-    sensor = np.concatenate([part[0] for part in parts]) if parts else np.empty(0, dtype=np.int64)
-    t = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
-    index = np.concatenate([np.arange(len(part[1])) for part in parts]) if parts else np.empty(0, dtype=np.int64)
-    order = np.lexsort((index, sensor, t))
-    sensor, t, index = sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+    names, notes, parts = tuple(model.sensors), list[Note](), list[_Part]()
+    for name in names:
+        part, said = _part_of(recording, model, name, (forms or {}).get(name), (shifts or {}).get(name, 0.0))
+        parts.append(part)
+        notes += said
+    which, t, index = _in_order(parts)
     sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
-    row = np.concatenate([[0], np.cumsum(sizes[sensor])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
+    row = np.concatenate([[0], np.cumsum(sizes[which])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
     z, r, status = np.zeros(row[-1]), np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
-    formed = any(part[4] is not None for part in parts)
+    formed = any(part.form is not None for part in parts)
     D, ref = np.zeros((row[-1] if formed else 1, 9)), np.zeros((len(t) if formed else 1, 10))
-    for s, (_, _, values, part_status, form) in enumerate(parts):
-        mine = np.flatnonzero(sensor == s)
+    for s, part in enumerate(parts):
+        mine = np.flatnonzero(which == s)
         at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
-        z[at] = values[index[mine]].ravel()
+        z[at] = part.z[index[mine]].ravel()
         r[at] = variances(recording, model, names[s])[index[mine]].ravel()
-        status[mine] = part_status[index[mine]]
-        if form is not None:
-            D[at] = form.D[index[mine]].reshape(-1, 9)
-            ref[mine] = form.ref[index[mine]]
-    has_form = np.array([0 if part[4] is None else 1 + part[4].replaces for part in parts], dtype=np.int64)
-    return Events(names, t, sensor, index, row, z, r, status, D, ref, has_form, tuple(notes))
+        status[mine] = part.status[index[mine]]
+        if part.form is not None:
+            D[at] = part.form.D[index[mine]].reshape(-1, 9)
+            ref[mine] = part.form.ref[index[mine]]
+    has_form = np.array([0 if part.form is None else 1 + part.form.replaces for part in parts], dtype=np.int64)
+    return Events(names, t, which, index, row, z, r, status, D, ref, has_form, tuple(notes))
+
+
+def _in_order(parts: Sequence[_Part]) -> tuple[IntArray, FloatArray, IntArray]:
+    """Sensor, instant and row in the stream of every reading; at one instant sensor after sensor."""
+    if not parts:
+        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int64)
+    sensor = np.concatenate([np.full(len(part.t), s) for s, part in enumerate(parts)])
+    t = np.concatenate([part.t for part in parts])
+    index = np.concatenate([np.arange(len(part.t)) for part in parts])
+    order = np.lexsort((index, sensor, t))
+    return sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
+
+
+def _part_of(
+    recording: Recording, model: FlightModel, name: str, form: StreamForm | None, late: float
+) -> tuple[_Part, list[Note]]:
+    """The readings of one sensor less what effects add, what is known of each, and what the report should say."""
+    imu = recording.streams["imu"].t
+    z, t = readings(recording, model, name)
+    t = t - late
+    status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
+    notes, outside = list[Note](), int(np.sum(status == OUTSIDE))
+    if outside:
+        notes.append(Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out"))
+    if is_sensor(name) and sensor(name).components and name != "base":
+        notes += _faults(name, z, t, status)
+    if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear
+        status = np.where(status == ACCEPTED, NO_PREDICTION, status)
+    if form is not None:
+        there = np.all(np.isfinite(form.offset), axis=1)  # a beam above the horizon has no prediction
+        status = np.where(~there & (status == ACCEPTED), NO_PREDICTION, status)
+        z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
+    status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
+    return _Part(t, z, status, form), notes
+
+
+def _faults(name: str, z: FloatArray, t: FloatArray, status: IntArray) -> list[Note]:
+    """Frozen readings, which are marked, and saturated ones, which are not."""
+    notes = []
+    for start, stop in frozen_runs(z):
+        status[start + 1 : stop] = FAULTY
+        notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "left out"))
+    for start, stop in saturated_runs(z) if len(z) > 1 else []:
+        notes.append(Note(name, "saturated", float(t[start]), float(t[stop - 1]), "used as read"))
+    return notes

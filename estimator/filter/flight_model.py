@@ -5,7 +5,7 @@ Nothing is guessed: a noise that neither the recording declares nor the caller p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as default
 
@@ -16,26 +16,22 @@ from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray
-from sinan.sensors.barometer import Barometer
 from sinan.sensors.bounds import ASSUMED, Bounds
 from sinan.sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sinan.sensors.covariates import camera_of
 from sinan.sensors.errors import InputError
-from sinan.sensors.gps import BaseReceiver, Gps
 from sinan.sensors.gyroscope import Gyroscope
-from sinan.sensors.laser import Laser
 from sinan.sensors.level import Level
-from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.model import SensorModel
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.noise import colour as coloured
-from sinan.sensors.recording import VELOCITY, Recording, SensorSpec
-from sinan.sensors.sonar import Sonar
+from sinan.sensors.recording import VELOCITY, Recording, SensorSpec, Stream
+from sinan.sensors.registry import is_sensor, sensor
+from sinan.sensors.registry import sensors as all_sensors
+from sinan.sensors.sensor_type import Given
 
 #: Streams that drive the filter, both in the table of the IMU.
 DRIVERS = ("accel", "gyro")
-#: Streams that can update the filter, in the order in which equal time stamps are processed.
-AIDING = ("gps", "base", "mag", "baro", "sonar", "laser", "camera", "level", "place", "speed")
 #: False-alarm rate of the gate per reading: one good reading in a million is refused, so that no NIS is censored.
 GATE_LEVEL = 1e-6
 #: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
@@ -159,6 +155,12 @@ class FlightModel:
         return np.maximum(1.0, nis / self.robust_threshold(sensor))
 
 
+def aiding() -> tuple[str, ...]:
+    """Streams that can update the filter, in the order in which equal time stamps are processed."""
+    named = [entry for entry in all_sensors() if entry.kernel]
+    return (*(entry.name for entry in sorted(named, key=lambda entry: entry.turn)), *ASSUMED)
+
+
 def _quantile(level: float | None, dof: int) -> float:
     if level is None:
         return float("inf")
@@ -202,34 +204,15 @@ def flight_model(
     ------
     InputError : not a flight, no IMU, a noise that nobody declared, zero or negative noise
     """
-    where = recording.where
-    if recording.kind != "flight" or "imu" not in recording.streams:
-        found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
-        raise InputError(where, found, "a flight with an imu stream: poses are for `sinan calibrate` and `sinan trace`")
-    imu = recording.streams["imu"]
-    if len(imu) < 2:
-        raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
-    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *AIDING)}
-    wanted = set(AIDING if use is None else use)
+    where, environment = recording.where, recording.environment
+    imu = _imu_of(recording)
+    declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
     rate = 1.0 / float(np.median(np.diff(imu.t)))
-    notes: list[str] = []
-    sensors: dict[str, SensorModel] = {}
-    for name in AIDING:
-        if name in recording.streams and name in wanted:
-            sensors[name] = _sensor(where, name, declared[name], recording)
-    if "base" in sensors and "gps" not in sensors:
-        notes.append("base: left out, there is no gps whose bias it could see")
-        del sensors["base"]
-    elif "base" in sensors and sensors["gps"].bias is None:
-        notes.append("base: left out, the gps is declared to have no bias that it could see")
-        del sensors["base"]
-    if "gps" not in sensors and bounds is None and (level is not None or "level" in wanted):
-        chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
-        sensors["level"] = chosen
-        notes.append(f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt")
-    if "gps" not in sensors and bounds is not None:
-        sensors.update(bounds.sensors)
-    translation = bool(set(sensors) - {"mag", "base", "level"})
+    wanted = set(aiding() if use is None else use)
+    sensors, notes = _aiding_sensors(recording, declared, wanted)
+    if "gps" not in sensors:
+        more, said = _assumed(level, "level" in wanted, bounds)
+        sensors, notes = {**sensors, **more}, [*notes, *said]
     colour = {
         name: parts
         for name in sensors
@@ -237,40 +220,81 @@ def flight_model(
     }
     if not set(sensors) - set(ASSUMED):
         notes.append("no aiding stream: heading and position drift")
-    environment = recording.environment
     m_n = environment.magnetic_field if magnetic_field is None else magnetic_field
-    if m_n is None:
-        m_n = np.zeros(3)
-        if "mag" in sensors:
-            m_n = field_of_the_log(recording)
-            notes.append("magnetic field: not declared, found from the log; north is magnetic north")
+    if m_n is None and "mag" in sensors:
+        m_n = field_of_the_log(recording)
+        notes.append("magnetic field: not declared, found from the log; north is magnetic north")
+    field = field if "mag" in sensors else None
     return FlightModel(
-        layout=layout_for(
-            [process.block for process in (model.bias for model in sensors.values()) if process]
-            + [process.block for parts in colour.values() for _, process in parts]
-            + (["field"] if field is not None and "mag" in sensors else [])
-        ),
+        layout=_layout(sensors, colour, field is not None),
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
         gyro=Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)),
         sensors=sensors,
         rate=rate,
         averaged=_averaged(where, declared["accel"].imu_samples),
         g_n=np.array([0.0, 0.0, STANDARD_GRAVITY if environment.gravity is None else environment.gravity]),
-        m_n=np.asarray(m_n, dtype=np.float64),
+        m_n=np.zeros(3) if m_n is None else np.asarray(m_n, dtype=np.float64),
         ground_down=environment.ground_down,
         w_ie_n=_earth_rate(recording),
-        translation=translation,
+        translation=bool(set(sensors) - {"mag", "base", "level"}),
         latency=dict(latency or {}),
         gate_level=gate_level,
         robust_level=robust_level,
         colour=colour,
-        field=field if "mag" in sensors else None,
+        field=field,
         in_step=in_step or InStep(),
         stamp_std=stamp_std,
         tail=tail,
         relinearise=relinearise,
         notes=tuple(notes),
     )
+
+
+def _imu_of(recording: Recording) -> Stream:
+    """The IMU's stream of a flight."""
+    where = recording.where
+    if recording.kind != "flight" or "imu" not in recording.streams:
+        found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
+        raise InputError(where, found, "a flight with an imu stream: poses are for `sinan calibrate` and `sinan trace`")
+    imu = recording.streams["imu"]
+    if len(imu) < 2:
+        raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
+    return imu
+
+
+def _aiding_sensors(
+    recording: Recording, declared: Mapping[str, SensorSpec], wanted: Collection[str]
+) -> tuple[dict[str, SensorModel], list[str]]:
+    """The sensors that are there and wanted, and what was left out."""
+    named = [name for name in aiding() if name in recording.streams and name in wanted]
+    found = {name: _sensor(recording.where, name, declared[name], recording) for name in named}
+    why = ""
+    if "base" in found and "gps" not in found:
+        why = "there is no gps whose bias it could see"
+    elif "base" in found and found["gps"].bias is None:
+        why = "the gps is declared to have no bias that it could see"
+    if why:
+        del found["base"]
+    return found, [f"base: left out, {why}"] if why else []
+
+
+def _assumed(level: Level | None, wanted: bool, bounds: Bounds | None) -> tuple[Mapping[str, SensorModel], list[str]]:
+    """What stands for a position that no GPS gives: bounds, else `level`."""
+    if bounds is not None:
+        return bounds.sensors, []
+    if level is None and not wanted:
+        return {}, []
+    chosen = level or Level(LEVEL_SIGMA, LEVEL_WINDOW)
+    return {"level": chosen}, [f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt"]
+
+
+def _layout(
+    sensors: Mapping[str, SensorModel], colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]], field: bool
+) -> StateLayout:
+    """Blocks of the biases, of the colour, and of the field's error."""
+    biases = [model.bias.block for model in sensors.values() if model.bias is not None]
+    coloured = [process.block for parts in colour.values() for _, process in parts]
+    return layout_for(biases + coloured + (["field"] if field else []))
 
 
 def _merged(declared: SensorSpec, given: SensorSpec | None) -> SensorSpec:
@@ -316,40 +340,29 @@ def _driver(where: str, name: str, spec: SensorSpec, rate: float) -> tuple[float
 
 
 def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> SensorModel:
-    if name == "camera":
+    entry = sensor(name)
+    if entry.make is None:
         return camera_of(recording)
     sigma = _positive(where, name, "noise_std", spec.noise_std)
-    if name == "base":
-        return BaseReceiver(sigma)
-    optional = 0.0 if name in ("sonar", "laser") else None  # ranges have no bias unless one is declared
-    std = _not_negative(where, name, "bias_std", spec.bias_std, optional)
-    walk = _not_negative(where, name, "bias_walk", spec.bias_walk, optional)
-    if name == "gps":
-        sigma_velocity = None
-        if recording.streams["gps"].has(VELOCITY):
-            sigma_velocity = _positive(where, name, "velocity_noise_std", spec.velocity_noise_std)
-        return Gps(sigma, sigma_velocity, std, walk)
-    if name == "mag":
-        return Magnetometer(sigma, std, walk)
-    if name == "baro":
-        return Barometer(sigma, std, walk)
-    if name == "sonar":
-        return Sonar(sigma, std, walk)
+    std = walk = 0.0
+    if entry.bias:
+        optional = 0.0 if entry.bias_optional else None
+        std = _not_negative(where, name, "bias_std", spec.bias_std, optional)
+        walk = _not_negative(where, name, "bias_walk", spec.bias_walk, optional)
+    sigma_velocity = None
+    if entry.velocity and recording.streams[name].has(VELOCITY):
+        sigma_velocity = _positive(where, name, "velocity_noise_std", spec.velocity_noise_std)
     angles = np.zeros(1) if spec.angles is None else np.asarray(spec.angles, dtype=np.float64)
-    return Laser(sigma, std, walk, angles)
+    return entry.make(Given(sigma, std, walk, sigma_velocity, angles))
 
 
 def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[int, BiasProcess], ...]:
     """First-order noise of one sensor, where its size and time are given."""
-    parts = []
-    for key, block, first, width in (
-        ("colour_std", f"c_{name}", 0, min(size, 3)),
-        ("velocity_colour_std", f"c_{name}_velocity", 3, 3),
-    ):
+    parts, width = [], len(sensor(name).colour) if is_sensor(name) else 0
+    for key, block, first in (("colour_std", f"c_{name}", 0), ("velocity_colour_std", f"c_{name}_velocity", 3)):
         std = getattr(spec, key)
         if std:
             time = _positive(where, name, "colour_time", spec.colour_time)
-            width = 1 if name in ("sonar", "laser") else width
             parts.append((first, coloured(block, width, _positive(where, name, key, std), time)))
     return tuple(parts)
 

@@ -16,13 +16,24 @@ from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording
+from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.window import between
 
-#: What a sensor is to the kernels: their code of its equations.
-KIND = {"gps": 0, "base": 1, "mag": 2, "baro": 3, "sonar": 4, "laser": 4, "level": 5, "place": 0, "speed": 6}
-KIND["camera"] = KIND["base"]  # which predicts nothing: all of a camera's reading is a form
-#: The state block that a sensor's own equations add to its reading.
-BIAS_BLOCK = {"gps": "b_gps", "base": "b_gps", "level": "b_accel"}
+#: The kernels' codes of the equations of a sensor; where all of a reading is a form they predict nothing.
+_CODES = {"position": 0, "zero": 1, "form": 1, "field": 2, "height": 3, "range": 4, "level": 5, "speed": 6}
+RANGE = _CODES["range"]
+#: What is no sensor: its equations, and the state that they read besides.
+_ASSUMED = {"level": ("level", "b_accel"), "place": ("position", "b_place"), "speed": ("speed", "b_speed")}
+
+
+def kind_of(name: str) -> int:
+    """The kernels' code of the equations of a sensor."""
+    return _CODES[sensor(name).kernel if is_sensor(name) else _ASSUMED[name][0]]
+
+
+def bias_block(name: str) -> str:
+    """The state block that a sensor's own equations add to its reading."""
+    return sensor(name).block if is_sensor(name) else _ASSUMED[name][1]
 
 
 @dataclass(frozen=True)

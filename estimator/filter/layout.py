@@ -9,37 +9,42 @@ Nominal state ``x``: the same with the attitude as a quaternion ``q_nb``, so it 
 from __future__ import annotations
 
 from builtins import slice as Slice
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.registry import sensors
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_exp, quaternion_log, quaternion_multiply
+from sinan.sensors.sensor_type import NED, XYZ
 
-#: Sizes of the blocks, in the order in which they are laid out; the first five drive the process and are always there.
-BLOCK_SIZES = {
-    "position": 3,
-    "velocity": 3,
-    "attitude": 3,
-    "b_accel": 3,
-    "b_gyro": 3,
-    "b_mag": 3,
-    "b_gps": 3,
-    "b_baro": 1,
-    "b_sonar": 1,
-    "b_laser": 1,
-    "c_mag": 3,
-    "c_gps": 3,
-    "c_gps_velocity": 3,
-    "c_baro": 1,
-    "c_sonar": 1,
-    "c_laser": 1,
-    "field": 3,
-}
+#: The blocks that drive the process and are always there.
 PROCESS_BLOCKS = ("position", "velocity", "attitude", "b_accel", "b_gyro")
-#: Length of a row of the covariance inside the kernels: every block of the list above, a multiple of a vector register.
+#: Where the process is, in every layout: in the nominal state, and in the error state (P, sigmas, rows of H).
+P_N, V_N, Q_NB, X_BIASES = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, None)
+B_ACCEL, B_GYRO, B_IMU = slice(10, 13), slice(13, 16), slice(10, 16)
+DP, DV, DTHETA, DB_ACCEL, DB_GYRO = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+D_MOTION, D_BIASES = slice(0, 9), slice(9, None)
+#: Length of a row of the covariance inside the kernels, a multiple of a vector register: the most states of a filter.
 CAPACITY = 40
+
+
+def blocks() -> dict[str, tuple[str, ...]]:
+    """The axes of every block in the order in which they are laid out: the process, the sensors' biases, the colour of
+    their noise, the field; of biases and of colours the vectors come first.
+    """
+    own = [block for entry in sensors() for block in entry.blocks.items()]
+    laid: dict[str, tuple[str, ...]] = {"position": NED, "velocity": NED, "attitude": XYZ}
+    for kind in ("b_", "c_"):
+        of_kind = [(name, axes) for name, axes in own if name.startswith(kind)]
+        laid |= sorted(of_kind, key=lambda block: -len(block[1]))
+    return {**laid, "field": NED}
+
+
+def size_of(block: str) -> int:
+    """Number of states of a block."""
+    return len(blocks()[block])
 
 
 @dataclass(frozen=True)
@@ -51,19 +56,24 @@ class StateLayout:
     names : the blocks, in order; the five of the process first
     """
 
-    names: tuple[str, ...] = tuple(BLOCK_SIZES)[:8]
+    names: tuple[str, ...] = (*PROCESS_BLOCKS, "b_mag", "b_gps", "b_baro")
+    _slices: Mapping[str, Slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        known = [name for name in BLOCK_SIZES if name in self.names]
+        there = blocks()
+        known = [name for name in there if name in self.names]
         if list(self.names) != known or self.names[:5] != PROCESS_BLOCKS:
-            raise ValueError(
-                f"`names` is {self.names}; expected the five process blocks, then some of {list(BLOCK_SIZES)}"
-            )
+            raise ValueError(f"`names` is {self.names}; expected the five process blocks, then some of {list(there)}")
+        ends = np.cumsum([len(there[name]) for name in self.names])
+        if ends[-1] > CAPACITY:
+            raise ValueError(f"{ends[-1]} states of {', '.join(self.names)}; the filter has room for {CAPACITY}")
+        slices = {n: Slice(int(end) - len(there[n]), int(end)) for n, end in zip(self.names, ends, strict=True)}
+        object.__setattr__(self, "_slices", slices)
 
     @property
     def n(self) -> int:
         """Number of error states: 22 with magnetometer, GPS and barometer biases."""
-        return sum(BLOCK_SIZES[name] for name in self.names)
+        return int(self._slices[self.names[-1]].stop)
 
     def has(self, name: str) -> bool:
         """Whether the block is there."""
@@ -73,12 +83,12 @@ class StateLayout:
         """First index of a block in the error state."""
         if name not in self.names:
             raise KeyError(f"no state block `{name}`; there are {', '.join(self.names)}")
-        return sum(BLOCK_SIZES[other] for other in self.names[: self.names.index(name)])
+        return int(self._slices[name].start)
 
     def slice(self, name: str) -> Slice:
         """The block in the error state, in P and in a row of H."""
-        start = self.start(name)
-        return Slice(start, start + BLOCK_SIZES[name])
+        self.start(name)
+        return self._slices[name]
 
     def nominal(self, name: str) -> Slice:
         """The block in the nominal state; attitude is the quaternion."""
@@ -86,40 +96,27 @@ class StateLayout:
         if name == "attitude":
             return Slice(start, start + 4)
         shift = 1 if start > 6 else 0
-        return Slice(start + shift, start + shift + BLOCK_SIZES[name])
+        return Slice(start + shift, self._slices[name].stop + shift)
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Name of every error state, such as `b_accel_x`."""
-        axes = {
-            "position": ("north", "east", "down"),
-            "velocity": ("north", "east", "down"),
-            "b_gps": ("north", "east", "down"),
-            "c_gps": ("north", "east", "down"),
-            "field": ("north", "east", "down"),
-            "c_gps_velocity": ("north", "east", "down"),
-        }
-        labels: list[str] = []
-        for name in self.names:
-            if BLOCK_SIZES[name] == 1:
-                labels.append(name)
-            else:
-                labels += [f"{name}_{axis}" for axis in axes.get(name, ("x", "y", "z"))]
-        return tuple(labels)
+        there = blocks()
+        return tuple(f"{name}_{axis}" if axis else name for name in self.names for axis in there[name])
 
     def retract(self, x: FloatArray, dx: FloatArray) -> FloatArray:
         """x (+) dx: adds, and turns the attitude, q <- q * exp(dtheta_b); (..., n + 1), (..., n) -> (..., n + 1)."""
-        moved = np.concatenate([x[..., :6] + dx[..., :6], x[..., 6:10], x[..., 10:] + dx[..., 9:]], axis=-1)
-        moved[..., 6:10] = quaternion_multiply(x[..., 6:10], quaternion_exp(dx[..., 6:9]))
+        moved = np.concatenate([x[..., :6] + dx[..., :6], x[..., Q_NB], x[..., X_BIASES] + dx[..., D_BIASES]], axis=-1)
+        moved[..., Q_NB] = quaternion_multiply(x[..., Q_NB], quaternion_exp(dx[..., DTHETA]))
         return moved
 
     def difference(self, x_true: FloatArray, x: FloatArray) -> FloatArray:
         """dx with x_true = x (+) dx; (..., n + 1) -> (..., n)."""
-        turn = quaternion_multiply(quaternion_conjugate(x[..., 6:10]), x_true[..., 6:10])
-        parts = [x_true[..., :6] - x[..., :6], quaternion_log(turn), x_true[..., 10:] - x[..., 10:]]
+        turn = quaternion_multiply(quaternion_conjugate(x[..., Q_NB]), x_true[..., Q_NB])
+        parts = [x_true[..., :6] - x[..., :6], quaternion_log(turn), x_true[..., X_BIASES] - x[..., X_BIASES]]
         return np.concatenate(parts, axis=-1)
 
 
 def layout_for(bias_blocks: Sequence[str]) -> StateLayout:
     """The process blocks and the named bias blocks, in the fixed order."""
-    return StateLayout(tuple(name for name in BLOCK_SIZES if name in PROCESS_BLOCKS or name in bias_blocks))
+    return StateLayout(tuple(name for name in blocks() if name in PROCESS_BLOCKS or name in bias_blocks))

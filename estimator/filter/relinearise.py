@@ -17,6 +17,7 @@ from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import DTHETA
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import Recording
 
@@ -39,8 +40,8 @@ def coarsest_attitude(journal: Journal) -> float:
     """Largest 1-sigma of the attitude about an axis, of the first state or after a reading [rad]."""
     inputs = journal.run
     assert isinstance(inputs, RunInputs)
-    first = float(np.max(np.linalg.eigvalsh(inputs.P[6:9, 6:9])))
-    return float(np.sqrt(max(first, np.max(journal.var[journal.accepted, 6:9], initial=0.0))))
+    first = float(np.max(np.linalg.eigvalsh(inputs.P[DTHETA, DTHETA])))
+    return float(np.sqrt(max(first, np.max(journal.var[journal.accepted, DTHETA], initial=0.0))))
 
 
 def run_relinearised(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.filter.engine import Engine, run
-from sinan.estimator.filter.events import ACCEPTED, FORM_ONLY, GATED
+from sinan.estimator.filter.events import ACCEPTED, GATED, is_form_only
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
@@ -57,7 +57,7 @@ def run_filter(
     def once(model: FlightModel) -> Journal:
         if model.relinearise:
             return run_relinearised(recording, model, terms, engine=engine, stride=stride)
-        if not terms and not set(FORM_ONLY) & set(model.sensors):
+        if not terms and not any(map(is_form_only, model.sensors)):
             return run(prepare(recording, model), engine, stride)
         return run_with_effects(
             recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=tolerance

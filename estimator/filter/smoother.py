@@ -23,7 +23,7 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.imu import at_instants
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
-from sinan.estimator.filter.layout import CAPACITY
+from sinan.estimator.filter.layout import B_IMU, CAPACITY, P_N, Q_NB, V_N
 from sinan.estimator.filter.pieces import parts_of, recorded
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
@@ -120,13 +120,13 @@ def estimated_motion(
     x = (smooth(journal) if smoothed is True else smoothed).x if smoothed else journal.imu_x
     if len(x) != len(table):
         raise ValueError(f"`journal` has {len(x)} states for {len(table)} IMU samples; run the filter with stride=1")
-    p_n, v_n, q_nb = (np.ascontiguousarray(x[:, part]) for part in (slice(0, 3), slice(3, 6), slice(6, 10)))
+    p_n, v_n, q_nb = (np.ascontiguousarray(x[:, part]) for part in (P_N, V_N, Q_NB))
     m_n = field_along(model, x)
     motion = Motion(
         t=table.t, p_n=p_n, v_n=v_n, q_nb=q_nb, m_b=rotate_back(q_nb, m_n), m_n=m_n, g_n=model.g_n,
         ground_down=model.ground_down,
     )  # fmt: skip
-    motion = with_imu(motion, table.u - x[:, 10:16])
+    motion = with_imu(motion, table.u - x[:, B_IMU])
     return motion if t is None else motion.at(t)
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sinan.estimator.filter.layout import B_ACCEL, B_GYRO, P_N, Q_NB, V_N
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import cross, matrix_from_quaternion, quaternion_exp, quaternion_multiply
 
@@ -60,18 +61,18 @@ def strapdown_step(
     u0, u1 : (6,) specific force and rate as read at the two ends
     translation : False: position and velocity stay
     """
-    f0, f1 = u0[:3] - x[10:13], u1[:3] - x[10:13]
-    w0, w1 = u0[3:] - x[13:16], u1[3:] - x[13:16]
+    f0, f1 = u0[:3] - x[B_ACCEL], u1[:3] - x[B_ACCEL]
+    w0, w1 = u0[3:] - x[B_GYRO], u1[3:] - x[B_GYRO]
     phi = 0.5 * h * (w0 + w1) + h * h / 12.0 * cross(w0, w1)
-    q1 = quaternion_multiply(x[6:10], quaternion_exp(phi))
+    q1 = quaternion_multiply(x[Q_NB], quaternion_exp(phi))
     if np.any(w_ie_n):
         q1 = quaternion_multiply(quaternion_exp(-h * w_ie_n), q1)
     q1 = q1 / np.linalg.norm(q1)
-    C0, C1 = matrix_from_quaternion(x[6:10]), matrix_from_quaternion(q1)
+    C0, C1 = matrix_from_quaternion(x[Q_NB]), matrix_from_quaternion(q1)
     a0, a1 = C0 @ f0, C1 @ f1
     moved = x.copy()
-    moved[6:10] = q1
+    moved[Q_NB] = q1
     if translation:
-        moved[3:6] = x[3:6] + 0.5 * h * (a0 + a1) + h * (g_n - 2.0 * cross(w_ie_n, x[3:6]))
-        moved[0:3] = x[0:3] + 0.5 * h * (x[3:6] + moved[3:6])
+        moved[V_N] = x[V_N] + 0.5 * h * (a0 + a1) + h * (g_n - 2.0 * cross(w_ie_n, x[V_N]))
+        moved[P_N] = x[P_N] + 0.5 * h * (x[V_N] + moved[V_N])
     return moved, Step(h, C0, C1, phi, a0, a1)

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from sinan.calibration.levels.preparation import settled
+from sinan.estimator.filter.layout import Q_NB
 from sinan.estimator.filter.smoother import smooth
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
@@ -96,7 +97,7 @@ def ours(recording: Recording) -> Mapping[str, Attitude]:
     """The filter, and the smoother behind it."""
     journal = settled(recording).run()
     smoothed = smooth(journal)
-    return {FILTER: (journal.imu_t, journal.imu_x[:, 6:10]), SMOOTHER: (smoothed.t, smoothed.x[:, 6:10])}
+    return {FILTER: (journal.imu_t, journal.imu_x[:, Q_NB]), SMOOTHER: (smoothed.t, smoothed.x[:, Q_NB])}
 
 
 def vqf(recording: Recording) -> Mapping[str, Attitude]:

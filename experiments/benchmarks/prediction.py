@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from sinan.calibration.levels.preparation import Prepared, settled
+from sinan.estimator.filter.flight_model import aiding
 from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
 from sinan.experiments.benchmarks.replication import lasting
 from sinan.experiments.blind.measured.benchmark import FAILURES, words
@@ -29,6 +30,7 @@ from sinan.experiments.measured.flights import FIRST
 from sinan.experiments.measured.withheld import Predicted, Window, predicted
 from sinan.experiments.report.words import number
 from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.registry import is_sensor, sensor
 
 #: Readings are withheld for so long [s], once in three times that.
 LENGTHS, PERIOD = (2.0, 5.0, 10.0), 3
@@ -36,8 +38,13 @@ LENGTHS, PERIOD = (2.0, 5.0, 10.0), 3
 AGES = (0.0, 1.0, 2.0, 5.0, 10.0)
 #: The length by which a log is judged [s].
 JUDGED = 5.0
-#: Streams that may be withheld; the first that is there stands for all where it is `gps`.
-STREAMS = ("gps", "mag", "baro", "sonar", "laser")
+
+
+def withheld_streams() -> tuple[str, ...]:
+    """Streams that may be withheld, in the order in which they stand for all."""
+    return tuple(name for name in aiding() if is_sensor(name) and sensor(name).bias)
+
+
 DRAWS, LEVEL = 2000, 0.95
 HEAD = f"""# Prediction of withheld readings
 
@@ -110,7 +117,7 @@ class Comparison:
 
 def asked_streams(ready: Prepared) -> tuple[str, ...]:
     """GPS where there is one; else every stream in turn."""
-    there = tuple(name for name in STREAMS if name in ready.model.sensors)
+    there = tuple(name for name in withheld_streams() if name in ready.model.sensors)
     return ("gps",) if "gps" in there else there
 
 

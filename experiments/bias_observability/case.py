@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from sinan.estimator.evidence.observability import Information, information
-from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.events import ACCEPTED, ranges_of
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.experiments.bias_observability import segments as stretches
 from sinan.experiments.bias_observability.segments import Segment
@@ -20,7 +20,9 @@ from sinan.sensors.laser import Laser
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
+from sinan.sensors.registry import where
 from sinan.sensors.scenario import Scenario
+from sinan.sensors.sensor_type import SensorType
 from sinan.sensors.sonar import Sonar
 from sinan.sensors.window import WHOLE, Span, between, end_of, start_of, window
 
@@ -77,6 +79,11 @@ class Case:
         return information(self.model, self.motion, self.readings, self.P0, noise=self.noise, extra=self.imagined)
 
 
+def is_ranging(entry: SensorType) -> bool:
+    """Whether a sensor measures ranges to the ground."""
+    return entry.kernel == "range"
+
+
 def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> Case:
     """A scenario along its true motion, or a part of it; instants, drop-outs and echoes are those of one simulated
     flight.
@@ -87,7 +94,7 @@ def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> C
     model = flight_model(recording)
     motion = scenario.trajectory().motion
     heard: dict[str, Callable[[Motion], BoolArray]] = {}
-    for name in ("sonar", "laser"):
+    for name in where(is_ranging):
         if name in scenario.sensors:
             beam = scenario.sensors[name]
             echo = Sonar(1.0, 0.0, 0.0, beam.minimum, beam.maximum, beam.beam_angle).echo
@@ -121,9 +128,9 @@ def case_of_recording(recording: Recording) -> Case:
         name: journal.t[(journal.sensor == s) & (journal.status == ACCEPTED)] for s, name in enumerate(journal.sensors)
     }
     heard: dict[str, Callable[[Motion], BoolArray]] = {}
-    for name in set(used) & {"sonar", "laser"}:
+    for name in set(used) & set(where(is_ranging)):
         stream = recording.streams[name]
-        column = stream["range"] if "range" in stream else stream["range_0"]
+        column = stream[ranges_of(stream)[0]]
         heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
     case = _case(recording, model, used, lambda t: motion, (), heard)
     return replace(case, along="smoothed", notes=(*case.notes, *ready.notes, *notes))
@@ -180,7 +187,7 @@ def _laser(
     model: FlightModel, readings: Mapping[str, FloatArray], motion: Motion
 ) -> tuple[SensorModel | None, FloatArray, str]:
     """A laser over known ground where heights are estimated and no range finder without a bias is aboard."""
-    unbiased = any(name in readings and not model.layout.has(f"b_{name}") for name in ("sonar", "laser"))
+    unbiased = any(name in readings and not model.layout.has(f"b_{name}") for name in where(is_ranging))
     if not model.translation or unbiased or "laser" in readings:
         return None, np.empty(0), ""
     instants = np.arange(motion.t[0], motion.t[-1], 1.0 / LASER_RATE)

@@ -20,13 +20,13 @@ from sinan.experiments.bias_observability.directions import (
 from sinan.experiments.bias_observability.segments import MOST_SEGMENTS
 from sinan.experiments.bias_observability.study import BiasStudy, Study, Weakness
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.registry import BySensor
 
 #: A further sensor is advised where it leaves at most this share of the sigma of a state at the end.
 WORTH = 0.7
 #: Instants of the curves in the JSON.
 MOST_INSTANTS = 200
-NAMES = {"gps": "GPS", "base": "base receiver", "mag": "magnetometer", "baro": "barometer", "sonar": "sonar",
-         "laser": "laser", "level": "level assumption"}  # fmt: skip
+NAMES = BySensor(lambda entry: entry.title, after={"level": "level assumption"})
 
 
 def document(study: Study) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from sinan.experiments.residual_loop.open_source import pose_source, triad_readi
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
+from sinan.experiments.review.drawing import drawn
+from sinan.experiments.review.of_answers import review_of_trace
+from sinan.experiments.review.unseen import not_seen
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.errors import InputError
@@ -72,7 +75,8 @@ def demonstrate(
     document = worded(report(traced), log=Log(log))
     say("\nIts residual, traced:")
     say(trace_summary(document))
-    trace_page(out / f"{name}.html", traced, document, hidden)
+    document["not_seen"] = not_seen(recording, document)
+    trace_page(out / f"{name}.html", traced, document, hidden, drawn(review_of_trace(recording, traced, document)))
     for figure, (drawing, _) in trace_figures(traced, document).items():
         write_bytes(out / f"{name}_{figure}.png", png(drawing))
     write_json(out / f"{name}.json", document)

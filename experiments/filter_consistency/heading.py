@@ -9,6 +9,7 @@ import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.experiments.monte_carlo.one_flight import Flight, fly, prepared, rng_of, scored
 from sinan.experiments.monte_carlo.study import averaged
 from sinan.experiments.scenarios import load_scenario
@@ -33,10 +34,10 @@ def off_heading(recording: Recording, model: FlightModel, sigma: float, draw: fl
     """
     inputs = prepare(recording, model)
     x, P = inputs.x.copy(), inputs.P.copy()
-    x[6:10] = quaternion_multiply(quaternion_exp(np.array([0.0, 0.0, sigma * draw])), x[6:10])
-    w, a, b, c = x[6:10]
+    x[Q_NB] = quaternion_multiply(quaternion_exp(np.array([0.0, 0.0, sigma * draw])), x[Q_NB])
+    w, a, b, c = x[Q_NB]
     down_b = np.array([2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)])
-    P[6:9, 6:9] += sigma**2 * np.outer(down_b, down_b)
+    P[DTHETA, DTHETA] += sigma**2 * np.outer(down_b, down_b)
     return x, P
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.filter.layout import P_N, Q_NB, V_N
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
 from sinan.sensors.rotation import (
@@ -222,12 +223,12 @@ def errors_of(target: Mounted, t: FloatArray, x: FloatArray, translation: bool =
         return errors
     x = states_at(reference.t, t, x)
     if translation and reference.has(POSITION):
-        away = x[:, 0:3] - reference.array(POSITION)
+        away = x[:, P_N] - reference.array(POSITION)
         errors |= {"position_rms": _rms(away), "height_rms": _rms(away[:, 2:])}
     if translation and reference.has(VELOCITY):
-        errors["velocity_rms"] = _rms(x[:, 3:6] - reference.array(VELOCITY))
+        errors["velocity_rms"] = _rms(x[:, V_N] - reference.array(VELOCITY))
     if target.knows_attitude:
-        error = attitude_error(reference.t, x[:, 6:10], target)
+        error = attitude_error(reference.t, x[:, Q_NB], target)
         parts = {"attitude": error.total, "tilt": error.tilt, "heading": error.heading}
         known = parts if target.knows_heading else {"tilt": error.tilt}
         errors |= {f"{part}_rms": _rms(angle[:, None]) for part, angle in known.items()}
@@ -246,7 +247,7 @@ def covered(stamps: FloatArray, t: FloatArray) -> BoolArray:
 def states_at(stamps: FloatArray, t: FloatArray, x: FloatArray) -> FloatArray:
     """(m, n + 1) nominal states between those at the instants t: attitude on the sphere, everything else linearly."""
     between = np.stack([np.interp(stamps, t, column) for column in x.T], axis=-1)
-    between[:, 6:10] = quaternion_interpolate(stamps, t, x[:, 6:10])
+    between[:, Q_NB] = quaternion_interpolate(stamps, t, x[:, Q_NB])
     return between
 
 

@@ -37,12 +37,10 @@ from sinan.experiments.report.words import (
 from sinan.experiments.residual_loop.report import PREDICTED
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.registry import BySensor
 
 #: The error against a reference that an effect on a sensor spoils first.
-_SPOILED = {
-    "mag": "heading_rms", "gyro": "attitude_rms", "accel": "attitude_rms", "level": "attitude_rms",
-    "baro": "height_rms", "sonar": "height_rms", "laser": "height_rms", "gps": "position_rms",
-}  # fmt: skip
+_SPOILED = BySensor(lambda entry: entry.spoils, after={"level": "attitude_rms"})
 #: A change of that error by less than this share is no headline: the residual's is, then.
 _TELLING = 0.1
 _MOST_IN_TITLE = 2

@@ -11,17 +11,11 @@ from typing import Any
 
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.registry import BySensor
 from sinan.sensors.window import Span
 
 #: what a stream's sensor is called in a sentence
-SENSORS = {
-    "accel": "accelerometer",
-    "gyro": "gyroscope",
-    "mag": "magnetometer",
-    "baro": "barometer",
-    "gps": "GPS",
-    "level": "level (accelerometer)",
-}
+SENSORS = BySensor(lambda entry: entry.title, after={"level": "level (accelerometer)"})
 
 
 def number(value: float) -> str:

@@ -16,6 +16,7 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import DTHETA
 from sinan.estimator.filter.relinearise import COARSE_ATTITUDE
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
@@ -353,9 +354,9 @@ class FlightPasses:
         assert isinstance(journal.run, RunInputs)
         if self._keeps_heading:
             return declared
-        first = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[6:9, 6:9])[-1]))
+        first = float(np.sqrt(np.linalg.eigvalsh(journal.run.P[DTHETA, DTHETA])[-1]))
         wide = max(first, COARSE_ATTITUDE) if declared is None else declared
-        known = float(np.max(smooth(journal, sigmas=True).sigma[0, 6:9]))
+        known = float(np.max(smooth(journal, sigmas=True).sigma[0, DTHETA]))
         narrow = min(wide, max(_TIMES_KNOWN * known, COARSE_ATTITUDE))
         return narrow if narrow < _WIDE_START or declared is not None else None
 

@@ -45,7 +45,9 @@ BLOCKS = 20  # of time
 SHORTLIST = 6  # satellites for which the onset of a fault is searched
 LASTING = 1800.0  # s, correlation time of a satellite's error and of the modelled ionosphere's
 MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
-CODE_NOISE = 0.3  # m: noise and multipath that changes with time, (a^2 + a^2 / sin^2 E)
+#: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E). The whole error of one
+#: epoch, with what stays, which is `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
+CHANGING_NOISE = 0.3  # m
 MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
 #: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.
 #: 61 (2018) 3020); the accuracy that the message promises where that is worse than its usual value.
@@ -196,7 +198,7 @@ def changing_variance(ranges: Pseudoranges, elevation: FloatArray) -> FloatArray
     """(n,) variance of what is new in a row [m^2]: code errors that last a minute count once in a minute."""
     interval = float(np.median(np.diff(ranges.t))) if len(ranges.t) > 1 else MULTIPATH_TIME
     sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
-    return np.asarray(CODE_NOISE**2 * (1.0 + 1.0 / sine**2) * max(1.0, MULTIPATH_TIME / interval))
+    return np.asarray(CHANGING_NOISE**2 * (1.0 + 1.0 / sine**2) * max(1.0, MULTIPATH_TIME / interval))
 
 
 def state_variance(location: Location, position: FloatArray, rows: IntArray) -> FloatArray:

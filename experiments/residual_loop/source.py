@@ -17,16 +17,13 @@ from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
+from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE
 
 Part = Literal["all", "fitting"]
 
 
 #: Readings that a fit must leave beyond its parameters: one through every reading proves nothing.
 LEAST_SPARE = 3
-#: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
-#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
-#: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
-IMPLAUSIBLE = 10.0
 #: Share of its gain that an effect's own information predicts where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative.
 LINEAR = 0.1

@@ -13,6 +13,7 @@ import numpy as np
 from sinan.experiments.scenarios.loader import load_scenario, scenario_names
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.effects.declaration import IMPLAUSIBLE
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import together, write_text
 from sinan.sensors.recording import Recording
@@ -104,8 +105,6 @@ def size_note(present: Present, field: float = 1.0) -> str:
     ----------
     field : norm of the magnetic field, with which some parameters go
     """
-    from sinan.experiments.residual_loop.source import IMPLAUSIBLE
-
     plausible = present.effect.plausible * (field if present.effect.in_field_units else 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(np.abs(present.beta) / plausible, nan=0.0)

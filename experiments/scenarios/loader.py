@@ -17,10 +17,17 @@ from sinan.sensors.formats.toml_table import Table, read_toml
 from sinan.sensors.geomagnetism import earth_field
 from sinan.sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
 from sinan.sensors.recording import SensorSpec
+from sinan.sensors.registry import where
 from sinan.sensors.scenario import Air, Instrument, Scenario, Supply, Turns, Vibration, Warming
 
 FOLDER = Path(__file__).parent
-SENSORS = ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")
+
+
+def simulated() -> tuple[str, ...]:
+    """The sensors that a scenario may have."""
+    return where(lambda entry: entry.make is not None)
+
+
 #: what a tesla is in the unit in which the field is declared; "norm": divided by its own norm
 UNITS = {"norm": None, "T": 1.0, "uT": 1e6, "nT": 1e9}
 MAX_LIKE = 8  # scenarios deep; more is a circle
@@ -80,8 +87,8 @@ def merged(path: Path, depth: int = 0) -> dict[str, Any]:
         raise InputError(path, repr(like), "the name of another scenario", "key like")
     below = merged(base, depth + 1)
     without = data.pop("without", [])
-    if not isinstance(without, list) or not all(name in SENSORS for name in without):
-        raise InputError(path, repr(without), "a list of " + ", ".join(SENSORS), "key without")
+    if not isinstance(without, list) or not all(name in simulated() for name in without):
+        raise InputError(path, repr(without), "a list of " + ", ".join(simulated()), "key without")
     sensors = Table(base, below).table("sensors").data
     below["sensors"] = {name: spec for name, spec in sensors.items() if name not in without}
     if "turns" in data:
@@ -314,10 +321,10 @@ def _manoeuvre(table: Table) -> Manoeuvre:
 
 def _sensors(table: Table) -> dict[str, Instrument]:
     sensors = table.table("sensors")
-    found = {name: _instrument(sensors.table(name), name) for name in SENSORS if name in sensors}
+    found = {name: _instrument(sensors.table(name), name) for name in simulated() if name in sensors}
     sensors.done()
     if not found:
-        raise table.error("sensors", "no sensor", "at least one of " + ", ".join(SENSORS))
+        raise table.error("sensors", "no sensor", "at least one of " + ", ".join(simulated()))
     if "gyro" in found and "accel" not in found:
         raise table.error("sensors", "gyro without accel", "both: they share the clock of the accelerometer")
     return found

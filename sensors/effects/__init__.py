@@ -18,10 +18,12 @@ from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.effects.own import own_effects
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
+from sinan.sensors.registry import sensors
+from sinan.sensors.sensor_type import SensorType
 
 __all__ = ["CATALOGUE", "Effect", "Parameter", "apply_effects", "effect", "effects_for"]
 
-#: name of the effect -> file, and for a family the stream
+#: name of the effect -> file; the families of the sensors come on top
 _FILES: dict[str, tuple[str, str | None]] = {
     "accel.cross_axis": ("accel_cross_axis", None),
     "accel.scale": ("accel_scale", None),
@@ -63,10 +65,6 @@ _FILES: dict[str, tuple[str, str | None]] = {
     "camera.time_offset": ("camera_time_offset", None),
     "motion.rotor_drag": ("motion_rotor_drag", None),
     "motion.wind": ("motion_wind", None),
-    **{f"{s}.step": ("step", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.transient": ("transient", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.outliers": ("outliers", s) for s in ("accel", "gyro", "mag", "baro", "sonar", "laser", "gps", "base")},
-    **{f"{s}.time_offset": ("time_offset", s) for s in ("mag", "baro", "sonar", "laser")},
     "pseudorange.earth_rotation": ("pseudorange_earth_rotation", None),
     "pseudorange.relativity": ("pseudorange_relativity", None),
     "pseudorange.group_delay": ("pseudorange_group_delay", None),
@@ -74,6 +72,8 @@ _FILES: dict[str, tuple[str, str | None]] = {
     "pseudorange.ionosphere": ("pseudorange_ionosphere", None),
     "pseudorange.satellite_fault": ("pseudorange_satellite_fault", None),
 }
+#: Families that each sensor has whose readings may be disturbed; late stamps where its declaration names a scenario.
+_FAMILIES = ("step", "transient", "outliers")
 _STREAM_OF = {"motion": "level"}  # where the first part of a name is not the stream
 
 
@@ -99,24 +99,28 @@ CATALOGUE: Mapping[str, Effect] = _Catalogue()
 
 
 @cache
-def _shipped() -> tuple[str, ...]:
-    return tuple(name for name, (file, _) in _FILES.items() if _is_there(file))
+def _files(listed: tuple[SensorType, ...]) -> dict[str, tuple[str, str | None]]:
+    """File and, for a family, the stream of every shipped effect that is there with these sensors."""
+    found = {f"{entry.name}.{family}": (family, entry.name) for family in _FAMILIES for entry in listed if entry.unit}
+    late = {f"{entry.name}.time_offset": ("time_offset", entry.name) for entry in listed if entry.late}
+    head = {name: line for name, line in _FILES.items() if not name.startswith("pseudorange.")}
+    tail = {name: line for name, line in _FILES.items() if name not in head}
+    return {name: line for name, line in {**head, **found, **late, **tail}.items() if _is_there(line[0])}
 
 
 def _names() -> tuple[str, ...]:
-    return (*_shipped(), *own_effects())
+    return (*_files(sensors()), *own_effects())
 
 
 def is_shipped(name: str) -> bool:
     """Whether an effect of that name comes with the project."""
-    return name in _FILES
+    return name in _FILES or name in _files(sensors())
 
 
 def forget() -> None:
     """Forget what was looked up: another effect is known, or one is no longer."""
-    _is_there.cache_clear()
-    _shipped.cache_clear()
-    _shipped_effect.cache_clear()
+    for looked_up in (_is_there, _files, _read):
+        looked_up.cache_clear()
 
 
 def effect(name: str) -> Effect:
@@ -126,8 +130,9 @@ def effect(name: str) -> Effect:
     ------
     KeyError : no such effect; names the nearest ones
     """
-    if name in _FILES and _is_there(_FILES[name][0]):
-        return _shipped_effect(name)
+    files = _files(sensors())
+    if name in files:
+        return _read(*files[name])
     mine = own_effects()
     if name not in mine:
         from difflib import get_close_matches
@@ -138,8 +143,7 @@ def effect(name: str) -> Effect:
 
 
 @cache
-def _shipped_effect(name: str) -> Effect:
-    file, stream = _FILES[name]
+def _read(file: str, stream: str | None) -> Effect:
     module = import_module(f"{__name__}.{file}")
     found: Effect = module.EFFECT if stream is None else module.for_stream(stream)
     return found

@@ -25,6 +25,10 @@ _ALTERNATIVES: dict[str, tuple[tuple[str, ...], ...]] = {
     "airspeed": (("wind", "v_n"),),
     "current": (("throttle",),),
 }
+#: An estimate beyond this many plausible sizes is not accepted as a lasting effect: plausible sizes are one sigma of
+#: what is sold, and ten of them is another instrument. What disturbs an instrument for a time may be of any size, a
+#: magnet or an echo; but not what disturbs the IMU, since at a wrong reading of another sensor some motion always fits.
+IMPLAUSIBLE = 10.0
 _DIFFERENCE = 1e-4  # of a plausible size: rounding and curvature both stay below 1e-7 of the slope
 
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
+from sinan.sensors.registry import BySensor, sensor
+from sinan.sensors.sensor_type import Given, SensorType
 
 
 @dataclass(frozen=True)
@@ -21,22 +25,15 @@ class StreamSize:
     title: str = ""
 
 
-_BOTH = frozenset({"flight", "poses"})
-_AXES = ("x", "y", "z")
-_NED = ("north", "east", "down")
+def _size_of(entry: SensorType) -> StreamSize | None:
+    if not entry.components:
+        return None
+    kinds = frozenset({"flight", "poses"} if entry.in_poses else {"flight"})
+    return StreamSize(entry.components, entry.unit, entry.plausible, kinds, entry.title)
 
-#: Plausible: a knock or thermal shock of a MEMS sensor (zero tolerances of the MPU-6000: 50 mg, 20 deg/s), iron brought
-#: near (a tenth of the field), a door or a gust (baro), an obstacle under the beam, a GPS multipath jump
-STREAMS = {
-    "accel": StreamSize(_AXES, "m/s^2", 0.5, _BOTH, title="accelerometer"),
-    "gyro": StreamSize(_AXES, "rad/s", 0.05, _BOTH, title="gyroscope"),
-    "mag": StreamSize(_AXES, "1", 0.1, _BOTH, title="magnetometer"),
-    "baro": StreamSize(("height",), "m", 3.0, title="barometer"),
-    "sonar": StreamSize(("range",), "m", 1.0, title="sonar"),
-    "laser": StreamSize(("range",), "m", 1.0, title="laser"),
-    "gps": StreamSize(_NED, "m", 10.0, title="GPS"),
-    "base": StreamSize(_NED, "m", 10.0, title="base receiver"),
-}
+
+#: By sensor, as it declares them.
+STREAMS = BySensor(_size_of)
 
 
 def textbook_model(stream: str, size: int, motion: Motion) -> SensorModel:
@@ -44,20 +41,12 @@ def textbook_model(stream: str, size: int, motion: Motion) -> SensorModel:
 
     Parameters
     ----------
-    stream : mag, baro, sonar, laser or gps
+    stream : a sensor
     size : components of a reading
     motion : whose covariate `angles` holds a scan's beams
     """
-    from sinan.sensors.barometer import Barometer
-    from sinan.sensors.gps import Gps
-    from sinan.sensors.laser import Laser
-    from sinan.sensors.magnetometer import Magnetometer
-    from sinan.sensors.sonar import Sonar
-
-    if stream == "laser":
-        angles = motion.covariates["angles"][0] if motion.has("angles") else None
-        return Laser(1.0) if angles is None else Laser(1.0, angles=angles)
-    if stream == "gps":
-        return Gps(1.0, 1.0 if size == 6 else None)
-    models: dict[str, SensorModel] = {"mag": Magnetometer(1.0), "baro": Barometer(1.0), "sonar": Sonar(1.0)}
-    return models[stream]
+    make = sensor(stream).make
+    if make is None:
+        raise ValueError(f"`{stream}` has no plain model without its calibration")
+    angles = motion.covariates["angles"][0] if motion.has("angles") else np.zeros(1)
+    return make(Given(1.0, sigma_velocity=1.0 if size == 6 else None, angles=angles))

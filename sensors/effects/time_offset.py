@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray, zero_unless_finite
-from sinan.sensors.effects.beams import beams_b
 from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.effects.streams import STREAMS as ALL_STREAMS
 from sinan.sensors.effects.streams import textbook_model
 from sinan.sensors.magnetometer import field_b
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
-from sinan.sensors.ranging import slant_range_jacobian
+from sinan.sensors.registry import sensor
 from sinan.sensors.rotation import cross
 
 PLAUSIBLE = 0.1  # s; buffers, filters and serial lines of hobby autopilots
-STREAMS = ("mag", "baro", "sonar", "laser")  # gps: `gps.latency`; accel and gyro are the clock; a base stands still
 
 
 def rate_of_field(motion: Motion) -> FloatArray:
@@ -26,44 +22,29 @@ def rate_of_field(motion: Motion) -> FloatArray:
     return -cross(motion.w_ib_b, field_b(motion))
 
 
-def rate_of_height(motion: Motion) -> FloatArray:
-    """(n, 1) climb rate."""
-    return -motion.v_n[:, 2:3]
+def rate_of(model: SensorModel, motion: Motion) -> FloatArray:
+    """(n, size) of any model: H_position v_n + H_attitude w_ib_b."""
+    with np.errstate(invalid="ignore"):
+        H = model.jacobian(motion)
+        rates = {"position": motion.v_n, "attitude": motion.w_ib_b} if "attitude" in H else {"position": motion.v_n}
+        parts = [np.sum(H[block] * rate[:, None, :], axis=2) for block, rate in rates.items() if block in H]
+    return zero_unless_finite(sum(parts, np.zeros((len(motion), model.size))))
 
 
-def rate_of_range(motion: Motion) -> FloatArray:
-    """(n, beams) H_position v_n + H_attitude w_ib_b; none where the beam does not point below the horizon."""
-    rates = []
-    for beam in beams_b(motion):
-        H = slant_range_jacobian(motion, beam)
-        with np.errstate(invalid="ignore"):
-            along = np.sum(H["position"][:, 0] * motion.v_n, axis=1)
-            rate = along + np.sum(H["attitude"][:, 0] * motion.w_ib_b, axis=1)
-        rates.append(zero_unless_finite(rate))
-    return np.stack(rates, axis=1)
-
-
-RATES: dict[str, Callable[[Motion], FloatArray]] = {
-    "mag": rate_of_field,
-    "baro": rate_of_height,
-    "sonar": rate_of_range,
-    "laser": rate_of_range,
-}
-NEEDS = {
-    "mag": ("m_b", "q_nb", "w_ib_b"),
-    "baro": ("p_n", "v_n"),
-    "sonar": ("p_n", "v_n", "q_nb", "w_ib_b"),
-    "laser": ("p_n", "v_n", "q_nb", "w_ib_b"),
-}
-SCENARIO = {"mag": "aerobatics", "baro": "climb_descent", "sonar": "low_pass", "laser": "climb_descent"}
+#: What is needed of the motion, by the equations of the sensor.
+NEEDS = {"field": ("m_b", "q_nb", "w_ib_b"), "height": ("p_n", "v_n")}
+NEEDS_OF_OTHERS = ("p_n", "v_n", "q_nb", "w_ib_b")
 
 
 def for_stream(stream: str) -> Effect:
-    """The time offset of one stream: mag, baro, sonar or laser."""
+    """The time offset of one stream; gps has `gps.latency`, accel and gyro are the clock, a base stands still."""
+    kernel = sensor(stream).kernel
 
     def regressor(motion: Motion) -> FloatArray:
         """(n, size, 1): -d reading / dt."""
-        return -RATES[stream](motion)[:, :, None]
+        if kernel == "field":
+            return -rate_of_field(motion)[:, :, None]
+        return -rate_of(textbook_model(stream, len(ALL_STREAMS[stream].components), motion), motion)[:, :, None]
 
     def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
         """The plain reading at t - b."""
@@ -81,10 +62,10 @@ def for_stream(stream: str) -> Effect:
         ),
         source="M. Li, A. I. Mourikis, International Journal of Robotics Research 33(7), 2014",
         parameters=(Parameter("b", "s", PLAUSIBLE),),
-        needs=NEEDS[stream],
+        needs=NEEDS.get(kernel, NEEDS_OF_OTHERS),
         regressor=regressor,
         exact=exact,
         other_instants=True,
-        scenario=SCENARIO[stream],
+        scenario=sensor(stream).late,
         separates="quick changes of what the sensor reads",
     )

@@ -11,6 +11,7 @@ from sinan.sensors.formats.toml_table import Table
 from sinan.sensors.formats.units import UNITS
 from sinan.sensors.lenses import LENSES
 from sinan.sensors.recording import Environment, Initial, SensorSpec
+from sinan.sensors.registry import BySensor
 
 Origin = tuple[float, float, float]
 
@@ -21,19 +22,7 @@ SMALLEST_NOISE, LARGEST = 1e-12, 1e12
 LOWEST, HIGHEST = -12_000.0, 1e6
 
 #: The keys that each sensor may declare.
-_CONTINUOUS = ("noise_density", "noise_std", "bias_walk", "bias_std", "average_time", "imu_samples")
-_PER_READING = ("noise_std", "bias_walk", "bias_std")
-SENSOR_KEYS: dict[str, tuple[str, ...]] = {
-    "accel": _CONTINUOUS,
-    "gyro": _CONTINUOUS,
-    "mag": (*_PER_READING, "average_time"),
-    "baro": _PER_READING,
-    "sonar": _PER_READING,
-    "laser": (*_PER_READING, "angles"),
-    "gps": (*_PER_READING, "velocity_noise_std"),
-    "base": (*_PER_READING, "velocity_noise_std", "base_position"),
-    "camera": ("noise_std", "focal", "centre", "lens", "coefficients", "mounting", "lever_arm"),
-}
+SENSOR_KEYS = BySensor(lambda entry: entry.declares)
 #: Numbers in a list; None: as many as there are.
 _LISTS = {"base_position": 3, "focal": 2, "centre": 2, "coefficients": None, "mounting": 4, "lever_arm": 3}
 

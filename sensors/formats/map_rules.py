@@ -12,6 +12,8 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.columns import FileOptions
 from sinan.sensors.formats.header import Header
 from sinan.sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Kind
+from sinan.sensors.registry import BySensor
+from sinan.sensors.sensor_type import Quantities
 
 _PLACE: Mapping[str, tuple[tuple[str, ...], str]] = {
     "latitude": (("latitude",), "degrees"),
@@ -21,25 +23,16 @@ _PLACE: Mapping[str, tuple[tuple[str, ...], str]] = {
     "velocity": (VELOCITY, "speed"),
 }
 _FIX_QUALITY_IS = {"eph": "length", "epv": "length", "s_variance": "speed"}
-#: What a stream may hold: the columns that a quantity becomes, and what it is (a key of `UNITS`).
-QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
-    "imu": {"accel": (ACCEL, "acceleration"), "gyro": (GYRO, "rate"), "temperature": (("temperature",), "temperature")},
-    "mag": {"mag": (MAG, "field"), "temperature": (("temperature",), "temperature")},
-    "baro": {
-        "height": (("height",), "length"),
-        "pressure": (("pressure",), "pressure"),
-        "temperature": (("temperature",), "temperature"),
-    },
-    "sonar": {
-        "range": (("range",), "length"),
-        "time_of_flight": (("time_of_flight",), "time"),
-        "temperature": (("temperature",), "temperature"),
-    },
-    "laser": {"range": (("range",), "length")},
-    "gps": {
-        **_PLACE,
-        **{name: ((name,), _FIX_QUALITY_IS.get(name, "number")) for name in FIX_QUALITY},
-    },
+_OF_GPS: Quantities = {
+    **_PLACE,
+    **{name: ((name,), _FIX_QUALITY_IS.get(name, "number")) for name in FIX_QUALITY},
+}
+_OF_IMU: Quantities = {
+    "accel": (ACCEL, "acceleration"),
+    "gyro": (GYRO, "rate"),
+    "temperature": (("temperature",), "temperature"),
+}
+_OTHERS: Mapping[str, Quantities] = {
     "power": {"current": (("current",), "current"), "voltage": (("voltage",), "voltage")},
     "motors": {"motor": ((), "ratio")},
     "air": {
@@ -53,6 +46,10 @@ QUANTITIES: Mapping[str, Mapping[str, tuple[tuple[str, ...], str]]] = {
         "temperature": (("temperature",), "temperature"),
     },
 }
+#: What a stream may hold: the columns that a quantity becomes, and what it is (a key of `UNITS`).
+QUANTITIES: Mapping[str, Quantities] = BySensor(
+    lambda entry: _OF_GPS if entry.name == "gps" else entry.quantities, before={"imu": _OF_IMU}, after=_OTHERS
+)
 REFERENCE_QUANTITIES: Mapping[str, tuple[tuple[str, ...], str]] = {
     **_PLACE,
     "quaternion": (QUATERNION, "number"),

@@ -26,7 +26,6 @@ from sinan.sensors.recording import (
     POSITION,
     REQUIRED_COLUMNS,
     TRUTH_KINDS,
-    VELOCITY,
     Kind,
     Recording,
     Stream,
@@ -34,34 +33,34 @@ from sinan.sensors.recording import (
     check_rows,
     check_stream,
 )
+from sinan.sensors.registry import BySensor
 
 FORMAT = 1
 HEADER_FILE = "recording.toml"
 TRUTH_FILE = "truth.csv"
 POINTS_FILE = "points.csv"
 KINDS = ("flight", "poses")
-#: The files of a recording, by the names of their streams.
-FILES = (*REQUIRED_COLUMNS, "truth")
 #: Of a place that a camera sees.
 POINT_COLUMNS = ("point", *POSITION)
 
 #: The format's own columns of each stream: they must be numbers. Every other column is a covariate.
-_OWN_COLUMNS: Mapping[str, tuple[str, ...]] = {
-    "imu": (*ACCEL, *GYRO, "temperature"),
-    "mag": MAG,
-    "baro": ("height", "pressure", "temperature"),
-    "sonar": ("range",),
-    "laser": ("range",),
-    "gps": (*POSITION, *GEODETIC, *VELOCITY),
-    "base": (*POSITION, *GEODETIC, *VELOCITY),
-    "power": ("current", "voltage"),
-    "motors": (),
-    "air": ("airspeed", "wind_north", "wind_east", "temperature"),
-    "camera": ("point", "u", "v"),
-    "poses": (*ACCEL, *MAG, "temperature"),
-}
+_OWN_COLUMNS: Mapping[str, tuple[str, ...]] = BySensor(
+    lambda entry: entry.all_columns,
+    before={"imu": (*ACCEL, *GYRO, "temperature")},
+    after={
+        "power": ("current", "voltage"),
+        "motors": (),
+        "air": ("airspeed", "wind_north", "wind_east", "temperature"),
+        "poses": (*ACCEL, *MAG, "temperature"),
+    },
+)
 #: Streams with numbered columns: motor_1, range_0, ...
-_NUMBERED = {"motors": "motor_", "laser": "range_"}
+_NUMBERED: Mapping[str, str] = BySensor(lambda entry: entry.numbered, after={"motors": "motor_"})
+
+
+def files() -> tuple[str, ...]:
+    """The files of a recording, by the names of their streams."""
+    return (*REQUIRED_COLUMNS, "truth")
 
 
 def read_recording(folder: Path) -> Recording:
@@ -217,7 +216,7 @@ def write_recording(recording: Recording, folder: Path) -> None:
     streams = dict(recording.streams)
     if recording.truth is not None:
         streams["truth"] = recording.truth.stream
-    with new_folder(Path(folder), [*(f"{name}.csv" for name in FILES), POINTS_FILE, HEADER_FILE]) as beside:
+    with new_folder(Path(folder), [*(f"{name}.csv" for name in files()), POINTS_FILE, HEADER_FILE]) as beside:
         for name, stream in streams.items():
             _write_csv(beside / f"{name}.csv", stream)
         if recording.points is not None:
@@ -275,7 +274,7 @@ def _has_rows(path: Path) -> bool:
 def _rows(table: Table) -> dict[str, int]:
     """How many rows each file has, by the name of its stream, as `[rows]` says; nothing of those it does not name."""
     rows = table.table("rows")
-    counts = {name: rows.whole(name, at_least=1) for name in FILES if name in rows}
+    counts = {name: rows.whole(name, at_least=1) for name in files() if name in rows}
     rows.done()
     return {name: count for name, count in counts.items() if count is not None}
 

@@ -96,8 +96,8 @@ from pathlib import Path
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.columns import FileOptions, read_columns
 from sinan.sensors.formats.rinex import read_observations
-import pandas, sensors.formats.packed
-sensors.formats.packed.LARGEST = {bound}
+import pandas, sinan.sensors.formats.packed as packed
+packed.LARGEST = {bound}
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + {memory}, used + {memory}))
 try:
