@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import os
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -36,8 +37,36 @@ def measured_data() -> Path:
     return root
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say how many tests had no data."""
+#: Test files of the fast lane, and the seconds that each was measured to take.
+FAST: dict[str, float] = tomllib.loads((ROOT / "tests" / "fast.toml").read_text(encoding="utf-8"))["seconds"]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is in the fast lane."""
+    for item in items:
+        path = item.path
+        if path.is_relative_to(ROOT / "tests") and path.relative_to(ROOT / "tests").as_posix() in FAST:
+            item.add_marker(pytest.mark.fast)
+
+
+def _slower_than_listed(reports: dict[str, list[Any]]) -> list[str]:
+    """Files of the fast lane that took far longer than `fast.toml` says."""
+    took: dict[str, float] = {}
+    for report in (one for kind in ("passed", "failed") for one in reports.get(kind, [])):
+        file = report.nodeid.split("::")[0].removeprefix("tests/")
+        took[file] = took.get(file, 0.0) + report.duration
+    return [
+        f"tests/{file}: {took[file]:.0f} s, in tests/fast.toml with {listed:g} s: measure it again"
+        for file, listed in FAST.items()
+        if took.get(file, 0.0) > 3.0 * listed + 5.0
+    ]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how many tests had no data, and what of the fast lane was slow."""
+    if config.option.markexpr == "fast":
+        for line in _slower_than_listed(terminalreporter.stats):
+            terminalreporter.write_line(line)
     skipped = [r for r in terminalreporter.stats.get("skipped", []) if NO_DATA in str(r.longrepr)]
     if skipped:
         terminalreporter.write_line(f"{len(skipped)} measured tests were skipped: {NO_DATA}")

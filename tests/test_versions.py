@@ -47,7 +47,7 @@ def test_the_test_of_the_lowest_versions_takes_every_floor() -> None:
     ).stdout.split()  # fmt: skip
     names = "camera", "dask", "docs", "gnss", "mavlink", "parquet", "ros", "test"
     floors = named([*PROJECT["dependencies"], *(entry for name in names for entry in EXTRAS[name])])
-    tools = {"ruff", "mypy", "import-linter"}
+    tools = {"ruff", "mypy", "import-linter", "nox", "pre-commit"}
     assert sorted(printed) == sorted(f"{name}=={floor}" for name, floor in floors.items() if name not in tools)
 
 
