@@ -8,11 +8,12 @@ import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 
 from sinan.experiments.labs import LABS
+from sinan.experiments.student_labs import TITLES
 
 if TYPE_CHECKING:
     from sinan.sensors.formats.choice import Choice
@@ -79,6 +80,13 @@ class AxesForm(StrEnum):
     none = "none"
     triangular = "triangular"
     full = "full"
+
+
+class Language(StrEnum):
+    """Of the labs for students."""
+
+    en = "en"
+    zh = "zh"
 
 
 class World(StrEnum):
@@ -645,10 +653,33 @@ def heights(
 
 @app.command()
 def lab(
-    name: Annotated[str | None, typer.Argument(help=f"{', '.join(LABS)}; none: the list")] = None,
-    out: Annotated[Path, typer.Option(help="folder for the page")] = Path("sinan-lab"),
+    name: Annotated[
+        str | None, typer.Argument(help=f"{', '.join(LABS)}; begin or check, for students; none: the list")
+    ] = None,
+    what: Annotated[
+        str | None, typer.Argument(help=f"begin, check: {', '.join(TITLES)}", metavar="[LAB]", show_default=False)
+    ] = None,
+    answer: Annotated[
+        Path | None, typer.Argument(help="check: answer.json, its data.csv beside it", show_default=False)
+    ] = None,
+    out: Annotated[Path, typer.Option(help="folder for the page; begin: of the student")] = Path("sinan-lab"),
+    student: Annotated[str, typer.Option(help="begin: number or name, from which the data are drawn")] = "",
+    secret: Annotated[str, typer.Option(help="begin: a word of the teacher's, from which they are drawn too")] = "",
+    key: Annotated[Path | None, typer.Option(help="begin: file for the teacher's key, not in --out")] = None,
+    solved: Annotated[bool, typer.Option("--solved", help="begin: the solved notebook")] = False,
+    language: Annotated[Language, typer.Option(help="begin, check: en or zh")] = Language.en,
 ) -> None:
-    """The course's experiments."""
+    """The course's experiments; labs for students, with data of their own: begin LAB, check LAB ANSWER."""
+    if name in ("begin", "check"):
+        from sinan.experiments.commands.lab import begin, check
+
+        words: Literal["en", "zh"] = "zh" if language is Language.zh else "en"
+        if name == "begin":
+            _require_place_for(out)
+            _show(begin(what, student, out, words, secret, key, solved))
+        elif not check(what, answer, words, _show):
+            raise typer.Exit(1)
+        return
     from sinan.experiments.labs import run
 
     if name is None:

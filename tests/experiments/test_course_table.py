@@ -25,7 +25,7 @@ def test_every_command_lab_and_effect_of_the_table_exists() -> None:
     named = re.findall(r"`sinan (\w+)(?: ([\w.]+))?", PAGE)
     assert {command for command, _ in named} <= commands
     labs = {name for command, name in named if command == "lab" and name}
-    assert labs == set(LABS)  # each experiment shows something of the course, and none is left out
+    assert labs - {"begin", "check"} == set(LABS)  # each experiment shows something of the course, and none is left out
     for command, name in named:
         if command == "effects" and name:
             assert effect(name).name == name

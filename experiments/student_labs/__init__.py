@@ -1,0 +1,12 @@
+"""Labs for students: data of one's own, a notebook with gaps, and a check that hints without telling."""
+
+from __future__ import annotations
+
+#: name -> English and Chinese title; the module of the same name has `LAB`, `texts/NAME.notebook` the notebook
+TITLES = {
+    "accelerometer": ("accelerometer: ten poses, gravity, one attitude more", "三轴加速度计自动标定"),
+    "magnetometer": ("magnetometer: six faces, heading, the motors' current", "三轴磁力计自动标定"),
+    "gyroscope": ("gyroscope: bias, scale, how long to rest", "三轴陀螺仪：偏移与尺度因子"),
+    "heights": ("heights: sonar, barometer, and both together", "超声波测距仪与气压计测高"),
+    "gps": ("GPS: four satellites, one that is off, DGPS", "全球定位系统与差分GPS"),
+}
