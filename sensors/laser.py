@@ -21,7 +21,7 @@ class Laser:
 
     range_i = (ground_down - down) / (C_nb beam_i)_down + b_laser + n
 
-    Neglects laser.scale, laser.mount_offset, laser.boresight, laser.terrain_slope.
+    Neglects laser.scale, laser.mount_offset, laser.boresight, laser.lever_arm, laser.terrain_slope.
 
     Attributes
     ----------

@@ -22,7 +22,8 @@ class Sonar:
 
     d = -p_z / (cos(pitch) cos(roll)) + b_sonar + n
 
-    Neglects sonar.sound_speed, sonar.mount_offset, sonar.beam_cone, sonar.terrain_slope.
+    Neglects sonar.sound_speed, sonar.mount_offset, sonar.boresight, sonar.lever_arm,
+    sonar.beam_cone, sonar.terrain_slope.
 
     Attributes
     ----------

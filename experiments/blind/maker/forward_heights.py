@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -65,10 +66,16 @@ def terrain_slope(b: FloatArray, seen: Seen) -> FloatArray:
     return (beam_range(seen.body, seen.scene, (0.0, 0.0, 1.0), b) - seen.plain[:, 0])[:, None]
 
 
-def laser_boresight(b: FloatArray, seen: Seen) -> FloatArray:
+def boresight(b: FloatArray, seen: Seen) -> FloatArray:
     """Beam along Rx(b0) Ry(b1) (0, 0, 1) in the body."""
     beam = rot_x(float(b[0])) @ rot_y(float(b[1])) @ np.array([0.0, 0.0, 1.0])
     return (beam_range(seen.body, seen.scene, beam) - seen.plain[:, 0])[:, None]
+
+
+def lever_arm(b: FloatArray, seen: Seen) -> FloatArray:
+    """The transducer sits at p + R b: its own height above the ground, along its own beam."""
+    moved = replace(seen.body, p=seen.body.p + seen.body.to_ned(np.broadcast_to(b, seen.body.p.shape)))
+    return (beam_range(moved, seen.scene) - seen.plain[:, 0])[:, None]
 
 
 def beam_range(
@@ -91,7 +98,10 @@ HEIGHT_EFFECTS: Mapping[str, Forward] = {
     "sonar.mount_offset": shifted,
     "sonar.beam_cone": sonar_beam_cone,
     "sonar.terrain_slope": terrain_slope,
-    "laser.boresight": laser_boresight,
+    "sonar.boresight": boresight,
+    "sonar.lever_arm": lever_arm,
+    "laser.boresight": boresight,
+    "laser.lever_arm": lever_arm,
     "laser.mount_offset": shifted,
     "laser.scale": stretched,
     "laser.terrain_slope": terrain_slope,
