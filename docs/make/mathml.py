@@ -14,10 +14,11 @@ _LOGGER = logging.getLogger(__name__)
 
 def _drawn(node: nodes.Element, as_block: bool) -> str:
     """MathML of a formula; one that cannot be read is a warning with its place."""
+    text = node.astext()
     try:
-        return str(latex2mathml.tex2mathml(node.astext(), as_block=as_block))
-    except MathError as error:
-        _LOGGER.warning("%s in %r", error, node.astext(), location=node)
+        return str(latex2mathml.tex2mathml("{}" * text.startswith(("^", "_")) + text, as_block=as_block))
+    except (MathError, IndexError) as error:
+        _LOGGER.warning("%s in %r", error, text, location=node)
         return ""
 
 

@@ -39,7 +39,6 @@ from sinan.estimator.filter.effect_forms import (
     with_covariates,
 )
 from sinan.estimator.filter.engine import journal_of, run
-from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
@@ -338,8 +337,3 @@ def _slope_over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -
 def candidate_streams(model: FlightModel) -> tuple[str, ...]:
     """The streams whose effects can be candidates in a run: the drivers and the sensors that update."""
     return (*DRIVERS, *model.sensors)
-
-
-def count_readings(recording: Recording, model: FlightModel) -> Mapping[str, int]:
-    """Readings of every sensor of a run."""
-    return {name: len(readings(recording, model, name)[1]) for name in model.sensors}

@@ -22,7 +22,7 @@ import numpy as np
 
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight_model import FlightModel, InStep
-from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
+from sinan.sensors.arrays import FloatArray, IntArray, runs_of
 from sinan.sensors.recording import ACCEL, GYRO, Recording
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
@@ -275,15 +275,3 @@ def _filled(
     t_new = t[parent] + fraction * (t[after] - t[parent])
     u_new = u[parent] + fraction[:, None] * (u[after] - u[parent])
     return t_new, u_new, q_accel[parent[:-1]], q_gyro[parent[:-1]], np.where(fraction == 0.0, row[parent], -1)
-
-
-def at_instants(table: ImuTable, t: FloatArray, averaged: bool) -> FloatArray:
-    """(m, 6) samples at other instants, as the filter takes them: linear, or for averages the sample that covers t."""
-    if averaged:
-        return table.u[np.clip(np.searchsorted(table.t, t, side="left"), 0, len(table) - 1)]
-    return np.stack([np.interp(t, table.t, column) for column in table.u.T], axis=-1)
-
-
-def is_measured(table: ImuTable) -> BoolArray:
-    """(n,) which samples were read; the others were put into gaps."""
-    return np.asarray(table.row >= 0)

@@ -13,14 +13,12 @@ J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed., 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.estimator.filter.imu import at_instants
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import B_IMU, CAPACITY, P_N, Q_NB, V_N
@@ -153,11 +151,3 @@ def field_along(model: FlightModel, x: FloatArray) -> FloatArray:
     """(1, 3) or (n, 3) magnetic field in NED: as declared, or with its error as the states (n, ...) have it."""
     layout = model.layout
     return model.m_n[None, :] + x[:, layout.nominal("field")] if layout.has("field") else model.m_n[None, :]
-
-
-def imu_at(journal: Journal, t: FloatArray) -> Mapping[str, FloatArray]:
-    """Raw accelerometer and gyroscope (m, 3) at other instants, as the filter takes them."""
-    inputs = journal.run
-    assert isinstance(inputs, RunInputs)
-    u = at_instants(inputs.imu, t, inputs.model.averaged)
-    return {"accel": u[:, :3], "gyro": u[:, 3:]}

@@ -144,7 +144,7 @@ def test_demo_writes_pages_and_figures(tmp_path: Path) -> None:
         (["simulate", "mag_poses", "{tmp}/none/none/x"], 1, "no folder {tmp}/none"),
         (["trace"], 2, "INPUT"),
         (["calibrate", "nose", "{poses}"], 2, "nose"),
-        (["lab", "nothing"], 1, "one of accelerometer"),
+        (["lab", "nothing"], 1, "one of spring_mass"),
     ],
 )
 def test_bad_input_is_one_line(poses: Path, tmp_path: Path, arguments: list[str], status: int, says: str) -> None:
