@@ -42,6 +42,10 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+#: Keys of a report that say which log it is of, and how it was asked.
+SAYS_WHICH = ("called", "window", "warnings", "call", "logs")
+
+
 def without(document: dict[str, Any], *keys: str) -> dict[str, Any]:
     return {key: value for key, value in document.items() if key not in keys}
 
@@ -60,7 +64,7 @@ def test_a_part_is_estimated_as_the_log_of_that_part(flight: Path, tmp_path: Pat
     assert (one["window"], other["window"]) == ([20.0, 45.0], None)
     assert one["called"] == "square from 20 s to 45 s"
     assert one["duration"] == pytest.approx(25.0, abs=0.01)
-    assert without(one, "called", "window", "warnings") == without(other, "called", "window", "warnings")
+    assert without(one, *SAYS_WHICH) == without(other, *SAYS_WHICH)
 
 
 def test_a_part_finds_its_own_first_state(flight: Path, tmp_path: Path) -> None:
@@ -82,7 +86,7 @@ def test_poses_are_calibrated_and_traced_in_part(poses: Path, tmp_path: Path) ->
     found = [json.loads(file.read_text()) for file in files]
     assert found[0]["n"] == np.sum((t >= t[0] + 5.0) & (t < t[0] + span[1]))
     assert found[0]["window"] == list(span)
-    words = ("called", "window", "warnings", "notes", "next")
+    words = (*SAYS_WHICH, "notes", "next")
     for one, other in ((found[0], found[1]), (found[2], found[3])):
         assert without(one, *words) == without(other, *words)
     assert found[2]["called"] == f"poses from 5 s to {span[1]:g} s"
