@@ -65,7 +65,7 @@ def together(folder: Path) -> Traced:
         return found[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trace_command, "trace_recording", remember)
+        patch.setattr("sinan.experiments.answers.traces.trace_recording", remember)
         files = folder.parent / "trace.json", folder.parent / "trace.html"
         trace_command.run([str(folder)], None, 0.01, None, None, *files)
     return found[0]
