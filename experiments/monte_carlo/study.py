@@ -188,15 +188,16 @@ def run(
 
     def take(flights: Iterable[Flight]) -> None:
         for flight in flights:
-            done[flight.run] = flight
             if kept is not None:
                 kept.keep(flight)
+            done[flight.run] = flight
         report(len(done), runs)
 
     def how_to_go_on() -> str:
-        far = f" after {len(done)} of {runs} flights"
+        finished = len(done) if kept is None else kept.count(runs)  # a run may be kept and not yet counted
+        far = f" after {finished} of {runs} flights"
         if kept is not None or not done:
-            return f"{far}: the same command {'goes on' if done else 'begins again'}"
+            return f"{far}: the same command {'goes on' if finished else 'begins again'}"
         folder = _keep_elsewhere(done.values(), scenario, seed, relinearise)
         return f"{far}, kept: the same command with --resume {folder} goes on"
 
@@ -314,6 +315,10 @@ class Kept:
         for k in kept:
             if _kinds(done[k]) != _kinds(flown[0]):
                 raise self._error(k, "other checkpoints, states or sensors than the other runs have")
+
+    def count(self, runs: int) -> int:
+        """How many of the first `runs` runs are kept."""
+        return sum(self._file(run).exists() for run in range(runs))
 
     def keep(self, flight: Flight) -> None:
         """Write one run."""

@@ -196,6 +196,7 @@ def test_ctrl_c_ends_it_well(loopback: Loopback) -> None:
     run, folder = loopback.capture(terminal=theirs), loopback.folder / "run"
     os.close(theirs)
     wait_for(lambda: rows_of(folder / "imu.csv") > 30, run)
+    time.sleep(2.0)  # every stream has come, and the table was drawn since
     run.send_signal(signal.SIGINT)
     shown = b""
     with suppress(OSError):  # what a terminal says whose other side is closed
