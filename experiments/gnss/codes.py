@@ -11,7 +11,7 @@ import numpy as np
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.experiments.gnss.link_study import MASK, elevations, slow_variance, white_variance
-from sinan.experiments.gnss.reference import position_error, read_reference
+from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.simulated import load, simulate
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.code_receiver import CLASSES
@@ -112,9 +112,9 @@ def _row(what: str, code: str, location: Location, truth: FloatArray, expected: 
     distance, _ = line_of_sight(ranges.position, known[ranges.epoch])
     left = ranges.value + SPEED_OF_LIGHT * ranges.clock - distance - modelled(ranges, known, MODELLED)
     left = _about_the_mean(ranges, left, keep)
-    error = position_error(location.fixes.position, truth)
+    error = (location.fixes.position - truth)[location.fixes.solved & np.isfinite(truth[:, 0])]
+    rms, bias = float(np.sqrt(np.mean(np.sum(error**2, axis=1)))), float(np.linalg.norm(error.mean(axis=0)))
     d = integrity.dilution(location.fixes, ranges.position, ranges.epoch, location.clock_group)
-    rms, bias = (0.0, 0.0) if error is None else (float(error["rms"]), float(np.linalg.norm(error["enu"])))  # type: ignore[arg-type]
     return CodeRow(
         what, code, float(np.sqrt(np.mean(left[keep] ** 2))), expected, _changing(ranges, left, keep), rms, bias,
         float(np.sqrt(max(rms**2 - bias**2, 0.0))), float(np.nanmean(d.position)),

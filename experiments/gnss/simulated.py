@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pymap3d
@@ -167,7 +168,7 @@ def _merged(path: Path, deepest: int) -> dict[str, object]:
 def _receiver(table: Table) -> CodeReceiver:
     receiver = CLASSES[table.text("receiver", tuple(CLASSES)) or "ca"]
     keys = ("noise", "drift", "drift_time", "clock_drift", "clock_noise", "rate")
-    given = {key: table.number(key, at_least=1e-6, at_most=1e6) for key in keys}
+    given: dict[str, Any] = {key: table.number(key, at_least=1e-6, at_most=1e6) for key in keys}
     return replace(receiver, **{key: value for key, value in given.items() if value is not None})
 
 
@@ -195,7 +196,7 @@ def _fault(table: Table) -> Fault:
 def _link(table: Table) -> DataLink:
     content, rate = table.text("content", ("corrections", "raw")), table.flag("rate")
     keys = ("interval", "delay", "loss", "run", "window")
-    given = {key: table.number(key, at_least=0.0, at_most=1e6) for key in keys}
+    given: dict[str, Any] = {key: table.number(key, at_least=0.0, at_most=1e6) for key in keys}
     link = DataLink(content=content or "corrections", rate=True if rate is None else rate)
     return replace(link, **{key: value for key, value in given.items() if value is not None})
 
