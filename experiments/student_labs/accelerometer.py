@@ -13,7 +13,10 @@ from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
 
 G, NOISE, POSE = 9.8, 0.005, 9  # m/s^2, m/s^2 of a pose's mean, the row whose pitch is asked for
 COLUMNS = ("ax", "ay", "az")
-_SIGN = Words("the sign of b: the model is K (a + b), so b is minus what the sensor adds", "b 的符号：模型为 K (a + b)")
+_SIGN = Words(
+    "the sign of b: the model is K (a + b), so b is minus what the sensor adds",
+    "偏移 b 的符号：模型为 K (a + b)，b 与传感器附加的量相反",
+)
 
 
 def make(rng: np.random.Generator) -> tuple[Data, Mapping[str, object]]:
@@ -61,14 +64,14 @@ LAB = Lab(
             "basic",
             1,
             1e-3,
-            Words("sum of squares with K = 1 and b = 0", "取 K = 1、b = 0 时的指标函数"),
+            Words("sum of squares with K = 1 and b = 0", "取 K = 1、b = 0 时的残差平方和，即指标函数"),
         ),
         Question(
             "index_after",
             "basic",
             1,
             1e-4,
-            Words("sum of squares at the minimum, not its root or mean", "最优参数处的平方和，不是均值或方根"),
+            Words("sum of squares at the minimum, not its root or mean", "最优参数处的平方和，不是平均值或平方根"),
         ),
         Question(
             "K_one",
@@ -85,16 +88,16 @@ LAB = Lab(
             0.02,
             Words(
                 "at rest f = (g sin pitch, ...): forward-right-down, the z axis reads -g",
-                "静止时 f_x = g sinθ；前-右-下坐标系，z 轴读数为 -g",
+                "静止时 f_x = g sinθ，θ 为俯仰角；前-右-下坐标系，z 轴读数为 -g",
             ),
             (
                 Mistake(
                     Words(
                         "the sign: the accelerometer reads specific force, minus gravity",
-                        "符号：加速度计测量的是比力，与重力方向相反",
+                        "符号：加速度计测量的是比力，与重力加速度方向相反",
                     )
                 ),
-                Mistake(Words("this is the pitch of the raw reading", "这是标定前的俯仰角")),
+                Mistake(Words("this is the pitch of the raw reading", "这是由标定前的读数求得的俯仰角")),
                 Mistake(Words("this is in radians; degrees are asked for", "单位应为度")),
             ),
         ),

@@ -56,7 +56,11 @@ LAB = Lab(
             1,
             0.5,
             Words("the fourth unknown, as a range in m", "第四个未知数，以米为单位"),
-            (Mistake(Words("the sign: here the clock is added to the distance", "符号：此处伪距等于距离加钟差")),),
+            (
+                Mistake(
+                    Words("the sign: here the clock is added to the distance", "符号：此处伪距等于距离加接收机钟差")
+                ),
+            ),
         ),
         Question(
             "satellite",

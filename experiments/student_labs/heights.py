@@ -48,7 +48,7 @@ LAB = Lab(
             0.01,
             Words(
                 "mean height by sonar: d = v t / 2, times both cosines; leave rows without an echo out",
-                "超声波平均高度：d = vΔt/2，再乘 cosθ cosφ；去掉没有回波的行",
+                "超声波平均高度：d = vΔt/2，再乘 cosθ cosφ；去掉没有反射波的行",
             ),
             (
                 Mistake(Words("the tilt is still in it", "尚未做倾斜修正")),
@@ -62,7 +62,7 @@ LAB = Lab(
             0.1,
             Words(
                 "a line through barometer minus sonar: where is it at t = 0?",
-                "对气压高度减超声波高度做直线拟合，取 t = 0 处的值",
+                "对气压计高度减超声波高度做直线拟合，取 t = 0 处的值",
             ),
             (Mistake(Words("barometer minus sonar, not the other way round", "应为气压计减超声波")),),
         ),

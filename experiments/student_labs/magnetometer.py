@@ -52,7 +52,10 @@ LAB = Lab(
             "basic",
             3,
             2e-3,
-            Words("divide by the mean norm first; the residual is |K (m + b)| - 1", "先归一化；残差为 |K(m+b)| - 1"),
+            Words(
+                "divide by the mean norm first; the residual is |K (m + b)| - 1",
+                "先除以平均模长（归一化）；残差为 |K(m+b)| - 1",
+            ),
             (Mistake(Words("K multiplies the reading; this divides it", "尺度因子应乘以读数")),),
         ),
         Question(
@@ -77,10 +80,10 @@ LAB = Lab(
             0.5,
             Words(
                 "turn the field back by pitch and roll; heading = atan2(-m_y', m_x')",
-                "先用俯仰角和滚转角将磁场转到水平面",
+                "先用俯仰角和滚转角将磁场转到水平面，再由 atan2(-m_y', m_x') 求偏航角",
             ),
             (
-                Mistake(Words("this is the heading without the tilt", "这是没有倾斜补偿的偏航角")),
+                Mistake(Words("this is the heading without the tilt", "这是没有倾斜修正的偏航角")),
                 Mistake(Words("the sign: heading is counted clockwise", "符号：偏航角顺时针为正")),
             ),
         ),
@@ -92,7 +95,7 @@ LAB = Lab(
             Words("let the offset grow with the current: |K (m + b + I d)| = 1", "令偏移随电流变化：|K(m+b+I d)| = 1"),
             (
                 Mistake(Words("the sign: d is added like b", "符号：d 与 b 一样相加")),
-                Mistake(Words("per ampere, not at the highest current", "应为每安培的值")),
+                Mistake(Words("per ampere, not at the highest current", "应为每安培电流的值，而不是最大电流时的值")),
             ),
         ),
     ),

@@ -82,7 +82,7 @@ LAB = Lab(
             1e-4,
             Words(
                 "first 30 s: position = p0 + v0 t + s t^2 / 2 by least squares; s is the sum",
-                "前 30 s：用最小二乘拟合 p = p0 + v0 t + s t²/2，s 即为二者之和",
+                "前 30 s：用最小二乘将位置拟合为 p = p0 + v0 t + s t²/2，s 即为二者之和",
             ),
             (
                 Mistake(
