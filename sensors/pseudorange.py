@@ -48,6 +48,7 @@ MODELLED: Mapping[str, Effect] = {
     )
 }
 L1 = 1575.42e6  # Hz, GPS L1, Galileo E1, QZSS L1
+L2 = 1227.60e6  # Hz, GPS L2
 B1I = 1561.098e6  # Hz, BeiDou B1I
 B3I = 1268.52e6  # Hz, BeiDou B3I
 G1, G1_STEP = 1602.0e6, 0.5625e6  # Hz, GLONASS G1 and the distance of its channels
@@ -59,6 +60,14 @@ SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {
     "C": (("C2I", B1I, 1.0), ("C1I", B1I, 1.0), ("C6I", B3I, 0.0)),
     "R": (("C1C", G1, 0.0), ("C1P", G1, 0.0)),
 }
+#: The same for receivers of the P code, on one frequency, L2 where they do not give that of L1; and for both of its
+#: frequencies together, in which no ionosphere is left: `ionosphere_free` makes C0W.
+P_SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {
+    "G": (("C1W", L1, 1.0), ("C1P", L1, 1.0), ("C2W", L2, (L1 / L2) ** 2), ("C2P", L2, (L1 / L2) ** 2)),
+    "R": (("C1P", G1, 0.0),),
+}
+P_TWO_SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {"G": (("C0W", np.inf, 0.0),)}
+CODES = {"ca": SIGNALS, "p": P_SIGNALS, "p_two": P_TWO_SIGNALS}
 SYSTEM_NAMES = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "J": "QZSS", "C": "BeiDou"}
 #: Systems that share a receiver clock: QZSS sends the signals of GPS in the time of GPS (IS-QZSS-PNT, 3.2.1).
 CLOCK_OF: Mapping[str, str] = {"G": "G", "J": "J", "E": "E", "C": "C", "R": "R"}
@@ -152,7 +161,25 @@ class Pseudoranges:
         return np.array([number[letter] for letter in letters], dtype=np.int64), names
 
 
-def pseudoranges(observations: Observations, navigation: Navigation, systems: Iterable[str] = "GEJC") -> Pseudoranges:
+def ionosphere_free(observations: Observations) -> Observations:
+    """The same with C0W = (g C1W - C2W) / (g - 1), g = (f_1 / f_2)^2: free of what goes with 1 / f^2 (GPS P code).
+
+    The broadcast clock is that of this combination: it has no group delay (IS-GPS-200N, 20.3.3.3.3.1). Its noise is
+    sqrt(g^2 + 1) / (g - 1) = 2.98 times that of one code.
+    """
+    first, second = (observations.values.get(name) for name in ("C1W", "C2W"))
+    if first is None or second is None:
+        return observations
+    g = (L1 / L2) ** 2
+    gps = observations.system == "G"
+    combined = np.where(gps, (g * first - second) / (g - 1.0), np.nan)
+    strength = {"S0W": observations.values["S2W"]} if "S2W" in observations.values else {}
+    return replace(observations, values={**observations.values, "C0W": combined, **strength})
+
+
+def pseudoranges(
+    observations: Observations, navigation: Navigation, systems: Iterable[str] = "GEJC", code: str = "ca"
+) -> Pseudoranges:
     """Choose one code of each satellite and find the satellites' states at transmission.
 
     What has no usable message (none, too old, unhealthy) or is no possible range is left out, with a journal line.
@@ -161,11 +188,14 @@ def pseudoranges(observations: Observations, navigation: Navigation, systems: It
     ----------
     observations, navigation : what was read
     systems : letters of G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS
+    code : `ca`, or its like in the other systems; `p`, of GPS and GLONASS; `p_two`, of both frequencies of GPS
     """
+    signals = CODES[code]
+    observations = ionosphere_free(observations) if code == "p_two" else observations
     system = observations.system
     value, frequency, share, strength = (np.full(len(system), np.nan) for _ in range(4))
     for letter in systems:
-        for code, carrier, group in SIGNALS.get(letter, ()):
+        for code, carrier, group in signals.get(letter, ()):
             measured = observations.values.get(code)
             if measured is None:
                 continue

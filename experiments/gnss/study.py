@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,13 @@ from sinan.experiments.gnss.reference import position_error, read_reference
 from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
 from sinan.experiments.residual_loop.pseudoranges import Called
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.data_link import DataLink, parse_link
 from sinan.sensors.effects.pseudorange_satellite_fault import EFFECT as FAULT
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import new_file
 from sinan.sensors.formats.rinex import Navigation, read_navigation, read_observations
 from sinan.sensors.formats.rinex_text import WEEK, calendar
-from sinan.sensors.pseudorange import MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
+from sinan.sensors.pseudorange import CODES, MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
 
 Report = dict[str, object]
 
@@ -42,6 +44,8 @@ def solved(
     base: Path | str | None = None,
     base_position: Sequence[float] | None = None,
     alpha: float = 0.01,
+    code: str = "ca",
+    link: str | None = None,
 ) -> tuple[Report, Location]:
     """Read, fix, trace and report.
 
@@ -55,6 +59,8 @@ def solved(
     reference : file of known positions of a moving one
     base, base_position : observation file and ECEF position [m] of a base
     alpha : family-wise error of the trace
+    code : `ca`, `p`, or `p_two` (both frequencies of the P code, without ionosphere)
+    link : the data link from the base, such as `delay=5,loss=0.1`; None: every correction is there at once
 
     Returns
     -------
@@ -65,8 +71,9 @@ def solved(
     InputError : a file or an argument cannot be used
     """
     letters = check_arguments(systems, mask_deg, position, reference, base, base_position)
+    over = check_code(code, link, base)
     messages = read_navigation(*navigation)
-    ranges = usable_ranges(observation, messages, letters)
+    ranges = usable_ranges(observation, messages, letters, code)
     mask = math.radians(mask_deg)
     truth = known_positions(ranges, position, reference)
     full = locate(ranges, mask=mask)
@@ -82,6 +89,7 @@ def solved(
         "alpha": alpha,
         "epochs": int(final.fixes.solved.sum()),
         "systems": [SYSTEM_NAMES[letter] for letter in letters],
+        "code": code,
         "mask_deg": mask_deg,
         "reference": "the position given"
         if position is not None
@@ -99,9 +107,10 @@ def solved(
         "journal": journal(ranges, final),
     }
     if base is not None and base_position is not None:
-        at_base = usable_ranges(base, messages, letters)
-        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask)
+        at_base = usable_ranges(base, messages, letters, code)
+        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask, over)
         report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
+        report["dgps"]["link"] = None if over is None else asdict(over)  # type: ignore[index]
     return finite(report), final  # type: ignore[return-value]
 
 
@@ -135,9 +144,18 @@ def check_arguments(
     return letters
 
 
-def usable_ranges(path: Path | str, messages: Navigation, letters: str) -> Pseudoranges:
+def check_code(code: str, link: str | None, base: Path | str | None) -> DataLink | None:
+    """The link; raises where there is no such code, or a link without a base."""
+    if code not in CODES:
+        raise InputError("--code", f"`{code}`", ", ".join(CODES))
+    if link is not None and base is None:
+        raise InputError("--link", "no base", "--base and --base-position")
+    return None if link is None else parse_link(link)
+
+
+def usable_ranges(path: Path | str, messages: Navigation, letters: str, code: str = "ca") -> Pseudoranges:
     """Pseudoranges of a file; raises where none can be used."""
-    ranges = pseudoranges(read_observations(path, "CS"), messages, letters)
+    ranges = pseudoranges(read_observations(path, "CS"), messages, letters, code)
     if not len(ranges):
         names = ", ".join(SYSTEM_NAMES[letter] for letter in letters)
         why = "; ".join(ranges.journal[-3:]) or f"no code observation of {names}"
