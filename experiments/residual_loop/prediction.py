@@ -17,9 +17,9 @@ import numpy as np
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
-from sinan.experiments.measured.withheld import Window
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.source import Fit, StreamResidual
+from sinan.experiments.withheld import Window
 from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.

@@ -22,6 +22,8 @@ Result = TypeVar("Result")
 MOST_RESTARTS = 3  # of a pool whose worker was killed
 #: A process that was killed is waited for so long [s]: it takes milliseconds.
 _PATIENCE = 0.3
+#: What the fork server loads before it forks: by name, since this process need not load it.
+_LOADED = "sinan.experiments.monte_carlo.warm"
 
 
 def in_processes(
@@ -79,7 +81,7 @@ def _context() -> BaseContext:
     from multiprocessing import forkserver, resource_tracker
 
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["sinan.experiments.workers.warm"])
+    context.set_forkserver_preload([_LOADED])
     if _end_fork_server not in AT_ONCE:
         AT_ONCE.append(_end_fork_server)
     # Ctrl-C goes to every process of a terminal. The server and all that it forks inherit that it is blocked, from
