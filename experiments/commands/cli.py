@@ -702,20 +702,24 @@ def lab(
     ] = None,
     out: Annotated[Path, typer.Option(help="folder for the page; begin: of the student")] = Path("sinan-lab"),
     student: Annotated[str, typer.Option(help="begin: number or name, from which the data are drawn")] = "",
-    secret: Annotated[str, typer.Option(help="begin: a word of the teacher's, from which they are drawn too")] = "",
+    secret: Annotated[
+        str, typer.Option(envvar="SINAN_LAB_SECRET", help="the teacher's, from which they are drawn too; check: by it")
+    ] = "",
     key: Annotated[Path | None, typer.Option(help="begin: file for the teacher's key, not in --out")] = None,
     solved: Annotated[bool, typer.Option("--solved", help="begin: the solved notebook")] = False,
+    seals: Annotated[bool, typer.Option(help="begin: so that the student can check too")] = True,
     language: Annotated[Language, typer.Option(help="begin, check: en or zh")] = Language.en,
 ) -> None:
     """The course's experiments; labs for students, with data of their own: begin LAB, check LAB ANSWER."""
     if name in ("begin", "check"):
         from sinan.experiments.commands.lab import begin, check
+        from sinan.experiments.student_labs.files import Kind
 
         words: Literal["en", "zh"] = "zh" if language is Language.zh else "en"
         if name == "begin":
             _require_place_for(out)
-            _show(begin(what, student, out, words, secret, key, solved))
-        elif not check(what, answer, words, _show):
+            _show(begin(what, student, out, Kind(words, solved, seals), secret, key))
+        elif not check(what, answer, words, student, secret, _show):
             raise typer.Exit(1)
         return
     from sinan.experiments.labs import run
