@@ -33,6 +33,7 @@ app = typer.Typer(
 
 
 _SHIPPED = sorted(p.stem for p in (Path(__file__).parents[1] / "scenarios").glob("[!_]*.toml"))
+RANGE_SCENARIOS = ", ".join(sorted(p.stem for p in (Path(__file__).parents[1] / "gnss" / "scenarios").glob("*.toml")))
 #: The most runs and processes that are asked for, and the most metres from the centre of the Earth.
 MOST_RUNS, MOST_WORKERS, MOST_METRES = 1_000_000, 1024, 1e9
 SCENARIOS = f"{', '.join(_SHIPPED)}; or a TOML file (docs/scenarios.md)"
@@ -87,6 +88,14 @@ class Language(StrEnum):
 
     en = "en"
     zh = "zh"
+
+
+class Code(StrEnum):
+    """Of pseudoranges."""
+
+    ca = "ca"
+    p = "p"
+    p_two = "p_two"
 
 
 class World(StrEnum):
@@ -456,6 +465,15 @@ def gnss(
     base_position: Annotated[
         tuple[float, float, float] | None, typer.Option(help="known position of the base, ECEF, m", metavar="X Y Z")
     ] = None,
+    code: Annotated[
+        Code, typer.Option(help="C/A and its like; P; P of both frequencies, without ionosphere")
+    ] = Code.ca,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            help="data link from the base, such as delay=5,interval=2,loss=0.1,run=3,content=raw (docs/gnss.md)"
+        ),
+    ] = None,
     solution: Annotated[Path | None, typer.Option(help="file for the fixes, as CSV", metavar="FILE")] = None,
     json: Json = None,
     html: Html = None,
@@ -463,8 +481,28 @@ def gnss(
     """Positions from pseudoranges, and which effects the ranges call for."""
     from sinan.experiments.commands.gnss import run
 
-    files = observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html
-    _say(lambda: run(*files), json, html, fixes=solution)
+    places = position, reference, base, base_position
+    _say(
+        lambda: run(observation, navigation, systems, mask, *places, code.value, link, solution, json, html),
+        json,
+        html,
+        fixes=solution,
+    )
+
+
+@app.command()
+def ranges(
+    scenario: Annotated[str, typer.Argument(help=f"{RANGE_SCENARIOS}; or a TOML file (docs/gnss.md)")],
+    out: Annotated[Path | None, typer.Option(help="folder for RINEX files of rover, base and messages")] = None,
+    seed: Seed = 0,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Simulate pseudoranges of C/A and P code receivers and a DGPS data link; errors over the corrections' age."""
+    from sinan.experiments.commands.ranges import run
+
+    _require_place_for(out)
+    _say(lambda: run(scenario, out, seed, json, html), json, html)
 
 
 @app.command()
@@ -670,20 +708,24 @@ def lab(
     ] = None,
     out: Annotated[Path, typer.Option(help="folder for the page; begin: of the student")] = Path("sinan-lab"),
     student: Annotated[str, typer.Option(help="begin: number or name, from which the data are drawn")] = "",
-    secret: Annotated[str, typer.Option(help="begin: a word of the teacher's, from which they are drawn too")] = "",
+    secret: Annotated[
+        str, typer.Option(envvar="SINAN_LAB_SECRET", help="the teacher's, from which they are drawn too; check: by it")
+    ] = "",
     key: Annotated[Path | None, typer.Option(help="begin: file for the teacher's key, not in --out")] = None,
     solved: Annotated[bool, typer.Option("--solved", help="begin: the solved notebook")] = False,
+    seals: Annotated[bool, typer.Option(help="begin: so that the student can check too")] = True,
     language: Annotated[Language, typer.Option(help="begin, check: en or zh")] = Language.en,
 ) -> None:
     """The course's experiments; labs for students, with data of their own: begin LAB, check LAB ANSWER."""
     if name in ("begin", "check"):
         from sinan.experiments.commands.lab import begin, check
+        from sinan.experiments.student_labs.files import Kind
 
         words: Literal["en", "zh"] = "zh" if language is Language.zh else "en"
         if name == "begin":
             _require_place_for(out)
-            _show(begin(what, student, out, words, secret, key, solved))
-        elif not check(what, answer, words, _show):
+            _show(begin(what, student, out, Kind(words, solved, seals), secret, key))
+        elif not check(what, answer, words, student, secret, _show):
             raise typer.Exit(1)
         return
     from sinan.experiments.labs import run
