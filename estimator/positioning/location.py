@@ -13,7 +13,16 @@ from sinan.estimator.positioning.point_positioning import CONVERGED, EARTH_RADIU
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.motion import Motion
-from sinan.sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, ionosphere_left, sum_of
+from sinan.sensors.pseudorange import (
+    IONOSPHERE_LEFT,
+    MODELLED,
+    Pseudoranges,
+    circumstances,
+    code_variance,
+    ionosphere_left,
+    sum_of,
+)
+from sinan.sensors.range_noise import RangeNoise
 
 MOST_PASSES = 8  # of mask, weights and modelled effects
 MOST_EXCLUDED = 6  # satellites of one epoch
@@ -63,6 +72,7 @@ def locate(
     variance: FloatArray | None = None,
     common: FloatArray | None = None,
     excluded: BoolArray | None = None,
+    noise: RangeNoise | None = None,
 ) -> Location:
     """Fix every epoch: coarse position, then mask, weights and modelled effects there, until the position rests.
 
@@ -77,6 +87,7 @@ def locate(
     variance : (n,) instead of `code_variance` [m^2]
     common : (n, k) with `variance`: errors that the rays have in common, 1-sigma a column [m]
     excluded : (n,) rows to leave out from the beginning
+    noise : law of the errors instead of that of `code_variance`; without `variance`
     """
     names = tuple(effects)
     group, clock_names = ranges.clock_groups()
@@ -89,7 +100,7 @@ def locate(
         motion = circumstances(ranges, position)
         delay = sum_of(motion, names)
         elevation = motion.covariates["elevation"]
-        weight, field = (variance, common) if variance is not None else _noise(ranges, motion, names)
+        weight, field = (variance, common) if variance is not None else _noise(ranges, motion, names, noise)
         result = rays.fixes(allowed & (elevation > mask), delay, weight, position, field)
         moved = np.nan_to_num(np.abs(result.position - position)).max(initial=0.0)
         position = np.where(np.isfinite(result.position), result.position, position)
@@ -156,13 +167,16 @@ class _Rays:
         return exclude_faults(again, allowed, found, self.ranges, self.group, variance)[1]
 
 
-def _noise(ranges: Pseudoranges, motion: Motion, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray | None]:
+def _noise(
+    ranges: Pseudoranges, motion: Motion, names: tuple[str, ...], noise: RangeNoise | None
+) -> tuple[FloatArray, FloatArray | None]:
     """(n,) variance [m^2], and (n, k) what a modelled ionosphere leaves in common [m]; None without it."""
     elevation = motion.covariates["elevation"]
     if IONOSPHERE not in names:
-        return code_variance(ranges, elevation, np.zeros(len(ranges))), None
+        return code_variance(ranges, elevation, np.zeros(len(ranges)), noise), None
     ionosphere = sum_of(motion, [IONOSPHERE])
-    return code_variance(ranges, elevation, ionosphere), ionosphere_left(motion, ionosphere)
+    share = IONOSPHERE_LEFT if noise is None else noise.field
+    return code_variance(ranges, elevation, ionosphere, noise), ionosphere_left(motion, ionosphere, share)
 
 
 def first_position(ranges: Pseudoranges, z: FloatArray, group: IntArray, allowed: BoolArray) -> FloatArray | None:
