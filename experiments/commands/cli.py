@@ -269,6 +269,10 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    sensors: Annotated[
+        str,
+        typer.Option(help="only these, such as accel,gyro,gps,camera; a flight may be given a camera"),
+    ] = "",
     own_effects: OwnEffects = None,
     seed: Seed = 0,
     force: Force = False,
@@ -279,8 +283,9 @@ def simulate(
     from sinan.experiments.scenarios import simulate_to_folder
 
     _require_place_for(out)
+    names = [name.strip() for name in sensors.split(",") if name.strip()]
     with working("simulating"):
-        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
+        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, names, note)
     _show(f"recording: {out}\nanswer: {answer}")
 
 
