@@ -35,6 +35,7 @@ from sinan.sensors.formats.rinex_navigation import Navigation
 from sinan.sensors.formats.rinex_observation import Journal, Observations, TextArray
 from sinan.sensors.formats.rinex_text import WEEK, calendar
 from sinan.sensors.motion import Motion
+from sinan.sensors.range_noise import RangeNoise
 
 #: Effects whose full size is known beforehand, in the order of the catalogue.
 MODELLED: Mapping[str, Effect] = {
@@ -354,7 +355,12 @@ def line_of_sight(satellite_e: FloatArray, receiver_e: FloatArray) -> tuple[Floa
     return distance, -d / distance[..., None]
 
 
-def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: FloatArray | float = 0.0) -> FloatArray:
+def code_variance(
+    ranges: Pseudoranges,
+    elevation: FloatArray,
+    ionosphere: FloatArray | float = 0.0,
+    noise: RangeNoise | None = None,
+) -> FloatArray:
     """(n,) variance of a pseudorange about the model [m^2].
 
     a^2 + b^2 / sin E : noise and multipath, larger near the horizon
@@ -371,7 +377,11 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
     ranges : n rows
     elevation : (n,) [rad]
     ionosphere : (n,) modelled delay [m]
+    noise : a law of its own instead of the one above
     """
+    if noise is not None:
+        delay = np.broadcast_to(ionosphere, (len(ranges),))
+        return noise.variance(ranges.system, elevation, ranges.strength, ranges.accuracy, delay)
     sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
     variance = CODE_NOISE**2 * (1.0 + 1.0 / sine)
     variance = variance * np.where(ranges.system == "R", GLONASS_NOISE**2, 1.0)
@@ -380,7 +390,7 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
     return np.asarray(variance + (TROPOSPHERE_LEFT / (sine + 0.1)) ** 2)
 
 
-def ionosphere_left(motion: Motion, ionosphere: FloatArray) -> FloatArray:
+def ionosphere_left(motion: Motion, ionosphere: FloatArray, share: float = IONOSPHERE_LEFT) -> FloatArray:
     """(n, 3) what the rays have in common of the delay that the broadcast ionosphere leaves [m], 1-sigma a column.
 
     The vertical delay that is left is a Gaussian field of standard deviation s = 0.5 I_v and correlation length L, to
@@ -391,12 +401,14 @@ def ionosphere_left(motion: Motion, ionosphere: FloatArray) -> FloatArray:
     ----------
     motion : what `circumstances` gives
     ionosphere : (n,) modelled slant delay [m]; zero: not known, and s is 5 m
+    share : of the delay, instead of 0.5
     """
     elevation, azimuth = motion.covariates["elevation"], motion.covariates["azimuth"]
     F = pseudorange_ionosphere.obliquity(elevation) * (L1 / motion.covariates["frequency"]) ** 2
     psi = np.pi * (0.0137 / (np.maximum(elevation, 0.0) / np.pi + 0.11) - 0.022)  # as in Klobuchar's model
     away = psi * WGS84_A / IONOSPHERE_LENGTH
-    slant = np.where(ionosphere > 0.0, IONOSPHERE_LEFT * ionosphere, IONOSPHERE_UNKNOWN * F)
+    unknown = IONOSPHERE_UNKNOWN * share / IONOSPHERE_LEFT * F
+    slant = np.where(ionosphere > 0.0, share * ionosphere, unknown)
     return np.stack([slant, slant * away * np.cos(azimuth), slant * away * np.sin(azimuth)], axis=-1)
 
 

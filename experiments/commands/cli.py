@@ -139,6 +139,8 @@ OwnEffects = Annotated[
         metavar="FILE.py",
     ),
 ]  # fmt: skip
+LongestWork = Annotated[float, typer.Option("--time", help="the longest work on a log, s", min=1.0, max=1e6)]
+MostMemory = Annotated[float, typer.Option("--memory", help="memory that a log may need, MB", min=1.0, max=1e7)]
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
@@ -554,13 +556,16 @@ def batch(
     own_effects: OwnEffects = None,
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+    time: LongestWork = 900.0,
+    memory: MostMemory = 4096.0,
 ) -> None:
     """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
     _know(own_effects)
     from sinan.experiments.commands.batch import run
+    from sinan.experiments.workers.alone import Limits
 
     _require_place_for(out)
-    _show(run(inputs, out, workers, dask))
+    _show(run(inputs, out, workers, dask, Limits(time, int(memory * 2**20))))
     _show(f"page: {out / 'index.html'}")
 
 
@@ -569,13 +574,14 @@ def serve(
     port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
     open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
     size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
-    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+    time: LongestWork = 900.0,
+    memory: MostMemory = 4096.0,
 ) -> None:
     """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
     from sinan.experiments.commands.serve import run
     from sinan.experiments.serve.jobs import Limits
 
-    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
+    run(port, Limits(int(size * 2**20), time, int(memory * 2**20)), open_page, _show)
 
 
 @app.command()

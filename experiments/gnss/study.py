@@ -18,6 +18,7 @@ import pymap3d
 
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
+from sinan.estimator.positioning.noise_fit import fitted
 from sinan.experiments.gnss.base import Differential, differential
 from sinan.experiments.gnss.reference import position_error, read_reference
 from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
@@ -30,6 +31,7 @@ from sinan.sensors.files import new_file
 from sinan.sensors.formats.rinex import Navigation, read_navigation, read_observations
 from sinan.sensors.formats.rinex_text import WEEK, calendar
 from sinan.sensors.pseudorange import CODES, MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
+from sinan.sensors.range_noise import RangeNoise
 
 Report = dict[str, object]
 
@@ -82,7 +84,9 @@ def solved(
             observation, reasons(full), "an epoch with four satellites above the mask, or one more a system"
         )
     found = trace_ranges(ranges, mask, alpha, truth)
-    final = locate(ranges, mask=mask, excluded=found.faulty)
+    first = locate(ranges, mask=mask, excluded=found.faulty)
+    noise = fitted(first)
+    final = locate(ranges, mask=mask, excluded=found.faulty, noise=noise)
     report: Report = {
         "format": 1,
         "recording": Path(observation).name,
@@ -99,9 +103,10 @@ def solved(
         "verdict": found.verdict,
         "effects": [effect_entry(called) for called in found.called],
         "rolled_back": list(found.rolled_back),
-        "stages": stages(ranges, mask, found, final, truth),
+        "noise": noise_entry(noise, first, final, truth),
+        "stages": stages(ranges, mask, found, final, truth, noise),
         "error": held_out_error(ranges, mask, found),
-        "candidates": candidates(ranges, mask, found, final),
+        "candidates": candidates(ranges, mask, found, final, noise),
         "integrity": integrity_entry(final),
         "excluded": excluded(final, found),
         "journal": journal(ranges, final),
@@ -204,10 +209,15 @@ def effect_entry(called: Called) -> Report:
 
 
 def stages(
-    ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location, truth: FloatArray | None
+    ranges: Pseudoranges,
+    mask: float,
+    found: RangeTrace,
+    final: Location,
+    truth: FloatArray | None,
+    noise: RangeNoise | None = None,
 ) -> list[Report]:
     """The plain model, each further effect, and the model with every effect, if that is another one."""
-    entries = [stage((), [], locate(ranges, (), mask=mask, exclude=False), truth, "plain model")]
+    entries = [stage((), [], locate(ranges, (), mask=mask, exclude=False, noise=noise), truth, "plain model")]
     names: list[str] = []
     labels: list[str] = []
     without = np.zeros(len(ranges), dtype=bool)
@@ -218,7 +228,7 @@ def stages(
         elif called.interval is not None:
             late = ranges.time - ranges.t[0] >= called.interval[0]
             without = without | ((ranges.satellite == called.satellite) & late)
-        location = locate(ranges, names, mask=mask, exclude=False, excluded=without)
+        location = locate(ranges, names, mask=mask, exclude=False, excluded=without, noise=noise)
         source = "known position" if called.known_position else "ranges"
         entries.append(stage(tuple(labels), names, location, truth, source))
     everything = tuple(labels) + tuple(name for name in MODELLED if name not in names)
@@ -236,12 +246,34 @@ def stage(
         "effects": list(labels),
         "evidence": evidence,
         "residual_rms": rms(left),
-        "nis_per_dof": float(np.nansum(fixes.sse) / max(int(fixes.redundancy[fixes.solved].sum()), 1)),
+        "nis_per_dof": nis_per_dof(location),
         "position": np.nanmean(fixes.position, axis=0).tolist() if fixes.solved.any() else None,
         "dop": dop_entry(location),
     }
     if truth is not None:
         entry["position_error"] = position_error(fixes.position, truth)
+    return entry
+
+
+def nis_per_dof(location: Location) -> float:
+    """Normalised squared residuals a degree of freedom: one where the weights are right."""
+    fixes = location.fixes
+    return float(np.nansum(fixes.sse) / max(int(fixes.redundancy[fixes.solved].sum()), 1))
+
+
+def noise_entry(noise: RangeNoise, before: Location, after: Location, truth: FloatArray | None) -> Report:
+    """The law of the ranges' errors that this log calls for, and what it does beside the fixed one."""
+    entry: Report = {
+        "system": {SYSTEM_NAMES[letter]: noise.system[letter] for letter in after.clock_names},
+        "elevation": noise.elevation,
+        "strength": noise.strength,
+        "ionosphere_ray": noise.ray,
+        "ionosphere_field": noise.field,
+        "nis_per_dof": {"fixed": nis_per_dof(before), "fitted": nis_per_dof(after)},
+    }
+    if truth is not None:
+        errors = {"fixed": before, "fitted": after}
+        entry["position_error"] = {name: position_error(one.fixes.position, truth) for name, one in errors.items()}
     return entry
 
 
@@ -273,13 +305,15 @@ def held_out_error(ranges: Pseudoranges, mask: float, found: RangeTrace) -> Repo
     }
 
 
-def candidates(ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location) -> list[Report]:
+def candidates(
+    ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location, noise: RangeNoise | None = None
+) -> list[Report]:
     """What the ranges did not call for: statistic, the smallest size that would show, and where it moves the fix."""
     entries: list[Report] = []
     R = integrity.east_north_up(final.fixes.position)
     for s in found.left:
         rest = [name for name in MODELLED if name != s.name]
-        without = locate(ranges, rest, mask=mask, exclude=False, excluded=~final.fixes.used)
+        without = locate(ranges, rest, mask=mask, exclude=False, excluded=~final.fixes.used, noise=noise)
         moved = np.einsum("nij,nj->ni", R, without.fixes.position - final.fixes.position)
         both = np.isfinite(moved).all(axis=1)
         shift = moved[both].mean(axis=0).tolist() if both.any() else None
