@@ -109,8 +109,9 @@ def recorded(recording: Recording) -> dict[str, Any]:
 
 def _stream(recording: Recording, name: str, stream: Stream, begin: float) -> dict[str, Any]:
     """Rows, rate, gaps and units of a stream."""
-    count, longest, at = gaps(stream.t)
-    step = float(np.median(np.diff(stream.t))) if len(stream) > 1 else None
+    t = np.unique(stream.t)  # the points of one picture have one instant
+    count, longest, at = gaps(t)
+    step = float(np.median(np.diff(t))) if len(t) > 1 else None
     return {
         "rows": len(stream),
         "rate_hz": 1.0 / step if step else None,
