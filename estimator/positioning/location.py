@@ -26,8 +26,8 @@ from sinan.sensors.range_noise import RangeNoise
 
 MOST_PASSES = 8  # of mask, weights and modelled effects
 MOST_EXCLUDED = 6  # satellites of one epoch
-COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect is modelled
-IONOSPHERE = "pseudorange.ionosphere"
+COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect but the satellite clocks is modelled
+IONOSPHERE, CLOCK = "pseudorange.ionosphere", "pseudorange.satellite_clock"
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,12 @@ def locate(
     """
     names = tuple(effects)
     group, clock_names = ranges.clock_groups()
-    z = ranges.value + SPEED_OF_LIGHT * ranges.clock - (0.0 if correction is None else np.nan_to_num(correction))
+    z = ranges.value - (0.0 if correction is None else np.nan_to_num(correction))
     rays = _Rays(ranges, z, group, max(len(clock_names), 1))
     allowed = np.ones(len(ranges), dtype=bool) if excluded is None else ~excluded
     allowed &= True if correction is None else np.isfinite(correction)
-    position = filled(rays.coarse(allowed, start, exclude).position)
+    clock = -SPEED_OF_LIGHT * ranges.clock if CLOCK in names else np.zeros(len(ranges))
+    position = filled(rays.coarse(allowed, clock, start, exclude).position)
     for _ in range(MOST_PASSES):
         motion = circumstances(ranges, position)
         delay = sum_of(motion, names)
@@ -127,7 +128,7 @@ def locate(
 
 @dataclass(frozen=True)
 class _Rays:
-    """Pseudoranges z (n,) [m] with the satellites' clocks taken off, and the receiver clock of each."""
+    """Pseudoranges z (n,) [m], corrected where they are to be, and the receiver clock of each."""
 
     ranges: Pseudoranges
     z: FloatArray
@@ -156,14 +157,14 @@ class _Rays:
             field=field,
         )
 
-    def coarse(self, allowed: BoolArray, start: FloatArray | None, exclude: bool) -> Fixes:
-        """Without any effect: near enough to know the elevations."""
-        begin = first_position(self.ranges, self.z, self.group, allowed) if start is None else start
-        nothing, variance = np.zeros(len(self.ranges)), np.full(len(self.ranges), COARSE**2)
-        found = self.fixes(allowed, nothing, variance, begin)
+    def coarse(self, allowed: BoolArray, clock: FloatArray, start: FloatArray | None, exclude: bool) -> Fixes:
+        """Without any effect but the satellites' clocks, (n,) [m]: near enough to know the elevations."""
+        begin = first_position(self.ranges, self.z - clock, self.group, allowed) if start is None else start
+        variance = np.full(len(self.ranges), COARSE**2)
+        found = self.fixes(allowed, clock, variance, begin)
         if not exclude:
             return found
-        again = functools.partial(self.fixes, delay=nothing, weight=variance, begin=begin)
+        again = functools.partial(self.fixes, delay=clock, weight=variance, begin=begin)
         return exclude_faults(again, allowed, found, self.ranges, self.group, variance)[1]
 
 
