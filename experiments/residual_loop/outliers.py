@@ -22,6 +22,9 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 _NEAR, _USUAL = 3, 20
 #: A distance is never less usual than this share of the log's own.
 _LEAST_USUAL = 0.5
+#: A wrong reading is alone: from the neighbours of either side it is off by this share of its distance. What moves them
+#: too, a step or a disturbance, is not.
+_ALONE = 0.5
 #: Of a normal law, its standard deviation over its median absolute value.
 _OF_MEDIAN = 1.4826
 #: Bounds of how much wider wrong readings scatter than the others.
@@ -66,32 +69,37 @@ def wrong_among(error: FloatArray) -> WrongReadings | None:
     rows = np.flatnonzero(fresh)
     if len(rows) < _LEAST:
         return None
-    distance = _distance(error[rows])
-    if distance is None:
+    distances = _distances(error[rows])
+    if distances is None:
         return None
+    both, either = distances
+    is_alone = either > _ALONE * both
+    distance = np.where(is_alone, both, either)
     m = error.shape[1]
     plain = _fit(distance, m, mixed=False)
     mixed = _fit(distance, m, mixed=True, first=plain[1])
     gain = 2.0 * (mixed[0] - plain[0])
-    wrong = _alone(_is_wrong(distance, m, mixed[1]))
+    wrong = _is_wrong(distance, m, mixed[1]) & is_alone
     return WrongReadings(rows[wrong], len(error), gain, log_p_value(gain, ADDED))
 
 
-def _distance(error: FloatArray) -> FloatArray | None:
-    """(n,) distance of each reading from its neighbours' median, in units of what is usual around it."""
-    from scipy.ndimage import generic_filter, median_filter
+def _distances(error: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """(n,) distance of each reading from the median of its neighbours on both sides, and the lesser of those from the
+    neighbours of one side, in units of what is usual around it.
+    """
+    from scipy.ndimage import median_filter
 
-    beside = np.ones(2 * _NEAR + 1, dtype=bool)
-    beside[_NEAR] = False
-    squares = np.zeros(len(error))
-    for one in error.T:
-        away = np.abs(one - generic_filter(one, np.median, footprint=beside, mode="nearest"))
-        whole = float(np.median(away))
-        if whole <= 0.0:  # most readings are the same: only their quantum could be said
-            return None
-        around = median_filter(away, size=2 * _USUAL + 1, mode="nearest")
-        squares += (away / (_OF_MEDIAN * np.maximum(around, _LEAST_USUAL * whole))) ** 2
-    return np.sqrt(squares)
+    padded = np.pad(error, ((_NEAR, _NEAR), (0, 0)), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0)
+    before, after = around[..., :_NEAR], around[..., _NEAR + 1 :]
+    away = [error - np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
+    size = np.abs(away[0])
+    whole = np.median(size, axis=0)
+    if np.any(whole <= 0.0):  # most readings are the same: only their quantum could be said
+        return None
+    usual = np.maximum(median_filter(size, size=(2 * _USUAL + 1, 1), mode="nearest"), _LEAST_USUAL * whole)
+    both, *sides = (np.linalg.norm(part / (_OF_MEDIAN * usual), axis=1) for part in away)
+    return both, np.minimum(*sides)
 
 
 def _log_student(r: FloatArray, m: int, log_scale: float, log_nu: float) -> FloatArray:
@@ -137,9 +145,3 @@ def _is_wrong(r: FloatArray, m: int, x: FloatArray) -> BoolArray:
     """Which readings are likelier wrong than right."""
     right, wrong = _parts(r, m, x)
     return np.asarray(wrong > right)
-
-
-def _alone(wrong: BoolArray) -> BoolArray:
-    """Those of them that are not three in a row or more: a disturbance moves neighbours too."""
-    runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")
-    return np.asarray(wrong & (runs <= 2))

@@ -128,7 +128,7 @@ def best_of(
     trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
     trials.sort(key=lambda one: -one[1].log_odds)
     if trials:
-        return _likeliest(source, trials)
+        return likeliest(source, trials)
     for option in shortlist:
         key = option.term.key
         refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
@@ -153,7 +153,7 @@ def _is_left(source: Source, first: Trial, other: Trial) -> bool:
     return key in evidence.names and statistic_of(evidence, key, first[0].keys).statistic > 0.5 * other[1].gain
 
 
-def _likeliest(source: Source, trials: Sequence[Trial]) -> Trial:
+def likeliest(source: Source, trials: Sequence[Trial]) -> Trial:
     """The likeliest of several trials, with those that are as likely as its rivals.
 
     Odds count what the model holds for noise; where that is found from the log, an impostor may have the better ones.
