@@ -32,7 +32,9 @@ from sinan.sensors.range_noise import RangeNoise, believed, squares
 
 LASTING = 7200.0  # s: life of a broadcast message, within which a satellite's error is one
 MOST_EPOCHS = 40  # of a log, evenly spread: neighbours repeat each other
-PRIOR_SPREAD = 0.7  # 1-sigma of the logarithm of a size: twice as large or half as large is common
+PRIOR_SPREAD = (
+    0.5  # 1-sigma of the logarithm of a size: between the five sites of docs/notes/range_noise.md it is 0.24 to 0.66
+)
 NEAREST, FARTHEST = 0.01, 30.0  # bounds of a size over its prior
 
 
@@ -130,13 +132,7 @@ def likelihood(problem: Problem, sizes: FloatArray, fault: FloatArray | None = N
     V = U @ np.swapaxes(U, 1, 2)
     n = v.shape[1]
     V[:, np.arange(n), np.arange(n)] += v
-    inverse = np.linalg.inv(V)
-    A = problem.A
-    VA = inverse @ A
-    N = np.swapaxes(A, 1, 2) @ VA
-    m = N.shape[1]
-    N[:, np.arange(m), np.arange(m)] += problem.absent
-    P = inverse - VA @ np.linalg.solve(N, np.swapaxes(VA, 1, 2))
+    P, N = _without_unknowns(problem, np.linalg.inv(V))
     Py = (P @ problem.y[..., None])[..., 0]
     value = np.linalg.slogdet(V)[1] + np.linalg.slogdet(N)[1] + np.sum(problem.y * Py, axis=1)
     diagonal = np.diagonal(P, axis1=1, axis2=2) - Py**2
@@ -146,6 +142,25 @@ def likelihood(problem: Problem, sizes: FloatArray, fault: FloatArray | None = N
     )
     share = problem.repeats / len(problem.y)
     return float(-0.5 * share * value.sum()), -0.5 * share * slope
+
+
+def projected(problem: Problem, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(epochs, slots, slots) P of each epoch and (epochs, slots) P y, without a fault."""
+    common = problem.field * sizes[8]
+    V = common @ np.swapaxes(common, 1, 2)
+    n = V.shape[1]
+    V[:, np.arange(n), np.arange(n)] += (problem.basis * sizes[:8] ** 2).sum(axis=2) + problem.floor
+    P = _without_unknowns(problem, np.linalg.inv(V))[0]
+    return P, (P @ problem.y[..., None])[..., 0]
+
+
+def _without_unknowns(problem: Problem, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """P, and A' V^-1 A with ones for what an epoch does not see."""
+    VA = inverse @ problem.A
+    N = np.swapaxes(problem.A, 1, 2) @ VA
+    m = N.shape[1]
+    N[:, np.arange(m), np.arange(m)] += problem.absent
+    return inverse - VA @ np.linalg.solve(N, np.swapaxes(VA, 1, 2)), N
 
 
 def fit(
