@@ -159,8 +159,13 @@ def select_further(source: Source, alpha: float, start: Selection, barred: froze
     """
     path = _Path(source, start.final, log_p_needed(source, alpha), True, start, barred)
     found = path.taken_on(MOST_EFFECTS, SHORTLIST)
-    plain = {"plain_statistics": start.plain_statistics, "plain_local": start.plain_local}
-    return replace(found, plain=refitted(source, start.plain), dropped=start.dropped, **plain)
+    return replace(
+        found,
+        plain=refitted(source, start.plain),
+        plain_statistics=start.plain_statistics,
+        plain_local=start.plain_local,
+        dropped=start.dropped,
+    )
 
 
 def _selected(
