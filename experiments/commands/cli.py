@@ -303,11 +303,13 @@ def info(
     gps: Gps = 0,
     raw: Raw = False,
     json: Json = None,
+    html: Html = None,
 ) -> None:
     """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
     from sinan.experiments.commands.info import run
 
-    _say(lambda: run(input, map, json, (start, stop), _choice(imu, mag, baro, gps, raw)), json, None)
+    span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, map, json, span, choice, html), json, html)
 
 
 @app.command()
