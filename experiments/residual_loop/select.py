@@ -149,7 +149,10 @@ def select(
 
 
 def select_further(source: Source, alpha: float, start: Selection, barred: frozenset[str]) -> Selection:
-    """The selection gone on with, from its final model, without options of some keys.
+    """The selection gone on with, from its final model, without options of some keys and without intervals.
+
+    Most intervals are too short to be asked of withheld readings; they must not take the place of what those have
+    spoken against.
 
     Parameters
     ----------
@@ -157,7 +160,7 @@ def select_further(source: Source, alpha: float, start: Selection, barred: froze
     start : a selection on all data, with no term given
     barred : keys of what is not tried, as the held-out part has spoken against it
     """
-    path = _Path(source, start.final, log_p_needed(source, alpha), True, start, barred)
+    path = _Path(source, start.final, log_p_needed(source, alpha), False, start, barred)
     found = path.taken_on(MOST_EFFECTS, SHORTLIST)
     return replace(
         found,

@@ -128,7 +128,7 @@ def best_of(
     trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
     trials.sort(key=lambda one: -one[1].log_odds)
     if trials:
-        return likeliest(source, trials)
+        return likeliest(source, trials, threshold)
     for option in shortlist:
         key = option.term.key
         refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
@@ -146,14 +146,14 @@ def _are_held_against(source: Source, first: Trial, other: Trial) -> bool:
     return comparable and _is_asked(source, *first) and _is_asked(source, *other)
 
 
-def _is_left(source: Source, first: Trial, other: Trial) -> bool:
-    """Whether most of what one effect explains is still to be explained given another: that is none of its rivals."""
+def _is_left(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
+    """Whether an effect would pass its test given another one: it is there too then, and none of its rivals."""
     evidence = source.evidence(first[0])
     key = other[1].term.key
-    return key in evidence.names and statistic_of(evidence, key, first[0].keys).statistic > 0.5 * other[1].gain
+    return key in evidence.names and statistic_of(evidence, key, first[0].keys).log_p_corrected < threshold
 
 
-def likeliest(source: Source, trials: Sequence[Trial]) -> Trial:
+def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Trial:
     """The likeliest of several trials, with those that are as likely as its rivals.
 
     Odds count what the model holds for noise; where that is found from the log, an impostor may have the better ones.
@@ -166,7 +166,7 @@ def likeliest(source: Source, trials: Sequence[Trial]) -> Trial:
         if not (first[1].term.in_mean and other[1].term.in_mean) or other[1].term.name == first[1].term.name:
             continue
         if _are_held_against(source, first, other) and not source.predicts(first[0], other[0], surely=False):
-            if _is_left(source, first, other):
+            if _is_left(source, first, other, threshold):
                 continue
             if source.predicts(other[0], first[0]):
                 first, other = other, first

@@ -156,11 +156,11 @@ def test_prediction_tells_effects_apart_that_explain_the_same(
 ) -> None:
     """Odds of 500 and 450 are far apart, by the noise that the model has."""
     source = cast(Source, Predicting(share, std, left))
-    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 450.0)])
+    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 450.0)], -9.0)
     assert (finding.term.name, finding.confused_with) == (name, rivals)
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
     source = cast(Source, Predicting(0.99, 0.1))
-    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)])
+    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)], -9.0)
     assert (finding.term.name, finding.confused_with) == (FIRST, ())
