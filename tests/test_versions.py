@@ -45,7 +45,7 @@ def test_the_test_of_the_lowest_versions_takes_every_floor() -> None:
         [str(ROOT / ".ci" / "lowest"), "--list"], capture_output=True, text=True, check=True,
         env={"PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
     ).stdout.split()  # fmt: skip
-    names = "camera", "dask", "docs", "gnss", "mavlink", "parquet", "ros", "test"
+    names = "camera", "dask", "docs", "gnss", "map", "mavlink", "parquet", "ros", "test"
     floors = named([*PROJECT["dependencies"], *(entry for name in names for entry in EXTRAS[name])])
     tools = {"ruff", "mypy", "import-linter", "nox", "pre-commit"}
     assert sorted(printed) == sorted(f"{name}=={floor}" for name, floor in floors.items() if name not in tools)

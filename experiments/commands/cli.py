@@ -631,6 +631,30 @@ def allan(
     _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
 
 
+@app.command("map")
+def map_command(
+    input: Input,
+    out: Annotated[Path, typer.Option("--out", help="folder for the cloud, the grids and the page")],
+    cell: Annotated[float, typer.Option(help="side of a cell of the grids, m", min=0.01, max=1000.0)] = 0.5,
+    adjust: Annotated[
+        bool, typer.Option("--adjust", help="take in the mounting and time offset that overlapping strips show")
+    ] = False,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+) -> None:
+    """A map from a flight with a scanning laser: point cloud, terrain, objects, error budget, strips compared."""
+    from sinan.experiments.commands.map import run
+
+    _require_place_for(out)
+    _say(lambda: run(input, out, cell, adjust, map, (start, stop), _choice(imu, mag, baro, gps, raw)), None, None)
+
+
 @app.command()
 def heights(
     input: Input,
