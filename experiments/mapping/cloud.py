@@ -37,6 +37,12 @@ class Mounting:
     lever_arm: FloatArray = field(default_factory=lambda: np.zeros(3))
     time_offset: float = 0.0
 
+    @property
+    def turn(self) -> FloatArray:
+        """(3, 3) B = Rx(roll) Ry(pitch), which turns a beam."""
+        roll, pitch = self.boresight
+        return rotation_exp(np.array([roll, 0.0, 0.0])) @ rotation_exp(np.array([0.0, pitch, 0.0]))
+
 
 @dataclass(frozen=True)
 class Scans:
@@ -67,9 +73,7 @@ def placed(scans: Scans, motion: Motion, mounting: Mounting) -> FloatArray:
     body moves while one scan is swept.
     """
     at = motion.at(scans.t - mounting.time_offset)
-    roll, pitch = mounting.boresight
-    turn = rotation_exp(np.array([roll, 0.0, 0.0])) @ rotation_exp(np.array([0.0, pitch, 0.0]))
-    beams = scan_beams(scans.angles) @ turn.T
+    beams = scan_beams(scans.angles) @ mounting.turn.T
     arm = mounting.lever_arm + scans.ranges[..., None] * beams
     return np.asarray(at.p_n[:, None, :] + rotate(at.q_nb[:, None, :], arm))
 

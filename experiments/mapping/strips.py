@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from sinan.experiments.mapping.cloud import Mounting, Scans, placed
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.motion import Motion
+from sinan.sensors.ranging import scan_beams
+from sinan.sensors.rotation import cross, matrix_from_quaternion, rotation_exp
 
 #: What is sought: name of the effect, its component, plausible 1-sigma size.
 SOUGHT = (
@@ -23,11 +24,27 @@ SOUGHT = (
 TURNING, SLOW, SHORTEST = 0.15, 0.5, 3.0
 #: Side of a cell in which strips are compared [m], and points of one strip in it at least.
 CELL, POINTS = 2.0, 8
+#: Points that lie along a line, to so many metres RMS, make no plane.
+NARROW = 0.05
+#: The error of a trajectory is taken as one for so long [s].
+PIECE = 4.0
 #: Cells whose plane leaves more than so many times the median are edges of something.
 ROUGH = 2.0
-PASSES, ROBUST = 6, 3.0
-#: Differences for the derivatives, in plausible sizes.
-STEP = 1e-3
+PASSES, ROBUST = 10, 3.0
+
+
+@dataclass(frozen=True)
+class Drift:
+    """1-sigma by which a piece of the trajectory may lie off: the smoother's.
+
+    Attributes
+    ----------
+    position : (3,) m, NED
+    attitude : (3,) rad, of the body's axes
+    """
+
+    position: FloatArray = field(default_factory=lambda: np.full(3, 1e-4))
+    attitude: FloatArray = field(default_factory=lambda: np.full(3, 1e-6))
 
 
 @dataclass(frozen=True)
@@ -71,114 +88,187 @@ def strips_of(motion: Motion, t: FloatArray) -> IntArray:
     return strip
 
 
+def pieces_of(strip: IntArray, t: FloatArray) -> IntArray:
+    """(n,) number of the piece of trajectory of `PIECE` or less, each of one strip; -1: of none."""
+    key = np.column_stack([strip, np.floor((t - t[0]) / PIECE).astype(np.int64)])
+    _, number = np.unique(key[strip >= 0], axis=0, return_inverse=True)
+    piece = np.full(len(strip), -1, dtype=np.int64)
+    piece[strip >= 0] = number.ravel()
+    return piece
+
+
 def mounting_of(beta: FloatArray, up: float = 0.0) -> Mounting:
     """The mounting that the parameters say; `up`: the z of the lever arm, which shows in no strip [m]."""
     return Mounting(beta[:2].copy(), np.array([beta[2], beta[3], up]), float(beta[4]))
 
 
-def fit_strips(scans: Scans, motion: Motion, strip: IntArray, start: Mounting | None = None) -> StripFit | None:
+def fit_strips(
+    scans: Scans, motion: Motion, strip: IntArray, start: Mounting | None = None, drift: Drift | None = None
+) -> StripFit | None:
     """Boresight, lever arm and time offset with which overlapping strips agree best; None: none overlap.
 
     In every cell each strip is a plane; the difference of the heights of two planes in the cell's middle is linear in
-    the parameters, d + (J_A - J_B) beta, J the mean over the points of n . dp/dbeta, n = (-slope, 1). Weighted least
-    squares with plausible sizes as a prior, differences beyond `ROBUST` robust sigmas of less weight, repeated.
+    the parameters, d + (J_A - J_B) beta, J the mean over the points of n . dp/dbeta, n = (-slope, 1). Every piece of a
+    strip may besides lie off in position and attitude, as far as the trajectory is unsure there. Weighted least squares
+    with plausible sizes as a prior, differences beyond `ROBUST` robust sigmas of less weight, repeated.
 
     Parameters
     ----------
     scans, motion : of the flight
     strip : (n,) of each scan
     start : what is declared, about which a plausible size is the prior; default: nothing
+    drift : of the trajectory; default: hardly any
 
     Source: C. K. Toth, Strip adjustment, in: J. Shan, C. Toth, Topographic Laser Ranging and Scanning, 2nd ed.
-    Neglects boresight yaw, and errors of the trajectory, which differ from strip to strip.
+    Neglects boresight yaw, and how the error of the trajectory changes within `PIECE`.
     """
-    size, start = np.array([entry[2] for entry in SOUGHT]), start or Mounting()
+    start, drift = start or Mounting(), drift or Drift()
+    plausible = np.array([entry[2] for entry in SOUGHT])
     first = np.array([*start.boresight, *start.lever_arm[:2], start.time_offset])
     beta, up = first.copy(), float(start.lever_arm[2])
-    keep = np.isfinite(scans.ranges) & (strip >= 0)[:, None]
-    label = np.broadcast_to(strip[:, None], keep.shape)[keep]
+    piece = pieces_of(strip, scans.t)
+    pieces = int(piece.max(initial=-1)) + 1
+    size = np.concatenate([plausible, *[drift.position, drift.attitude] * pieces])
     before = after = 0.0
-    sigma = size.copy()
-    count = 0
+    sigma, count = plausible, 0
     for turn in range(PASSES):
-        difference, J, share = _differences(scans, motion, beta, up, size, keep, label)
+        difference, J, share = _differences(_planes(scans, motion, strip, piece, beta, up), pieces)
         count = len(difference)
         if count < 4 * len(beta):
             return None
-        robust = 1.4826 * float(np.median(np.abs(difference)))
-        after = float(np.sqrt(np.mean(np.minimum(np.abs(difference), ROBUST * robust) ** 2)))
+        after = _robust_rms(difference)
         before = after if turn == 0 else before
-        scaled = J * size  # parameters in plausible sizes
-        step = np.zeros(len(beta))
-        for _ in range(8):
-            left = difference + scaled @ step
-            noise = max(1.4826 * float(np.median(np.abs(left))), 1e-4)
-            weight = share * np.minimum(1.0, ROBUST * noise / np.maximum(np.abs(left), 1e-12)) / noise**2
-            information = scaled.T @ (scaled * weight[:, None]) + np.eye(len(beta))
-            step = -np.linalg.solve(information, scaled.T @ (weight * difference) + (beta - first) / size)
-        sigma = size * np.sqrt(np.diag(np.linalg.inv(information)))
-        beta = beta + size * step
-        if np.all(np.abs(size * step) < 0.05 * sigma):
+        prior = np.concatenate([(beta - first) / plausible, np.zeros(6 * pieces)])
+        step, covariance = _robust_step(difference, J * size, share, prior)
+        sigma = plausible * np.sqrt(np.diag(covariance)[: len(beta)])
+        moved = plausible * step[: len(beta)]
+        beta = beta + moved
+        if np.all(np.abs(moved) < 0.1 * sigma):
             break
     return StripFit(mounting_of(beta, up), beta, sigma, before, after, count)
 
 
-def _differences(
-    scans: Scans, motion: Motion, beta: FloatArray, up: float, size: FloatArray, keep: BoolArray, label: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(k,) height differences of two strips in a cell [m], (k, 5) their derivatives, and (k,) what each counts: of n
-    strips in a cell n - 1 differences are independent, of n (n - 1) / 2.
+def _robust_rms(difference: FloatArray) -> float:
+    bound = ROBUST * 1.4826 * float(np.median(np.abs(difference)))
+    return float(np.sqrt(np.mean(np.minimum(np.abs(difference), bound) ** 2)))
+
+
+def _robust_step(
+    difference: FloatArray, J: FloatArray, share: FloatArray, prior: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The step (k,) in plausible sizes that takes most of the differences (m,) away, and its covariance."""
+    step = np.zeros(J.shape[1])
+    information = np.eye(J.shape[1])
+    for _ in range(4):
+        left = difference + J @ step
+        noise = max(1.4826 * float(np.median(np.abs(left))), 1e-4)
+        weight = share * np.minimum(1.0, ROBUST * noise / np.maximum(np.abs(left), 1e-12)) / noise**2
+        information = J.T @ (J * weight[:, None]) + np.eye(J.shape[1])
+        step = -np.linalg.solve(information, J.T @ (weight * difference) + prior)
+    return step, np.linalg.inv(information)
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Of every strip in every cell a plane; sorted by cell.
+
+    Attributes
+    ----------
+    cell : (g,) number of the cell
+    piece : (g,) of the trajectory
+    height : (g,) in the cell's middle [m]
+    by_mounting, by_piece : (g, 5), (g, 6) its derivatives by what is sought, and by position and attitude
     """
+
+    cell: IntArray
+    piece: IntArray
+    height: FloatArray
+    by_mounting: FloatArray
+    by_piece: FloatArray
+
+
+def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(k,) height differences of two strips in a cell [m], (k, 5 + 6 pieces) their derivatives, and (k,) what each
+    counts: of n strips in a cell n - 1 differences are independent, of n (n - 1) / 2.
+    """
+    _, strips = np.unique(planes.cell, return_counts=True)
+    in_cell = np.repeat(strips, strips)
+    a, b = [], []
+    for away in range(1, int(strips.max(initial=0))):
+        same = np.flatnonzero(planes.cell[:-away] == planes.cell[away:])
+        a.append(same)
+        b.append(same + away)
+    first, second = (np.concatenate([np.empty(0, dtype=np.int64), *one]) for one in (a, b))
+    count = np.arange(len(first))
+    rows = np.zeros((len(first), len(SOUGHT) + 6 * pieces))
+    rows[:, : len(SOUGHT)] = planes.by_mounting[first] - planes.by_mounting[second]
+    own = rows[:, len(SOUGHT) :].reshape(len(first), pieces, 6)
+    own[count, planes.piece[first]] += planes.by_piece[first]
+    own[count, planes.piece[second]] -= planes.by_piece[second]
+    return planes.height[first] - planes.height[second], rows, 2.0 / in_cell[first]
+
+
+def _slopes(scans: Scans, motion: Motion, mounting: Mounting, keep: BoolArray) -> FloatArray:
+    """(m, 3, 8) derivatives of the points by the mounting and by the attitude."""
+    at = motion.at(scans.t - mounting.time_offset)
+    row, beam = np.nonzero(keep)
+    reach = scans.ranges[keep][:, None] * (scan_beams(scans.angles) @ mounting.turn.T)[beam]
+    s = mounting.lever_arm + reach
+    rate = at.w_ib_b[row] if at.has("w_ib_b") else np.zeros_like(s)
+    axes = np.eye(3)
+    pitch_axis = rotation_exp(np.array([mounting.boresight[0], 0.0, 0.0]))[:, 1]
+    in_body = [cross(axes[0], reach), cross(pitch_axis, reach), *np.broadcast_to(axes[:2, None], (2, *s.shape))]
+    in_body += [-cross(rate, s), *(cross(axis, s) for axis in axes)]
+    slopes = np.einsum("mij,mjk->mik", matrix_from_quaternion(at.q_nb)[row], np.stack(in_body, axis=-1))
+    slopes[..., 4] -= at.v_n[row]
+    return np.asarray(slopes)
+
+
+def _planes(scans: Scans, motion: Motion, strip: IntArray, piece: IntArray, beta: FloatArray, up: float) -> Planes:
+    """A plane of every strip in every cell where its points lie on all sides of the middle, and are no edge."""
+    keep = np.isfinite(scans.ranges) & (strip >= 0)[:, None]
     p = placed(scans, motion, mounting_of(beta, up))[keep]
-    slopes = np.empty((len(p), 3, len(beta)))
-    for k in range(len(beta)):
-        one = np.zeros(len(beta))
-        one[k] = STEP * size[k]
-        ahead, behind = (placed(scans, motion, mounting_of(b, up))[keep] for b in (beta + one, beta - one))
-        slopes[..., k] = (ahead - behind) / (2.0 * one[k])
-    planes = _planes(p, slopes, label)
-    differences, rows, shares = [], [], []
-    for entries in planes.values():
-        for (height_a, row_a), (height_b, row_b) in combinations(entries, 2):
-            differences.append(height_a - height_b)
-            rows.append(row_a - row_b)
-            shares.append(2.0 / len(entries))
-    return np.array(differences), np.array(rows).reshape(len(rows), len(beta)), np.array(shares)
-
-
-def _planes(
-    p: FloatArray, slopes: FloatArray, label: IntArray
-) -> dict[tuple[int, int], list[tuple[float, FloatArray]]]:
-    """By cell, of every strip the height of its plane in the cell's middle and its derivative."""
     cell = np.floor(p[:, :2] / CELL).astype(np.int64)
-    key = np.column_stack([cell, label])
+    key = np.column_stack([np.broadcast_to(strip[:, None], keep.shape)[keep], cell])
     order = np.lexsort(key.T)
-    key = key[order]
+    key, p, slopes = key[order], p[order], _slopes(scans, motion, mounting_of(beta, up), keep)[order]
     starts = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=key[:1] - 1) != 0, axis=1))
-    found = []
-    for first, last in zip(starts, [*starts[1:], len(key)], strict=True):
-        if last - first < POINTS:
-            continue
-        rows = order[first:last]
-        middle = (key[first, :2] + 0.5) * CELL
-        design = np.column_stack([np.ones(len(rows)), p[rows, :2] - middle])
-        up = -p[rows, 2]
-        plane, _, rank, _ = np.linalg.lstsq(design, up, rcond=1e-6)
-        if rank < 3 or not _surrounds(design[:, 1:]):
-            continue
-        rough = float(np.sqrt(np.mean((design @ plane - up) ** 2)))
-        normal = np.array([-plane[1], -plane[2], -1.0])  # of up - plane, in NED
-        solver = np.linalg.pinv(design)[0]  # what the height in the middle is of the points
-        derivative = solver @ np.einsum("i,mik->mk", normal, slopes[rows])
-        found.append((tuple(key[first, :2]), rough, float(plane[0]), derivative))
-    limit = ROUGH * float(np.median([rough for _, rough, _, _ in found])) if found else 0.0
-    planes: dict[tuple[int, int], list[tuple[float, FloatArray]]] = {}
-    for place, rough, height, derivative in found:
-        if rough <= limit:
-            planes.setdefault((int(place[0]), int(place[1])), []).append((height, derivative))
-    return planes
+    n = np.diff(np.append(starts, len(key)))
+    group = np.repeat(np.arange(len(starts)), n)
+    design = np.column_stack([np.ones(len(p)), p[:, :2] - (key[:, 1:] + 0.5) * CELL])
+    normals = np.add.reduceat(design[:, :, None] * design[:, None, :], starts, axis=0)
+    usable = (n >= POINTS) & _surround(design[:, 1:], starts) & (np.linalg.eigvalsh(normals)[:, 0] > n * NARROW**2)
+    inverse = np.linalg.inv(np.where(usable[:, None, None], normals, np.eye(3)))
+    plane = np.einsum("gij,gj->gi", inverse, np.add.reduceat(-p[:, 2:] * design, starts, axis=0))
+    left = np.einsum("mi,mi->m", design, plane[group]) + p[:, 2]
+    rough = np.sqrt(np.add.reduceat(left**2, starts) / n)
+    usable &= rough <= ROUGH * (np.median(rough[usable]) if usable.any() else 0.0)
+    slope = _smoothed(key[starts, 1:], plane[:, 1:], np.where(usable, n, 0))
+    normal = np.column_stack([-slope, -np.ones(len(plane))])  # of up - plane, in NED
+    share = np.einsum("mi,mi->m", design, inverse[group, 0])  # of a point in the height in the middle
+    by = np.add.reduceat(share[:, None] * np.einsum("mi,mik->mk", normal[group], slopes), starts, axis=0)
+    pieces = np.broadcast_to(piece[:, None], keep.shape)[keep][order][starts + n // 2]
+    number = np.cumsum(np.any(np.diff(key[starts, 1:], axis=0, prepend=-(2**40)) != 0, axis=1))
+    by_piece = np.column_stack([normal, by[:, len(SOUGHT) :]])
+    one = Planes(number, pieces, plane[:, 0], by[:, : len(SOUGHT)], by_piece)
+    return Planes(*(getattr(one, entry.name)[usable] for entry in fields(Planes)))
 
 
-def _surrounds(offsets: FloatArray) -> bool:
-    """Whether points lie on all sides of the middle: a plane is not carried on beyond them."""
-    return bool(np.all(np.min(offsets, axis=0) < -0.1 * CELL) and np.all(np.max(offsets, axis=0) > 0.1 * CELL))
+def _smoothed(cell: IntArray, slope: FloatArray, weight: IntArray) -> FloatArray:
+    """(g, 2) slope of the ground: mean over all strips in a cell and those beside it. One plane's own is so noisy that
+    even a level ground would seem to show the parameters.
+    """
+    from scipy.ndimage import convolve
+
+    place = cell - cell.min(axis=0)
+    sums = np.zeros((3, *(place.max(axis=0) + 1)))
+    for one, value in zip(sums, (weight, weight * slope[:, 0], weight * slope[:, 1]), strict=True):
+        np.add.at(one, tuple(place.T), value)
+    total, *moments = (convolve(one, np.ones((3, 3)), mode="constant")[tuple(place.T)] for one in sums)
+    return np.column_stack(moments) / np.maximum(total, 1)[:, None]
+
+
+def _surround(offsets: FloatArray, starts: IntArray) -> BoolArray:
+    """(g,) whether points lie on all sides of the middle: a plane is not carried on beyond them."""
+    least, most = np.minimum.reduceat(offsets, starts, axis=0), np.maximum.reduceat(offsets, starts, axis=0)
+    return np.asarray(np.all((least < -0.1 * CELL) & (most > 0.1 * CELL), axis=1))

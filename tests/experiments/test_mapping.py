@@ -14,7 +14,7 @@ import pytest
 from sinan.experiments.commands.map import run
 from sinan.experiments.mapping.budget import CAUSES, Sigmas, budget
 from sinan.experiments.mapping.cloud import Mounting, Scans, cloud_of, east_north_up, placed, write_las
-from sinan.experiments.mapping.scene import country, hills, on_it, scanned, survey
+from sinan.experiments.mapping.scene import COUNTRY
 from sinan.experiments.mapping.strips import fit_strips, strips_of
 from sinan.experiments.mapping.terrain import grids_of, ground_of, lowest_is_ground, write_grid
 from sinan.experiments.scenarios import load_scenario
