@@ -636,8 +636,8 @@ def map_command(
     input: Input,
     out: Annotated[Path, typer.Option("--out", help="folder for the cloud, the grids and the page")],
     cell: Annotated[float, typer.Option(help="side of a cell of the grids, m", min=0.01, max=1000.0)] = 0.5,
-    adjust: Annotated[
-        bool, typer.Option("--adjust", help="take in the mounting and time offset that overlapping strips show")
+    declared: Annotated[
+        bool, typer.Option("--declared", help="the mounting as the recording declares it, not as the strips show it")
     ] = False,
     map: Map = None,
     start: From = None,
@@ -647,12 +647,14 @@ def map_command(
     baro: Baro = 0,
     gps: Gps = 0,
     raw: Raw = False,
+    json: Json = None,
 ) -> None:
     """A map from a flight with a scanning laser: point cloud, terrain, objects, error budget, strips compared."""
     from sinan.experiments.commands.map import run
 
     _require_place_for(out)
-    _say(lambda: run(input, out, cell, adjust, map, (start, stop), _choice(imu, mag, baro, gps, raw)), None, None)
+    choice = _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, out, cell, not declared, map, json, (start, stop), choice), json, None)
 
 
 @app.command()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.motion import Motion
 from sinan.sensors.ranging import scan_beams
 from sinan.sensors.rotation import cross, matrix_from_quaternion, rotation_exp
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 #: What is sought: name of the effect, its component, plausible 1-sigma size.
 SOUGHT = (
@@ -27,7 +32,9 @@ CELL, POINTS = 2.0, 8
 #: Points that lie along a line, to so many metres RMS, make no plane.
 NARROW = 0.05
 #: The error of a trajectory is taken as one for so long [s].
-PIECE = 4.0
+PIECE = 2.0
+#: The error of a smoothed trajectory is forgotten over so long [s]: GPS of 0.3 m beside a consumer's accelerometers.
+MEMORY = 10.0
 #: Cells whose plane leaves more than so many times the median are edges of something.
 ROUGH = 2.0
 PASSES, ROBUST = 10, 3.0
@@ -129,6 +136,7 @@ def fit_strips(
     piece = pieces_of(strip, scans.t)
     pieces = int(piece.max(initial=-1)) + 1
     size = np.concatenate([plausible, *[drift.position, drift.attitude] * pieces])
+    prior = _prior(piece, scans.t)
     before = after = 0.0
     sigma, count = plausible, 0
     for turn in range(PASSES):
@@ -138,8 +146,8 @@ def fit_strips(
             return None
         after = _robust_rms(difference)
         before = after if turn == 0 else before
-        prior = np.concatenate([(beta - first) / plausible, np.zeros(6 * pieces)])
-        step, covariance = _robust_step(difference, J * size, share, prior)
+        pull = np.concatenate([(beta - first) / plausible, np.zeros(6 * pieces)])
+        step, covariance = _robust_step(difference, J * size[None, :], share, prior, pull)
         sigma = plausible * np.sqrt(np.diag(covariance)[: len(beta)])
         moved = plausible * step[: len(beta)]
         beta = beta + moved
@@ -153,18 +161,32 @@ def _robust_rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.minimum(np.abs(difference), bound) ** 2)))
 
 
+def _prior(piece: IntArray, t: FloatArray) -> FloatArray:
+    """Information in plausible sizes: what is sought by itself, the error of the trajectory alike over `MEMORY`."""
+    number = piece[piece >= 0]
+    count = np.bincount(number)
+    middle = np.bincount(number, weights=t[piece >= 0]) / count
+    alike = np.exp(-np.abs(middle[:, None] - middle) / MEMORY)
+    known = len(SOUGHT)
+    prior = np.eye(known + 6 * len(middle))
+    prior[known:, known:] = np.kron(np.linalg.inv(alike), np.eye(6))
+    return prior
+
+
 def _robust_step(
-    difference: FloatArray, J: FloatArray, share: FloatArray, prior: FloatArray
+    difference: FloatArray, J: csr_array, share: FloatArray, prior: FloatArray, pull: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The step (k,) in plausible sizes that takes most of the differences (m,) away, and its covariance."""
-    step = np.zeros(J.shape[1])
-    information = np.eye(J.shape[1])
+    """The step (k,) in plausible sizes that takes most of the differences (m,) away, and its covariance.
+
+    `prior` (k, k) is the information that there is before, `pull` (k,) how far from it the parameters are.
+    """
+    step, information = np.zeros(J.shape[1]), prior
     for _ in range(4):
         left = difference + J @ step
         noise = max(1.4826 * float(np.median(np.abs(left))), 1e-4)
         weight = share * np.minimum(1.0, ROBUST * noise / np.maximum(np.abs(left), 1e-12)) / noise**2
-        information = J.T @ (J * weight[:, None]) + np.eye(J.shape[1])
-        step = -np.linalg.solve(information, J.T @ (weight * difference) + prior)
+        information = (J.T @ (J * weight[:, None])).toarray() + prior
+        step = -np.linalg.solve(information, J.T @ (weight * difference) + prior @ pull)
     return step, np.linalg.inv(information)
 
 
@@ -187,10 +209,12 @@ class Planes:
     by_piece: FloatArray
 
 
-def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, csr_array, FloatArray]:
     """(k,) height differences of two strips in a cell [m], (k, 5 + 6 pieces) their derivatives, and (k,) what each
     counts: of n strips in a cell n - 1 differences are independent, of n (n - 1) / 2.
     """
+    from scipy.sparse import csr_array
+
     _, strips = np.unique(planes.cell, return_counts=True)
     in_cell = np.repeat(strips, strips)
     a, b = [], []
@@ -199,13 +223,18 @@ def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, FloatArray, F
         a.append(same)
         b.append(same + away)
     first, second = (np.concatenate([np.empty(0, dtype=np.int64), *one]) for one in (a, b))
-    count = np.arange(len(first))
-    rows = np.zeros((len(first), len(SOUGHT) + 6 * pieces))
-    rows[:, : len(SOUGHT)] = planes.by_mounting[first] - planes.by_mounting[second]
-    own = rows[:, len(SOUGHT) :].reshape(len(first), pieces, 6)
-    own[count, planes.piece[first]] += planes.by_piece[first]
-    own[count, planes.piece[second]] -= planes.by_piece[second]
-    return planes.height[first] - planes.height[second], rows, 2.0 / in_cell[first]
+    known = len(SOUGHT)
+    value, column = (
+        [planes.by_mounting[first] - planes.by_mounting[second]],
+        [np.tile(np.arange(known), (len(first), 1))],
+    )
+    for one, sign in ((first, 1.0), (second, -1.0)):
+        value.append(sign * planes.by_piece[one])
+        column.append(known + 6 * planes.piece[one][:, None] + np.arange(6))
+    values, columns = np.hstack(value), np.hstack(column)
+    rows = np.repeat(np.arange(len(first)), values.shape[1])
+    J = csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(first), known + 6 * pieces))
+    return planes.height[first] - planes.height[second], J, 2.0 / in_cell[first]
 
 
 def _slopes(scans: Scans, motion: Motion, mounting: Mounting, keep: BoolArray) -> FloatArray:
@@ -272,3 +301,11 @@ def _surround(offsets: FloatArray, starts: IntArray) -> BoolArray:
     """(g,) whether points lie on all sides of the middle: a plane is not carried on beyond them."""
     least, most = np.minimum.reduceat(offsets, starts, axis=0), np.maximum.reduceat(offsets, starts, axis=0)
     return np.asarray(np.all((least < -0.1 * CELL) & (most > 0.1 * CELL), axis=1))
+
+
+def mounting_words(one: Mapping[str, Any]) -> tuple[str, str]:
+    """`laser.boresight roll` and `0.0100 ± 0.0001 rad` of an entry of the JSON's `found`."""
+    unit = {"laser.boresight": "rad", "laser.lever_arm": "m", "laser.time_offset": "s"}[one["effect"]]
+    part = "" if one["component"] == "b" else f" {one['component']}"
+    told = f"{one['value']:.4f} ± {one['std']:.4f} {unit}" if one["determined"] else "not determined by these strips"
+    return f"{one['effect']}{part}", told

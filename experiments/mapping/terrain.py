@@ -10,11 +10,13 @@ import numpy as np
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.files import write_text
 
-#: The published settings of the filter: side of a cell [m], slope of the ground, radius of the largest object [m], height
-#: above the provisional ground that is still ground [m], and what a slope adds to it [m].
+#: The published settings of the filter: side of a cell [m], slope of the ground, radius of the largest object [m],
+#: height above the provisional ground that is still ground [m], and what a slope adds to it [m].
 CELL, SLOPE, RADIUS, THRESHOLD, BY_SLOPE = 1.0, 0.15, 18.0, 0.5, 1.25
 #: A single cell that lies so much below all about it is an echo of an echo [m].
 PIT = 2.0
+#: So far from where a beam fell the terrain is told [m].
+REACH = 2.0
 #: What an empty cell says in a file.
 NOTHING = -9999.0
 
@@ -134,9 +136,10 @@ def grids_of(points: FloatArray, ground: BoolArray, cell: float) -> tuple[Grid, 
     ground : (m,)
     cell : m
 
-    Outside the ground's points no terrain is made up: NaN.
+    Where no beam fell within `REACH`, and outside the ground's points, no terrain is made up: NaN.
     """
     from scipy.interpolate import LinearNDInterpolator
+    from scipy.ndimage import distance_transform_edt
 
     low = np.floor(points[:, :2].min(axis=0) / cell) * cell
     place = np.floor((points[:, :2] - low) / cell).astype(np.int64)
@@ -151,12 +154,23 @@ def grids_of(points: FloatArray, ground: BoolArray, cell: float) -> tuple[Grid, 
     terrain = np.full(rows * columns, np.nan)
     terrain[known] = total[known] / count[known]
     middle = np.column_stack([np.tile(np.arange(columns), rows), np.repeat(np.arange(rows), columns)]) + 0.5
+    beam = np.isfinite(surface).reshape(rows, columns)
+    seen = distance_transform_edt(~beam).ravel() * cell <= REACH
     if np.count_nonzero(known) > 3:
-        terrain[~known] = LinearNDInterpolator(middle[known], terrain[known])(middle[~known])
+        gaps = ~known & seen
+        terrain[gaps] = LinearNDInterpolator(middle[known], terrain[known])(middle[gaps])
     objects = np.maximum(surface - terrain, 0.0)
     east, north = (float(value) for value in low)
     first, second, third = (Grid(z.reshape(rows, columns), east, north, cell) for z in (terrain, surface, objects))
     return first, second, third
+
+
+def shaded(grid: Grid) -> FloatArray:
+    """(rows, columns) brightness of a relief with the sun in the north-west, 0 to 1; NaN where nothing is known."""
+    slope_n, slope_e = np.gradient(grid.height, grid.cell)
+    sun = np.array([-1.0, 1.0, 1.2]) / np.sqrt(1.0 + 1.0 + 1.44)  # east, north, up
+    light = (-slope_e * sun[0] - slope_n * sun[1] + sun[2]) / np.sqrt(1.0 + slope_e**2 + slope_n**2)
+    return np.asarray(np.clip(light, 0.0, 1.0))
 
 
 def write_grid(path: Path, grid: Grid) -> None:

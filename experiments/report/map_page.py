@@ -9,53 +9,85 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from sinan.experiments.commands.map import mounting_words, shaded
-from sinan.experiments.mapping.terrain import Grid
+from sinan.experiments.mapping.making import Map
+from sinan.experiments.mapping.obstacles import ScanInPlane, scan_in_plane
+from sinan.experiments.mapping.strips import mounting_words
+from sinan.experiments.mapping.terrain import Grid, shaded
 from sinan.experiments.report.figures import AFTER, BEFORE, new_figure
 from sinan.experiments.report.page import Page, png
 from sinan.sensors.files import write_bytes
 
+#: Obstacles that the page names; the JSON has all.
+MOST = 20
 
-def map_page(out: Path, told: Mapping[str, Any], grids: tuple[Grid, Grid, Grid]) -> None:
+
+def map_page(out: Path, told: Mapping[str, Any], made: Map) -> None:
     """Write `index.html` and a picture of each grid into the folder."""
     page = Page(
         f"{told['called']}: a map",
         f"{told['points']} points, {told['ground_points']} of them ground, in {told['strip_count']} strips.",
     )
+    add_pictures(page, made, out)
+    add_strips(page, told["strips"])
+    page.heading("Error of a point")
+    page.figure(bars(told["budget"]), "1-sigma by cause, RMS over the points.")
+    page.text(
+        "Attitude and position: the smoother's. Range: declared. Angle, mounting and time: assumed for instruments of "
+        "this class, or, where the map has it in it, what the strips say.", note=True,
+    )  # fmt: skip
+    page.write(out / "index.html")
+
+
+def add_pictures(page: Page, made: Map, out: Path | None = None) -> None:
+    """Terrain, surface, objects, their obstacles, one scan; the first three into the folder too."""
     words = (
         ("terrain", "The ground: mean of its points, linear between them, shaded from the north-west."),
         ("surface", "The highest point of every cell: ground and what stands on it."),
         ("objects", "How high it stands above the ground."),
     )
-    for (name, caption), grid in zip(words, grids, strict=True):
-        figure = relief(grid) if name != "objects" else heights(grid)
-        write_bytes(out / f"{name}.png", png(figure))
+    for name, caption in words:
+        figure = relief(getattr(made, name)) if name != "objects" else heights(made.objects)
+        if out is not None:
+            write_bytes(out / f"{name}.png", png(figure))
         page.figure(figure, caption)
+    page.heading("Obstacles")
+    if not made.obstacles:
+        page.text("Nothing stands a metre above the ground.")
+        return
+    rows = [[f"{v:.1f}" for v in (o.east, o.north, o.height, o.area)] for o in made.obstacles[:MOST]]
+    page.table(["east / m", "north / m", "height / m", "area / m²"], rows, (0, 1, 2, 3))
+    scan = scan_in_plane(made.cloud, made.ground, made.motion)
+    near = "; ".join(f"{left:.1f} to {right:.1f} m, {away:.1f} m away" for left, right, away in scan.obstacles())
+    page.figure(profile(scan), f"One scan in its plane, from the body. Across it stands something at {near}.")
+
+
+def add_strips(page: Page, strips: Mapping[str, Any] | None) -> None:
+    """What the strips show of the mounting."""
     page.heading("What the strips show")
-    strips = told["strips"]
     if strips is None:
         page.text("Too few strips overlap to show how the laser is mounted.")
-    else:
-        done = "The map has it in it." if strips["applied"] else "The map is made without it; `--adjust` takes it in."
-        page.text(
-            f"Where two strips overlap their surfaces differ by {strips['rms_before']:.3f} m RMS in height, and by "
-            f"{strips['rms_after']:.3f} m with the mounting below. {done}"
-        )
-        page.table(["", "found"], [split(mounting_words(one)) for one in strips["found"]])
-    page.heading("Error of a point")
-    page.figure(bars(told["budget"]), "1-sigma by cause, RMS over the points.")
+        return
+    done = "The map has it in it." if strips["applied"] else "The map is made without it."
     page.text(
-        "Attitude and position: the smoother's. Range: declared. Angle, mounting and time: assumed for instruments of "
-        "this class, or, with `--adjust`, what the strips say.", note=True,
-    )  # fmt: skip
-    page.write(out / "index.html")
+        f"Where two strips overlap their surfaces differ by {strips['rms_before']:.3f} m RMS in height, and by "
+        f"{strips['rms_after']:.3f} m with the mounting below. {done}"
+    )
+    page.table(["", "found"], [list(mounting_words(one)) for one in strips["found"]])
 
 
-def split(words: str) -> list[str]:
-    """Name and value."""
-    parts = words.split(" ")
-    count = 2 if parts[1] in ("roll", "pitch", "x", "y") else 1
-    return [" ".join(parts[:count]), " ".join(parts[count:])]
+def profile(scan: ScanInPlane) -> Figure:
+    """Points of one scan, ground and objects."""
+    figure, axes = new_figure(1, 1, 3.2)
+    one = axes[0, 0]
+    for on, colour, label in ((False, BEFORE, "ground"), (True, AFTER, "object")):
+        chosen = scan.on_object == on
+        one.plot(scan.across[chosen], scan.up[chosen], ".", color=colour, label=label)
+    one.plot([0.0], [0.0], "k^", label="body")
+    one.set_aspect("equal", adjustable="datalim")
+    one.set_xlabel("to the right / m", fontsize=9)
+    one.set_ylabel("upwards / m", fontsize=9)
+    one.legend(frameon=False, fontsize=9)
+    return figure
 
 
 def _extent(grid: Grid) -> tuple[float, float, float, float]:
