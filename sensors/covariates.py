@@ -10,7 +10,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.camera import LOOKS_AHEAD, Camera, Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.noise import sample_std
-from sinan.sensors.recording import ACCEL, Recording, Stream
+from sinan.sensors.recording import ACCEL, Recording, SensorSpec, Stream
 from sinan.sensors.registry import BySensor
 from sinan.sensors.rotation import matrix_from_quaternion
 
@@ -80,10 +80,15 @@ def camera_of(recording: Recording) -> Camera:
     ------
     InputError : no focal length, principal point or noise; coefficients that its lens has not
     """
-    spec, where = recording.spec("camera"), "[sensors.camera]"
+    return camera_from(recording.spec("camera"), recording.where)
+
+
+def camera_from(spec: SensorSpec, place: str) -> Camera:
+    """The camera of a specification; errors as of `camera_of`, `place` in them."""
+    where = "[sensors.camera]"
     for key in ("noise_std", "focal", "centre"):
         if getattr(spec, key) is None:
-            raise InputError(recording.where, "not declared", f"{key} in pixels", f"{where} {key}")
+            raise InputError(place, "not declared", f"{key} in pixels", f"{where} {key}")
     assert spec.noise_std is not None
     assert spec.focal is not None
     assert spec.centre is not None
@@ -91,12 +96,12 @@ def camera_of(recording: Recording) -> Camera:
     try:
         intrinsics = Intrinsics(spec.focal, spec.centre, spec.lens or "brown", k)
     except ValueError as error:
-        raise InputError(recording.where, str(error), "a lens of docs/camera.md", where) from None
+        raise InputError(place, str(error), "a lens of docs/camera.md", where) from None
     C_bc = LOOKS_AHEAD
     if spec.mounting is not None:
         norm = float(np.linalg.norm(spec.mounting))
         if abs(norm - 1.0) > 0.01:
-            raise InputError(recording.where, f"norm {norm:g}", "a quaternion of norm 1", f"{where} mounting")
+            raise InputError(place, f"norm {norm:g}", "a quaternion of norm 1", f"{where} mounting")
         C_bc = matrix_from_quaternion(spec.mounting / norm)
     return Camera(spec.noise_std, intrinsics, C_bc, np.zeros(3) if spec.lever_arm is None else spec.lever_arm)
 

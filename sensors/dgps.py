@@ -64,7 +64,12 @@ class Corrections:
 
 
 def corrections(
-    base: Pseudoranges, position: FloatArray, effects: Iterable[str] = tuple(MODELLED), lowest: float = LOWEST
+    base: Pseudoranges,
+    position: FloatArray,
+    effects: Iterable[str] = tuple(MODELLED),
+    lowest: float = LOWEST,
+    past: bool = False,
+    window: float = SMOOTHING,
 ) -> Corrections:
     """Corrections and their rates from the ranges of a base.
 
@@ -77,6 +82,8 @@ def corrections(
     position : (3,) known position, ECEF [m]
     effects : names of the effects that are modelled at both ends
     lowest : elevation [rad]
+    past : from what was measured until then alone, as a base that sends must
+    window : length of the straight lines [s]
     """
     everywhere = np.broadcast_to(position, (len(base.t), 3))
     elevation = circumstances(base, everywhere).covariates["elevation"]
@@ -88,7 +95,7 @@ def corrections(
     value = base.value + SPEED_OF_LIGHT * base.clock - distance - modelled(base, everywhere, effects)
     variance = receiver_variance(base, elevation)
     value, clock = without_clock(base, value, variance)
-    value, rate = straight_lines(base, value)
+    value, rate = straight_lines(base, value, past, window)
     return Corrections(base, position, value, rate, variance, clock)
 
 
@@ -108,15 +115,18 @@ def without_clock(base: Pseudoranges, value: FloatArray, variance: FloatArray) -
     return value - mean[key], mean.reshape(len(base.t), len(names))
 
 
-def straight_lines(base: Pseudoranges, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+def straight_lines(
+    base: Pseudoranges, value: FloatArray, past: bool = False, window: float = SMOOTHING
+) -> tuple[FloatArray, FloatArray]:
     """(n,) value and (n,) slope [m], [m/s] of a straight line through the corrections around each one.
 
     The line goes through the corrections of the same satellite and navigation message within half the window to either
-    side: it averages the base's noise, and its slope is the rate. With fewer than three of them the value stays as it
-    is and the rate counts as zero.
+    side, or with `past` a whole window before it: it averages the base's noise, and its slope is the rate. With fewer
+    than three of them the value stays as it is and the rate counts as zero.
     """
     smooth, rate = value.copy(), np.zeros(len(base))
     t = base.time
+    before, after = (window + 1e-6, 1e-6) if past else (window / 2.0, window / 2.0)
     for name in np.unique(base.satellite).tolist():
         of_satellite = np.flatnonzero(base.satellite == name)
         for message in np.unique(base.message[of_satellite]).tolist():
@@ -125,8 +135,8 @@ def straight_lines(base: Pseudoranges, value: FloatArray) -> tuple[FloatArray, F
             y = value[rows] - offset
             sums = np.cumsum(np.stack([np.ones_like(time), time, y, time * time, time * y]), axis=1)
             sums = np.concatenate([np.zeros((5, 1)), sums], axis=1)
-            first = np.searchsorted(time, time - SMOOTHING / 2.0, side="left")
-            last = np.searchsorted(time, time + SMOOTHING / 2.0, side="right")
+            first = np.searchsorted(time, time - before, side="left")
+            last = np.searchsorted(time, time + after, side="right")
             n, st, sy, stt, sty = sums[:, last] - sums[:, first]
             spread = n * stt - st**2
             enough = (n >= FEWEST_FOR_RATE) & (spread > 0.0)

@@ -35,6 +35,7 @@ from sinan.sensors.formats.rinex_navigation import Navigation
 from sinan.sensors.formats.rinex_observation import Journal, Observations, TextArray
 from sinan.sensors.formats.rinex_text import WEEK, calendar
 from sinan.sensors.motion import Motion
+from sinan.sensors.range_noise import RangeNoise
 
 #: Effects whose full size is known beforehand, in the order of the catalogue.
 MODELLED: Mapping[str, Effect] = {
@@ -48,6 +49,7 @@ MODELLED: Mapping[str, Effect] = {
     )
 }
 L1 = 1575.42e6  # Hz, GPS L1, Galileo E1, QZSS L1
+L2 = 1227.60e6  # Hz, GPS L2
 B1I = 1561.098e6  # Hz, BeiDou B1I
 B3I = 1268.52e6  # Hz, BeiDou B3I
 G1, G1_STEP = 1602.0e6, 0.5625e6  # Hz, GLONASS G1 and the distance of its channels
@@ -59,6 +61,14 @@ SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {
     "C": (("C2I", B1I, 1.0), ("C1I", B1I, 1.0), ("C6I", B3I, 0.0)),
     "R": (("C1C", G1, 0.0), ("C1P", G1, 0.0)),
 }
+#: The same for receivers of the P code, on one frequency, L2 where they do not give that of L1; and for both of its
+#: frequencies together, in which no ionosphere is left: `ionosphere_free` makes C0W.
+P_SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {
+    "G": (("C1W", L1, 1.0), ("C1P", L1, 1.0), ("C2W", L2, (L1 / L2) ** 2), ("C2P", L2, (L1 / L2) ** 2)),
+    "R": (("C1P", G1, 0.0),),
+}
+P_TWO_SIGNALS: Mapping[str, tuple[tuple[str, float, float], ...]] = {"G": (("C0W", np.inf, 0.0),)}
+CODES = {"ca": SIGNALS, "p": P_SIGNALS, "p_two": P_TWO_SIGNALS}
 SYSTEM_NAMES = {"G": "GPS", "R": "GLONASS", "E": "Galileo", "J": "QZSS", "C": "BeiDou"}
 #: Systems that share a receiver clock: QZSS sends the signals of GPS in the time of GPS (IS-QZSS-PNT, 3.2.1).
 CLOCK_OF: Mapping[str, str] = {"G": "G", "J": "J", "E": "E", "C": "C", "R": "R"}
@@ -152,7 +162,25 @@ class Pseudoranges:
         return np.array([number[letter] for letter in letters], dtype=np.int64), names
 
 
-def pseudoranges(observations: Observations, navigation: Navigation, systems: Iterable[str] = "GEJC") -> Pseudoranges:
+def ionosphere_free(observations: Observations) -> Observations:
+    """The same with C0W = (g C1W - C2W) / (g - 1), g = (f_1 / f_2)^2: free of what goes with 1 / f^2 (GPS P code).
+
+    The broadcast clock is that of this combination: it has no group delay (IS-GPS-200N, 20.3.3.3.3.1). Its noise is
+    sqrt(g^2 + 1) / (g - 1) = 2.98 times that of one code.
+    """
+    first, second = (observations.values.get(name) for name in ("C1W", "C2W"))
+    if first is None or second is None:
+        return observations
+    g = (L1 / L2) ** 2
+    gps = observations.system == "G"
+    combined = np.where(gps, (g * first - second) / (g - 1.0), np.nan)
+    strength = {"S0W": observations.values["S2W"]} if "S2W" in observations.values else {}
+    return replace(observations, values={**observations.values, "C0W": combined, **strength})
+
+
+def pseudoranges(
+    observations: Observations, navigation: Navigation, systems: Iterable[str] = "GEJC", code: str = "ca"
+) -> Pseudoranges:
     """Choose one code of each satellite and find the satellites' states at transmission.
 
     What has no usable message (none, too old, unhealthy) or is no possible range is left out, with a journal line.
@@ -161,11 +189,14 @@ def pseudoranges(observations: Observations, navigation: Navigation, systems: It
     ----------
     observations, navigation : what was read
     systems : letters of G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS
+    code : `ca`, or its like in the other systems; `p`, of GPS and GLONASS; `p_two`, of both frequencies of GPS
     """
+    signals = CODES[code]
+    observations = ionosphere_free(observations) if code == "p_two" else observations
     system = observations.system
     value, frequency, share, strength = (np.full(len(system), np.nan) for _ in range(4))
     for letter in systems:
-        for code, carrier, group in SIGNALS.get(letter, ()):
+        for code, carrier, group in signals.get(letter, ()):
             measured = observations.values.get(code)
             if measured is None:
                 continue
@@ -324,7 +355,12 @@ def line_of_sight(satellite_e: FloatArray, receiver_e: FloatArray) -> tuple[Floa
     return distance, -d / distance[..., None]
 
 
-def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: FloatArray | float = 0.0) -> FloatArray:
+def code_variance(
+    ranges: Pseudoranges,
+    elevation: FloatArray,
+    ionosphere: FloatArray | float = 0.0,
+    noise: RangeNoise | None = None,
+) -> FloatArray:
     """(n,) variance of a pseudorange about the model [m^2].
 
     a^2 + b^2 / sin E : noise and multipath, larger near the horizon
@@ -341,7 +377,11 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
     ranges : n rows
     elevation : (n,) [rad]
     ionosphere : (n,) modelled delay [m]
+    noise : a law of its own instead of the one above
     """
+    if noise is not None:
+        delay = np.broadcast_to(ionosphere, (len(ranges),))
+        return noise.variance(ranges.system, elevation, ranges.strength, ranges.accuracy, delay)
     sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
     variance = CODE_NOISE**2 * (1.0 + 1.0 / sine)
     variance = variance * np.where(ranges.system == "R", GLONASS_NOISE**2, 1.0)
@@ -350,7 +390,7 @@ def code_variance(ranges: Pseudoranges, elevation: FloatArray, ionosphere: Float
     return np.asarray(variance + (TROPOSPHERE_LEFT / (sine + 0.1)) ** 2)
 
 
-def ionosphere_left(motion: Motion, ionosphere: FloatArray) -> FloatArray:
+def ionosphere_left(motion: Motion, ionosphere: FloatArray, share: float = IONOSPHERE_LEFT) -> FloatArray:
     """(n, 3) what the rays have in common of the delay that the broadcast ionosphere leaves [m], 1-sigma a column.
 
     The vertical delay that is left is a Gaussian field of standard deviation s = 0.5 I_v and correlation length L, to
@@ -361,12 +401,14 @@ def ionosphere_left(motion: Motion, ionosphere: FloatArray) -> FloatArray:
     ----------
     motion : what `circumstances` gives
     ionosphere : (n,) modelled slant delay [m]; zero: not known, and s is 5 m
+    share : of the delay, instead of 0.5
     """
     elevation, azimuth = motion.covariates["elevation"], motion.covariates["azimuth"]
     F = pseudorange_ionosphere.obliquity(elevation) * (L1 / motion.covariates["frequency"]) ** 2
     psi = np.pi * (0.0137 / (np.maximum(elevation, 0.0) / np.pi + 0.11) - 0.022)  # as in Klobuchar's model
     away = psi * WGS84_A / IONOSPHERE_LENGTH
-    slant = np.where(ionosphere > 0.0, IONOSPHERE_LEFT * ionosphere, IONOSPHERE_UNKNOWN * F)
+    unknown = IONOSPHERE_UNKNOWN * share / IONOSPHERE_LEFT * F
+    slant = np.where(ionosphere > 0.0, share * ionosphere, unknown)
     return np.stack([slant, slant * away * np.cos(azimuth), slant * away * np.sin(azimuth)], axis=-1)
 
 

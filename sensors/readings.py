@@ -225,13 +225,19 @@ def tied(
     return np.asarray(mean + std[:, None] * rng.standard_normal(mean.shape))
 
 
+def lost(world: World, name: str, t: FloatArray) -> BoolArray:
+    """(n,) which readings get lost or are in a drop-out."""
+    instrument = world.scenario.sensors[name]
+    gone = world.rng(f"{name}.loss").random(len(t)) < instrument.loss
+    for start, end in instrument.dropouts:
+        gone |= (t >= start) & (t < end)
+    return np.asarray(gone)
+
+
 def _arrives(world: World, name: str, motion: Motion, model: SensorModel) -> BoolArray:
     """(n,) which readings arrive: not in a drop-out, not lost, and with an echo, decided on the true range."""
     instrument = world.scenario.sensors[name]
-    t = motion.t
-    heard = world.rng(f"{name}.loss").random(len(t)) >= instrument.loss
-    for start, end in instrument.dropouts:
-        heard &= (t < start) | (t >= end)
+    heard = ~lost(world, name, motion.t)
     returns = sensor(name).heard
     if returns is not None:
         heard &= returns(model, motion, instrument.softness)

@@ -15,6 +15,26 @@ from sinan.sensors.trajectory import Multicopter, Turntable, even_knots
 
 
 @dataclass(frozen=True)
+class Marks:
+    """Known points on the ground that a camera aboard sees.
+
+    Attributes
+    ----------
+    count : number of marks
+    reach : they lie as far as that north, south, east and west of the start [m]
+    height : and up to that above and below the ground [m]
+    most : at most so many are read of one picture
+    size : width and height of a picture [pixels]
+    """
+
+    count: int = 250
+    reach: float = 40.0
+    height: float = 0.5
+    most: int = 6
+    size: tuple[float, float] = (640.0, 480.0)
+
+
+@dataclass(frozen=True)
 class Instrument:
     """One simulated sensor: what is declared about it, and how it is read.
 
@@ -32,6 +52,7 @@ class Instrument:
     scale_std : poses: 1-sigma of the scale of each axis
     velocity : GPS: whether it gives velocity
     place : base receiver: north, east, down [m]
+    marks : camera: what it sees
     """
 
     spec: SensorSpec
@@ -47,6 +68,7 @@ class Instrument:
     scale_std: float = 0.0
     velocity: bool = True
     place: tuple[float, float, float] = (100.0, 50.0, 0.0)
+    marks: Marks = field(default_factory=Marks)
 
 
 @dataclass(frozen=True)
@@ -121,7 +143,7 @@ class Scenario:
     Attributes
     ----------
     name, kind : as of `Recording`
-    sensors : by name: accel, gyro, mag, baro, sonar, laser, gps, base; accel and gyro share the clock of accel
+    sensors : by name: accel, gyro, mag, baro, sonar, laser, gps, base, camera; accel and gyro share the clock of accel
     manoeuvres : of a multicopter; empty: the body is turned by `turns`
     turns : of a turntable or a hand; None with manoeuvres
     static : poses.csv of averaged poses in place of a full-rate stream

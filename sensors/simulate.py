@@ -10,6 +10,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from sinan.sensors.errors import InputError
+from sinan.sensors.pictures import pictures
 from sinan.sensors.readings import (
     ON_THE_IMU_CLOCK,
     Present,
@@ -75,16 +76,20 @@ def simulate(
     clock = instants(scenario, first, np.random.default_rng(roots))
     world = World(scenario, Vehicle(scenario, scenario.trajectory()), present, roots, clock)
     truth = _truth(world)
+    streams, points = _streams(world), None
+    if "camera" in scenario.sensors:
+        streams["camera"], points = pictures(world)
     recording = Recording(
         name=scenario.name,
         kind=scenario.kind,
-        streams=_streams(world),
+        streams={name: stream for name, stream in streams.items() if len(stream)},
         sensors={name: _declared(scenario, name) for name in scenario.sensors},
         environment=Environment(scenario.gravity, np.array(scenario.magnetic_field), scenario.ground_down),
         initial=_initial(world),
         origin=scenario.origin,
         effects={p.effect.name: tuple(float(b) for b in p.beta) for p in present} if declare else {},
         truth=Truth(truth, "simulation"),
+        points=points,
     )
     return recording, truth
 
@@ -128,10 +133,12 @@ def _with_effects_on_the_vehicle(scenario: Scenario, present: Sequence[Present])
 
 
 def _streams(world: World) -> dict[str, Stream]:
-    """Every stream of the recording."""
+    """Every stream of the recording but the camera's."""
     scenario = world.scenario
     streams: dict[str, Stream] = {}
     for name in scenario.sensors:
+        if name == "camera":
+            continue
         readings = read(world, name)
         columns = dict(zip(columns_of(name, readings.value.shape[1]), readings.value.T, strict=True))
         if scenario.static:
@@ -142,8 +149,7 @@ def _streams(world: World) -> dict[str, Stream]:
             columns = {**streams[target].columns, **columns}
         stream = Stream(readings.t, {**columns, **_temperature(world, name, readings.t)})
         streams[target] = stream.rows(readings.heard) if target == name else stream
-    streams |= _aboard(world)
-    return {name: stream for name, stream in streams.items() if len(stream)}
+    return streams | _aboard(world)
 
 
 def _temperature(world: World, name: str, t: FloatArray) -> dict[str, FloatArray]:

@@ -64,6 +64,18 @@ def test_the_wheel_puts_one_name_at_the_top(wheel: Path) -> None:
     assert {name for name in names if not name.endswith(".dist-info")} == {"sinan"}
 
 
+def test_the_labs_for_students_are_in_the_wheel_without_their_solutions(python: str, wheel: Path, desk: Path) -> None:
+    names = [name for name in zipfile.ZipFile(wheel).namelist() if "student_labs" in name]
+    assert any(name.endswith("student_labs/texts/camera.notebook") for name in names)
+    assert not [name for name in names if "solutions" in name]
+    begun = run(python, "-m", "sinan", "lab", "begin", "gps", "--student", "7", "--out", "gps", cwd=desk)
+    assert begun.returncode == 0, begun.stderr
+    (desk / "gps" / "answer.json").write_text('{"clock": 0.0}')
+    checked = run(python, "-m", "sinan", "lab", "check", "gps", "gps/answer.json", cwd=desk)
+    assert checked.returncode == 1
+    assert "0 of 4 are right" in checked.stdout
+
+
 def test_the_command_runs_beside_other_packages_of_those_names(python: str, desk: Path) -> None:
     made = run(
         python, "-m", "sinan", "simulate", "mag_poses", "poses", "--effect", "mag.cross_axis=0.03,0,-0.02", cwd=desk

@@ -12,7 +12,16 @@ from sinan.estimator.positioning.integrity import Integrity, check, worst_rows
 from sinan.estimator.positioning.point_positioning import CONVERGED, EARTH_RADIUS, Fixes, solve
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
-from sinan.sensors.pseudorange import MODELLED, Pseudoranges, circumstances, code_variance, ionosphere_left, sum_of
+from sinan.sensors.pseudorange import (
+    IONOSPHERE_LEFT,
+    MODELLED,
+    Pseudoranges,
+    circumstances,
+    code_variance,
+    ionosphere_left,
+    sum_of,
+)
+from sinan.sensors.range_noise import RangeNoise
 
 MOST_PASSES = 8  # of mask, weights and modelled effects
 MOST_EXCLUDED = 6  # satellites of one epoch
@@ -62,6 +71,7 @@ def locate(
     variance: FloatArray | None = None,
     common: FloatArray | None = None,
     excluded: BoolArray | None = None,
+    noise: RangeNoise | None = None,
 ) -> Location:
     """Fix every epoch: coarse position, then mask, weights and modelled effects there, until the position rests.
 
@@ -76,6 +86,7 @@ def locate(
     variance : (n,) instead of `code_variance` [m^2]
     common : (n, k) with `variance`: errors that the rays have in common, 1-sigma a column [m]
     excluded : (n,) rows to leave out from the beginning
+    noise : law of the errors instead of that of `code_variance`; without `variance`
     """
     names = tuple(effects)
     group, clock_names = ranges.clock_groups()
@@ -121,8 +132,9 @@ def locate(
             weight = variance
         else:
             ionosphere = sum_of(motion, [IONOSPHERE]) if IONOSPHERE in names else nothing
-            weight = code_variance(ranges, elevation, ionosphere)
-            field = ionosphere_left(motion, ionosphere) if IONOSPHERE in names else None
+            weight = code_variance(ranges, elevation, ionosphere, noise)
+            share = IONOSPHERE_LEFT if noise is None else noise.field
+            field = ionosphere_left(motion, ionosphere, share) if IONOSPHERE in names else None
         result = fixes(allowed & (elevation > mask), delay, weight, position, field)
         moved = np.nan_to_num(np.abs(result.position - position)).max(initial=0.0)
         position = np.where(np.isfinite(result.position), result.position, position)

@@ -73,6 +73,8 @@ def positions(
     base: str | Path | None = None,
     base_position: Sequence[float] | None = None,
     alpha: float = 0.01,
+    code: str = "ca",
+    link: str | None = None,
 ) -> Positions:
     """Positions from the pseudoranges of RINEX files, effect by effect, with DGPS where there is a base.
 
@@ -85,6 +87,8 @@ def positions(
     reference : file of known positions of a moving one
     base, base_position : observation file and ECEF position [m] of a base receiver
     alpha : risk of any false alarm of the trace
+    code : `ca`, `p` of GPS and GLONASS, or `p_two` of both frequencies of GPS, without ionosphere
+    link : the data link from the base, such as `delay=5,loss=0.1`; None: every correction is there at once
 
     Returns
     -------
@@ -102,5 +106,7 @@ def positions(
     ['x_ecef_m', 'y_ecef_m', 'z_ecef_m']
     """
     files = [navigation] if isinstance(navigation, str | Path) else list(navigation)
-    document, location = solved(observation, files, systems, mask, position, reference, base, base_position, alpha)
+    document, location = solved(
+        observation, files, systems, mask, position, reference, base, base_position, alpha, code, link
+    )
     return Positions(location, document)

@@ -12,14 +12,15 @@ from sinan.experiments.fleet.logs import logs_in
 from sinan.experiments.fleet.ranking import fleet
 from sinan.experiments.report.console import progress
 from sinan.experiments.report.files import write_json
+from sinan.experiments.workers.alone import Limits
 from sinan.sensors.files import together
 
 
-def run(inputs: Sequence[str], out: Path, workers: int | None, dask: str | None) -> str:
+def run(inputs: Sequence[str], out: Path, workers: int | None, dask: str | None, limits: Limits | None = None) -> str:
     """Trace all, write `index.html` and `fleet.json` beside reports and pages, return the summary for the terminal."""
     logs = logs_in(inputs, out)
     with progress("tracing", flies=True) as step:
-        documents = trace_all(logs, out, workers, dask, lambda done, total: step("", done, total))
+        documents = trace_all(logs, out, workers, dask, lambda done, total: step("", done, total), limits)
     document = fleet(documents, [str(page_of(out, log).relative_to(out)) for log in logs])
     with together():
         from sinan.experiments.report.fleet_page import fleet_page

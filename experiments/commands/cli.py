@@ -33,6 +33,7 @@ app = typer.Typer(
 
 
 _SHIPPED = sorted(p.stem for p in (Path(__file__).parents[1] / "scenarios").glob("[!_]*.toml"))
+RANGE_SCENARIOS = ", ".join(sorted(p.stem for p in (Path(__file__).parents[1] / "gnss" / "scenarios").glob("*.toml")))
 #: The most runs and processes that are asked for, and the most metres from the centre of the Earth.
 MOST_RUNS, MOST_WORKERS, MOST_METRES = 1_000_000, 1024, 1e9
 SCENARIOS = f"{', '.join(_SHIPPED)}; or a TOML file (docs/scenarios.md)"
@@ -89,6 +90,14 @@ class Language(StrEnum):
     zh = "zh"
 
 
+class Code(StrEnum):
+    """Of pseudoranges."""
+
+    ca = "ca"
+    p = "p"
+    p_two = "p_two"
+
+
 class World(StrEnum):
     """How much of a blind recording's noise is as it declares."""
 
@@ -130,6 +139,8 @@ OwnEffects = Annotated[
         metavar="FILE.py",
     ),
 ]  # fmt: skip
+LongestWork = Annotated[float, typer.Option("--time", help="the longest work on a log, s", min=1.0, max=1e6)]
+MostMemory = Annotated[float, typer.Option("--memory", help="memory that a log may need, MB", min=1.0, max=1e7)]
 Json = Annotated[Path | None, typer.Option("--json", help="file for the numbers, as JSON", metavar="FILE")]
 Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
@@ -260,6 +271,10 @@ def simulate(
         ),
     ] = None,
     declare: Annotated[bool, typer.Option("--declare", help="write the effects into the recording")] = False,
+    sensors: Annotated[
+        str,
+        typer.Option(help="only these, such as accel,gyro,gps,camera; a flight may be given a camera"),
+    ] = "",
     own_effects: OwnEffects = None,
     seed: Seed = 0,
     force: Force = False,
@@ -270,8 +285,9 @@ def simulate(
     from sinan.experiments.scenarios import simulate_to_folder
 
     _require_place_for(out)
+    names = [name.strip() for name in sensors.split(",") if name.strip()]
     with working("simulating"):
-        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, note)
+        answer = simulate_to_folder(scenario, out, effect or [], declare, seed, force, names, note)
     _show(f"recording: {out}\nanswer: {answer}")
 
 
@@ -454,6 +470,15 @@ def gnss(
     base_position: Annotated[
         tuple[float, float, float] | None, typer.Option(help="known position of the base, ECEF, m", metavar="X Y Z")
     ] = None,
+    code: Annotated[
+        Code, typer.Option(help="C/A and its like; P; P of both frequencies, without ionosphere")
+    ] = Code.ca,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            help="data link from the base, such as delay=5,interval=2,loss=0.1,run=3,content=raw (docs/gnss.md)"
+        ),
+    ] = None,
     solution: Annotated[Path | None, typer.Option(help="file for the fixes, as CSV", metavar="FILE")] = None,
     json: Json = None,
     html: Html = None,
@@ -461,8 +486,28 @@ def gnss(
     """Positions from pseudoranges, and which effects the ranges call for."""
     from sinan.experiments.commands.gnss import run
 
-    files = observation, navigation, systems, mask, position, reference, base, base_position, solution, json, html
-    _say(lambda: run(*files), json, html, fixes=solution)
+    places = position, reference, base, base_position
+    _say(
+        lambda: run(observation, navigation, systems, mask, *places, code.value, link, solution, json, html),
+        json,
+        html,
+        fixes=solution,
+    )
+
+
+@app.command()
+def ranges(
+    scenario: Annotated[str, typer.Argument(help=f"{RANGE_SCENARIOS}; or a TOML file (docs/gnss.md)")],
+    out: Annotated[Path | None, typer.Option(help="folder for RINEX files of rover, base and messages")] = None,
+    seed: Seed = 0,
+    json: Json = None,
+    html: Html = None,
+) -> None:
+    """Simulate pseudoranges of C/A and P code receivers and a DGPS data link; errors over the corrections' age."""
+    from sinan.experiments.commands.ranges import run
+
+    _require_place_for(out)
+    _say(lambda: run(scenario, out, seed, json, html), json, html)
 
 
 @app.command()
@@ -511,13 +556,16 @@ def batch(
     own_effects: OwnEffects = None,
     workers: Annotated[int | None, typer.Option(help="processes; default one a core", min=1, max=MOST_WORKERS)] = None,
     dask: Annotated[str | None, typer.Option(help="address of a running Dask scheduler")] = None,
+    time: LongestWork = 900.0,
+    memory: MostMemory = 4096.0,
 ) -> None:
     """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
     _know(own_effects)
     from sinan.experiments.commands.batch import run
+    from sinan.experiments.workers.alone import Limits
 
     _require_place_for(out)
-    _show(run(inputs, out, workers, dask))
+    _show(run(inputs, out, workers, dask, Limits(time, int(memory * 2**20))))
     _show(f"page: {out / 'index.html'}")
 
 
@@ -526,13 +574,14 @@ def serve(
     port: Annotated[int, typer.Option(help="on 127.0.0.1; 0: any that is free", min=0, max=65535)] = 8014,
     open_page: Annotated[bool, typer.Option("--open", help="open the page in the browser")] = False,
     size: Annotated[float, typer.Option(help="the largest log, MB", min=0.001, max=1e5)] = 500.0,
-    time: Annotated[float, typer.Option(help="the longest work on a log, s", min=1.0, max=1e6)] = 900.0,
+    time: LongestWork = 900.0,
+    memory: MostMemory = 4096.0,
 ) -> None:
     """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
     from sinan.experiments.commands.serve import run
     from sinan.experiments.serve.jobs import Limits
 
-    run(port, Limits(size=int(size * 2**20), seconds=time), open_page, _show)
+    run(port, Limits(int(size * 2**20), time, int(memory * 2**20)), open_page, _show)
 
 
 @app.command()
@@ -690,20 +739,24 @@ def lab(
     ] = None,
     out: Annotated[Path, typer.Option(help="folder for the page; begin: of the student")] = Path("sinan-lab"),
     student: Annotated[str, typer.Option(help="begin: number or name, from which the data are drawn")] = "",
-    secret: Annotated[str, typer.Option(help="begin: a word of the teacher's, from which they are drawn too")] = "",
+    secret: Annotated[
+        str, typer.Option(envvar="SINAN_LAB_SECRET", help="the teacher's, from which they are drawn too; check: by it")
+    ] = "",
     key: Annotated[Path | None, typer.Option(help="begin: file for the teacher's key, not in --out")] = None,
     solved: Annotated[bool, typer.Option("--solved", help="begin: the solved notebook")] = False,
+    seals: Annotated[bool, typer.Option(help="begin: so that the student can check too")] = True,
     language: Annotated[Language, typer.Option(help="begin, check: en or zh")] = Language.en,
 ) -> None:
     """The course's experiments; labs for students, with data of their own: begin LAB, check LAB ANSWER."""
     if name in ("begin", "check"):
         from sinan.experiments.commands.lab import begin, check
+        from sinan.experiments.student_labs.files import Kind
 
         words: Literal["en", "zh"] = "zh" if language is Language.zh else "en"
         if name == "begin":
             _require_place_for(out)
-            _show(begin(what, student, out, words, secret, key, solved))
-        elif not check(what, answer, words, _show):
+            _show(begin(what, student, out, Kind(words, solved, seals), secret, key))
+        elif not check(what, answer, words, student, secret, _show):
             raise typer.Exit(1)
         return
     from sinan.experiments.labs import run

@@ -17,6 +17,8 @@ def run(
     reference: Path | None,
     base: Path | None,
     base_position: tuple[float, float, float] | None,
+    code: str,
+    link: str | None,
     solution: Path | None,
     json: Path | None,
     html: Path | None,
@@ -25,7 +27,7 @@ def run(
     with working("solving and tracing the ranges"):
         answer = positions(
             observation, navigation, systems=systems, mask=mask, position=position, reference=reference, base=base,
-            base_position=base_position,
+            base_position=base_position, code=code, link=link,
         )  # fmt: skip
     if solution is not None:
         answer.to_csv(solution)

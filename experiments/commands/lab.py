@@ -11,9 +11,7 @@ from sinan.experiments.student_labs.lab import Language
 from sinan.sensors.errors import InputError
 
 
-def begin(
-    name: str | None, student: str, out: Path, language: Language, secret: str, key: Path | None, solved: bool
-) -> str:
+def begin(name: str | None, student: str, out: Path, kind: files.Kind, secret: str, key: Path | None) -> str:
     """Write a student's lab; return what was written.
 
     Raises
@@ -22,10 +20,12 @@ def begin(
     """
     if key is not None:
         require_place(key)
-    return files.begin(_named(name), student, out, language, secret, key, solved)
+    return files.begin(_named(name), student, out, kind, secret, key)
 
 
-def check(name: str | None, answer: Path | None, language: Language, say: Callable[[str], None]) -> bool:
+def check(
+    name: str | None, answer: Path | None, language: Language, student: str, secret: str, say: Callable[[str], None]
+) -> bool:
     """Say what is right in an answer, with a hint for what is not; return whether all of it is.
 
     Raises
@@ -35,7 +35,9 @@ def check(name: str | None, answer: Path | None, language: Language, say: Callab
     lab = _named(name)
     if answer is None:
         raise InputError("lab check", "no answer", f"sinan lab check {lab} answer.json")
-    told, right = files.check_file(lab, answer, language)
+    if secret and not student.strip():
+        raise InputError("--student", "no name", "whose answer it is")
+    told, right = files.check_file(lab, answer, language, student, secret)
     say(told)
     return right
 

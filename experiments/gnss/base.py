@@ -10,6 +10,7 @@ import numpy as np
 from sinan.estimator.positioning.location import Location, locate
 from sinan.sensors import dgps
 from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.data_link import DataLink, apply_link
 from sinan.sensors.formats.rinex_navigation import Navigation
 from sinan.sensors.formats.rinex_text import WEEK
 from sinan.sensors.pseudorange import Pseudoranges, circumstances, ionosphere_left, sum_of
@@ -43,7 +44,12 @@ class Differential:
 
 
 def differential(
-    rover: Pseudoranges, base: Pseudoranges, base_position: FloatArray, navigation: Navigation, mask: float
+    rover: Pseudoranges,
+    base: Pseudoranges,
+    base_position: FloatArray,
+    navigation: Navigation,
+    mask: float,
+    link: DataLink | None = None,
 ) -> Differential:
     """Correct the rover by the base.
 
@@ -57,6 +63,7 @@ def differential(
     base_position : (3,) ECEF [m]
     navigation : messages, for satellites of which base and rover have chosen different ones
     mask : lowest elevation [rad]
+    link : by which the corrections come; None: all of them are there, the nearest in time is taken
     """
     alone = locate(rover, mask=mask)
     fixed = np.nanmean(alone.fixes.position, axis=0)
@@ -64,11 +71,10 @@ def differential(
     baseline = float(np.linalg.norm(fixed - base_position))
     ionosphere = sum_of(circumstances(rover, where), [IONOSPHERE])
     names: tuple[str, ...] = CERTAIN
-    best, applied = corrected(rover, base, base_position, navigation, mask, names, alone, ionosphere, baseline, where)
+    given = (rover, base, base_position, navigation, mask)
+    best, applied = corrected(*given, names, alone, ionosphere, baseline, where, link)
     for delay in DELAYS:
-        trial, _ = corrected(
-            rover, base, base_position, navigation, mask, (*names, delay), alone, ionosphere, baseline, where
-        )
+        trial, _ = corrected(*given, (*names, delay), alone, ionosphere, baseline, where, link)
         if np.nansum(best.fixes.sse) - np.nansum(trial.fixes.sse) > CALLED:
             best, names = trial, (*names, delay)
     by_position = position_domain(rover, base, base_position, applied, mask, best.fixes.used)
@@ -88,10 +94,13 @@ def corrected(
     ionosphere: FloatArray,
     baseline: float,
     where: FloatArray,
+    link: DataLink | None = None,
 ) -> tuple[Location, dgps.Applied]:
     """Fixes from corrected ranges with some effects modelled at both ends."""
-    given = dgps.corrections(base, base_position, effects)
-    applied = dgps.apply(given, rover, navigation)
+    if link is None:
+        applied = dgps.apply(dgps.corrections(base, base_position, effects), rover, navigation)
+    else:
+        applied = apply_link(base, base_position, link, rover, navigation, tuple(effects))
     variance, common = dgps.corrected_variance(rover, applied, alone.elevation, ionosphere, baseline), None
     if baseline > 1000.0:
         common = dgps.common_left(ionosphere_left(circumstances(rover, where), ionosphere), baseline)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,20 @@ import pymap3d
 
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
+from sinan.estimator.positioning.noise_fit import fitted
 from sinan.experiments.gnss.base import Differential, differential
 from sinan.experiments.gnss.reference import position_error, read_reference
 from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
 from sinan.experiments.residual_loop.pseudoranges import Called
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.data_link import DataLink, parse_link
 from sinan.sensors.effects.pseudorange_satellite_fault import EFFECT as FAULT
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import new_file
 from sinan.sensors.formats.rinex import Navigation, read_navigation, read_observations
 from sinan.sensors.formats.rinex_text import WEEK, calendar
-from sinan.sensors.pseudorange import MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
+from sinan.sensors.pseudorange import CODES, MODELLED, SYSTEM_NAMES, Pseudoranges, pseudoranges
+from sinan.sensors.range_noise import RangeNoise
 
 Report = dict[str, object]
 
@@ -42,6 +46,8 @@ def solved(
     base: Path | str | None = None,
     base_position: Sequence[float] | None = None,
     alpha: float = 0.01,
+    code: str = "ca",
+    link: str | None = None,
 ) -> tuple[Report, Location]:
     """Read, fix, trace and report.
 
@@ -55,6 +61,8 @@ def solved(
     reference : file of known positions of a moving one
     base, base_position : observation file and ECEF position [m] of a base
     alpha : family-wise error of the trace
+    code : `ca`, `p`, or `p_two` (both frequencies of the P code, without ionosphere)
+    link : the data link from the base, such as `delay=5,loss=0.1`; None: every correction is there at once
 
     Returns
     -------
@@ -65,8 +73,9 @@ def solved(
     InputError : a file or an argument cannot be used
     """
     letters = check_arguments(systems, mask_deg, position, reference, base, base_position)
+    over = check_code(code, link, base)
     messages = read_navigation(*navigation)
-    ranges = usable_ranges(observation, messages, letters)
+    ranges = usable_ranges(observation, messages, letters, code)
     mask = math.radians(mask_deg)
     truth = known_positions(ranges, position, reference)
     full = locate(ranges, mask=mask)
@@ -75,13 +84,16 @@ def solved(
             observation, reasons(full), "an epoch with four satellites above the mask, or one more a system"
         )
     found = trace_ranges(ranges, mask, alpha, truth)
-    final = locate(ranges, mask=mask, excluded=found.faulty)
+    first = locate(ranges, mask=mask, excluded=found.faulty)
+    noise = fitted(first)
+    final = locate(ranges, mask=mask, excluded=found.faulty, noise=noise)
     report: Report = {
         "format": 1,
         "recording": Path(observation).name,
         "alpha": alpha,
         "epochs": int(final.fixes.solved.sum()),
         "systems": [SYSTEM_NAMES[letter] for letter in letters],
+        "code": code,
         "mask_deg": mask_deg,
         "reference": "the position given"
         if position is not None
@@ -91,17 +103,19 @@ def solved(
         "verdict": found.verdict,
         "effects": [effect_entry(called) for called in found.called],
         "rolled_back": list(found.rolled_back),
-        "stages": stages(ranges, mask, found, final, truth),
+        "noise": noise_entry(noise, first, final, truth),
+        "stages": stages(ranges, mask, found, final, truth, noise),
         "error": held_out_error(ranges, mask, found),
-        "candidates": candidates(ranges, mask, found, final),
+        "candidates": candidates(ranges, mask, found, final, noise),
         "integrity": integrity_entry(final),
         "excluded": excluded(final, found),
         "journal": journal(ranges, final),
     }
     if base is not None and base_position is not None:
-        at_base = usable_ranges(base, messages, letters)
-        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask)
+        at_base = usable_ranges(base, messages, letters, code)
+        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask, over)
         report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
+        report["dgps"]["link"] = None if over is None else asdict(over)  # type: ignore[index]
     return finite(report), final  # type: ignore[return-value]
 
 
@@ -135,9 +149,18 @@ def check_arguments(
     return letters
 
 
-def usable_ranges(path: Path | str, messages: Navigation, letters: str) -> Pseudoranges:
+def check_code(code: str, link: str | None, base: Path | str | None) -> DataLink | None:
+    """The link; raises where there is no such code, or a link without a base."""
+    if code not in CODES:
+        raise InputError("--code", f"`{code}`", ", ".join(CODES))
+    if link is not None and base is None:
+        raise InputError("--link", "no base", "--base and --base-position")
+    return None if link is None else parse_link(link)
+
+
+def usable_ranges(path: Path | str, messages: Navigation, letters: str, code: str = "ca") -> Pseudoranges:
     """Pseudoranges of a file; raises where none can be used."""
-    ranges = pseudoranges(read_observations(path, "CS"), messages, letters)
+    ranges = pseudoranges(read_observations(path, "CS"), messages, letters, code)
     if not len(ranges):
         names = ", ".join(SYSTEM_NAMES[letter] for letter in letters)
         why = "; ".join(ranges.journal[-3:]) or f"no code observation of {names}"
@@ -186,10 +209,15 @@ def effect_entry(called: Called) -> Report:
 
 
 def stages(
-    ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location, truth: FloatArray | None
+    ranges: Pseudoranges,
+    mask: float,
+    found: RangeTrace,
+    final: Location,
+    truth: FloatArray | None,
+    noise: RangeNoise | None = None,
 ) -> list[Report]:
     """The plain model, each further effect, and the model with every effect, if that is another one."""
-    entries = [stage((), [], locate(ranges, (), mask=mask, exclude=False), truth, "plain model")]
+    entries = [stage((), [], locate(ranges, (), mask=mask, exclude=False, noise=noise), truth, "plain model")]
     names: list[str] = []
     labels: list[str] = []
     without = np.zeros(len(ranges), dtype=bool)
@@ -200,7 +228,7 @@ def stages(
         elif called.interval is not None:
             late = ranges.time - ranges.t[0] >= called.interval[0]
             without = without | ((ranges.satellite == called.satellite) & late)
-        location = locate(ranges, names, mask=mask, exclude=False, excluded=without)
+        location = locate(ranges, names, mask=mask, exclude=False, excluded=without, noise=noise)
         source = "known position" if called.known_position else "ranges"
         entries.append(stage(tuple(labels), names, location, truth, source))
     everything = tuple(labels) + tuple(name for name in MODELLED if name not in names)
@@ -218,12 +246,34 @@ def stage(
         "effects": list(labels),
         "evidence": evidence,
         "residual_rms": rms(left),
-        "nis_per_dof": float(np.nansum(fixes.sse) / max(int(fixes.redundancy[fixes.solved].sum()), 1)),
+        "nis_per_dof": nis_per_dof(location),
         "position": np.nanmean(fixes.position, axis=0).tolist() if fixes.solved.any() else None,
         "dop": dop_entry(location),
     }
     if truth is not None:
         entry["position_error"] = position_error(fixes.position, truth)
+    return entry
+
+
+def nis_per_dof(location: Location) -> float:
+    """Normalised squared residuals a degree of freedom: one where the weights are right."""
+    fixes = location.fixes
+    return float(np.nansum(fixes.sse) / max(int(fixes.redundancy[fixes.solved].sum()), 1))
+
+
+def noise_entry(noise: RangeNoise, before: Location, after: Location, truth: FloatArray | None) -> Report:
+    """The law of the ranges' errors that this log calls for, and what it does beside the fixed one."""
+    entry: Report = {
+        "system": {SYSTEM_NAMES[letter]: noise.system[letter] for letter in after.clock_names},
+        "elevation": noise.elevation,
+        "strength": noise.strength,
+        "ionosphere_ray": noise.ray,
+        "ionosphere_field": noise.field,
+        "nis_per_dof": {"fixed": nis_per_dof(before), "fitted": nis_per_dof(after)},
+    }
+    if truth is not None:
+        errors = {"fixed": before, "fitted": after}
+        entry["position_error"] = {name: position_error(one.fixes.position, truth) for name, one in errors.items()}
     return entry
 
 
@@ -255,13 +305,15 @@ def held_out_error(ranges: Pseudoranges, mask: float, found: RangeTrace) -> Repo
     }
 
 
-def candidates(ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location) -> list[Report]:
+def candidates(
+    ranges: Pseudoranges, mask: float, found: RangeTrace, final: Location, noise: RangeNoise | None = None
+) -> list[Report]:
     """What the ranges did not call for: statistic, the smallest size that would show, and where it moves the fix."""
     entries: list[Report] = []
     R = integrity.east_north_up(final.fixes.position)
     for s in found.left:
         rest = [name for name in MODELLED if name != s.name]
-        without = locate(ranges, rest, mask=mask, exclude=False, excluded=~final.fixes.used)
+        without = locate(ranges, rest, mask=mask, exclude=False, excluded=~final.fixes.used, noise=noise)
         moved = np.einsum("nij,nj->ni", R, without.fixes.position - final.fixes.position)
         both = np.isfinite(moved).all(axis=1)
         shift = moved[both].mean(axis=0).tolist() if both.any() else None

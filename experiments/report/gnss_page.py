@@ -37,6 +37,8 @@ def gnss_page(path: Path, document: Mapping[str, Any]) -> None:
         "the effects down to that line in the model.",
     )
     _stage_table(page, stages, document.get("reference") or "as it was given")
+    if document.get("noise"):
+        _noise(page, document["noise"])
     if document.get("dgps"):
         _dgps(page, document["dgps"])
     if document["excluded"] or document["journal"]:
@@ -83,6 +85,21 @@ def _errors(first: Mapping[str, Any], last: Mapping[str, Any]) -> list[tuple[str
     if not before or not after:
         return []
     return [(_change(before, after), "mean position error, plain to full model")]
+
+
+def _noise(page: Page, noise: Mapping[str, Any]) -> None:
+    page.heading("How wrong a range is")
+    nis = noise["nis_per_dof"]
+    page.numbers(
+        [(change(nis["fixed"], nis["fitted"]), "normalised squared residual, fixed to fitted law; one is right")]
+    )
+    rows = [[name, f"{size:.2f} m"] for name, size in noise["system"].items()]
+    rows += [["multipath at the zenith, grows as 1 / sin E", f"{noise['elevation']:.2f} m"]]
+    rows += [["code noise at 45 dB-Hz", f"{noise['strength']:.2f} m"]]
+    rows += [["ionosphere of a ray, of its delay", f"{noise['ionosphere_ray']:.2f}"]]
+    rows += [["ionosphere in common, of its delay", f"{noise['ionosphere_field']:.2f}"]]
+    page.table(["", "1-sigma"], rows, (1,))
+    page.text("Fitted to this log by likelihood, with priors from other sites; docs/gnss.md has the law.", note=True)
 
 
 def _dgps(page: Page, dgps: Mapping[str, Any]) -> None:

@@ -19,6 +19,12 @@ def summary(document: Mapping[str, Any]) -> str:
         error = stage.get("position_error")
         text = f"  {name:{width}}  residual {number(stage['residual_rms'])} m RMS"
         lines.append(text + (f", position error {number(error['mean'])} m mean" if error else ""))
+    if document.get("noise"):
+        nis = document["noise"]["nis_per_dof"]
+        sizes = ", ".join(f"{name} {size:.2f}" for name, size in document["noise"]["system"].items())
+        lines.append(
+            f"  noise of a range by likelihood, m: {sizes}; NIS {number(nis['fixed'])} -> {number(nis['fitted'])}"
+        )
     dgps = document.get("dgps")
     if dgps:
         error = dgps.get("position_error")

@@ -1,6 +1,7 @@
 """From the plain pseudorange model to the one that the data call for, in the order of evidence.
 
-1. Faults: about the model with every known effect, because what these explain is no fault.
+1. Faults: about the model with every known effect, because what these explain is no fault. First those that come or
+   change while the log runs, then those that are there all the time (`estimator.positioning.steady_fault`).
 2. Effects: from the plain model on, without the faulty satellites, the strongest that passes is modelled at its known
    size, and all are scored again.
 3. Proof: the last third of the time decides whether an effect of step 2 stays; the rest alone is asked, too.
@@ -17,7 +18,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import Statistic
 from sinan.estimator.positioning.location import Location, locate
-from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, next_fault
+from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, next_fault, next_steady_fault
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.pseudorange import Pseudoranges
 
@@ -82,7 +83,7 @@ def find_faults(ranges: Pseudoranges, mask: float, alpha: float) -> tuple[list[C
     while len(found) < MOST_FAULTS:
         location = locate(ranges, mask=mask, excluded=faulty)
         keep = (location.elevation > mask) & ~faulty
-        fault = next_fault(location, location.fixes.position, keep, alpha)
+        fault = next_fault(location, location.fixes.position, keep, alpha) or next_steady_fault(location, keep, alpha)
         if fault is None or fault.interval is None:
             break
         found.append(fault)

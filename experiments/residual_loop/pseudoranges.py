@@ -22,9 +22,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
 from sinan.estimator.positioning.point_positioning import rectangle
+from sinan.estimator.positioning.steady_fault import steady_fault
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.effects import pseudorange_satellite_fault
@@ -358,3 +359,21 @@ def next_fault(
     }
     confused = tuple(sorted(f"{FAULT.name} of {name}" for name in rivals))
     return Called(FAULT.name, chosen.satellite, statistic, statistic.beta, confused, (chosen.onset, span), False)
+
+
+def next_steady_fault(location: Location, keep: BoolArray, alpha: float) -> Called | None:
+    """A satellite that is off for the whole log, if the probability of no such fault is below alpha.
+
+    The evidence is that of `estimator.positioning.steady_fault`: 2 log B stands for the statistic, and the posterior
+    probability of no fault for the p-value, which bounds it from above.
+    """
+    found = steady_fault(location, keep)
+    if found is None or 1.0 - found.confident >= alpha:
+        return None
+    log_p = float(np.log(max(1.0 - found.confident, 1e-300)))
+    beta, std = np.array([found.offset, 0.0]), np.array([found.std, np.inf])
+    detectable = np.array([found.std * np.sqrt(DETECTABLE_LAMBDA), np.inf])
+    statistic = Statistic(FAULT.name, 2.0 * found.log_bayes, 1, 1.0, log_p, log_p, beta, std, detectable)
+    span = float(np.ptp(location.ranges.t))
+    confused = tuple(f"{FAULT.name} of {name}" for name in found.others)
+    return Called(FAULT.name, found.satellite, statistic, beta, confused, (0.0, span), False)

@@ -22,11 +22,13 @@ from sinan.sensors.simulate import Present, simulate
 
 __all__ = [
     "Effects", "interval_note", "load_scenario", "parse_effect", "present_of", "scenario_names", "simulate_to_folder",
-    "simulated", "size_note",
+    "simulated", "size_note", "with_sensors",
 ]  # fmt: skip
 
 #: Effects by name with their parameters, or in the command line's form: `mag.current=0.003,0,0@20:30`.
 Effects = Mapping[str, Sequence[float] | FloatArray | float] | Sequence[str]
+#: The scenario that has every sensor that a flight may be given.
+MORE_SENSORS = "_camera"
 #: Effects that cannot be said without the interval in which they act
 _NEEDS_INTERVAL = {"step": "@T0", "transient": "@T0:T1"}
 
@@ -158,6 +160,25 @@ def simulated(
     return simulate(flown, np.random.default_rng(seed), present, declare)[0], present
 
 
+def with_sensors(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """The scenario with these sensors alone; one that it has not is that of `MORE_SENSORS`.
+
+    Raises
+    ------
+    InputError : an unknown sensor, a scenario of poses that is to have one more, or a gyroscope without accelerometer
+    """
+    more = load_scenario(MORE_SENSORS).sensors
+    known = {**more, **scenario.sensors}
+    for name in names:
+        if name not in known:
+            raise InputError("--sensors", f"no sensor `{name}`", "some of " + ", ".join(known))
+        if scenario.kind != "flight" and name not in scenario.sensors:
+            raise InputError("--sensors", f"`{name}` in poses", "some of " + ", ".join(scenario.sensors))
+    if "gyro" in names and "accel" not in names:
+        raise InputError("--sensors", "gyro without accel", "both: they share the clock of the accelerometer")
+    return scenario.replace(sensors={name: known[name] for name in known if name in names})
+
+
 def simulate_to_folder(
     scenario: str | Path,
     out: Path,
@@ -165,6 +186,7 @@ def simulate_to_folder(
     declare: bool = False,
     seed: int = 0,
     force: bool = False,
+    sensors: Sequence[str] = (),
     tell: Callable[[str], None] = lambda note: None,
 ) -> Path:
     """What `sinan simulate` does: a plain recording with truth, and the answer beside the folder, never in it.
@@ -177,6 +199,7 @@ def simulate_to_folder(
     declare : write the effects into the recording
     seed : of the random numbers
     force : replace a recording that was written before
+    sensors : as of `with_sensors`; none: those of the scenario
     tell : called with what the user should know
 
     Returns
@@ -194,6 +217,7 @@ def simulate_to_folder(
     require_free(out, force)
     _require_free_answer(answer, force)
     flown = load_scenario(scenario)
+    flown = with_sensors(flown, sensors) if sensors else flown
     recording, present = simulated(flown, effects, seed, declare)
     for note in filter(None, map(interval_note, present)):
         tell(note)

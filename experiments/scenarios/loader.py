@@ -12,20 +12,21 @@ import numpy as np
 
 from sinan.sensors.earth import normal_gravity
 from sinan.sensors.errors import InputError
-from sinan.sensors.formats.header import HIGHEST, LOWEST, SENSOR_KEYS, scan_angles
+from sinan.sensors.formats.header import HIGHEST, LISTS, LOWEST, SENSOR_KEYS, scan_angles
 from sinan.sensors.formats.toml_table import Table, read_toml
 from sinan.sensors.geomagnetism import earth_field
+from sinan.sensors.lenses import LENSES
 from sinan.sensors.manoeuvres import DEFAULTS, KINDS, Manoeuvre
 from sinan.sensors.recording import SensorSpec
 from sinan.sensors.registry import where
-from sinan.sensors.scenario import Air, Instrument, Scenario, Supply, Turns, Vibration, Warming
+from sinan.sensors.scenario import Air, Instrument, Marks, Scenario, Supply, Turns, Vibration, Warming
 
 FOLDER = Path(__file__).parent
 
 
 def simulated() -> tuple[str, ...]:
     """The sensors that a scenario may have."""
-    return where(lambda entry: entry.make is not None)
+    return where(lambda entry: entry.make is not None or entry.name == "camera")
 
 
 #: what a tesla is in the unit in which the field is declared; "norm": divided by its own norm
@@ -33,6 +34,8 @@ UNITS = {"norm": None, "T": 1.0, "uT": 1e6, "nT": 1e9}
 MAX_LIKE = 8  # scenarios deep; more is a circle
 #: The longest scenario [s], a day, and the most rows of a stream: three hours at 400 Hz. A simulation holds them all.
 LONGEST, MOST_ROWS = 86400.0, 5_000_000
+#: The most marks of a camera: each is looked for in every picture.
+MOST_MARKS = 10_000
 #: The largest length [m], angle [deg], time [s] or other size in a scenario; the shortest time by which is divided.
 LARGEST, SHORTEST = 1e6, 1e-3
 #: The fastest clock [Hz]: no instrument that is sold has more than 32 kHz.
@@ -327,6 +330,8 @@ def _sensors(table: Table) -> dict[str, Instrument]:
         raise table.error("sensors", "no sensor", "at least one of " + ", ".join(simulated()))
     if "gyro" in found and "accel" not in found:
         raise table.error("sensors", "gyro without accel", "both: they share the clock of the accelerometer")
+    if "camera" in found and table.get("kind") == "poses":
+        raise table.error("sensors", "a camera", 'kind = "flight": poses have none')
     return found
 
 
@@ -335,8 +340,10 @@ def _instrument(table: Table, name: str) -> Instrument:
     for key in SENSOR_KEYS[name]:
         if key == "angles":
             spec[key] = scan_angles(table)
-        elif key == "base_position":
-            spec[key] = table.vector(key, at_most=LARGEST)
+        elif key == "lens":
+            spec[key] = table.text(key, tuple(LENSES)) or ""
+        elif key in LISTS:
+            spec[key] = table.vector(key, LISTS[key], at_most=LARGEST)
         elif key != "imu_samples":
             spec[key] = table.number(key, at_least=0.0, at_most=LARGEST)
     place = table.vector("place", 3, at_most=LARGEST)
@@ -358,9 +365,23 @@ def _instrument(table: Table, name: str) -> Instrument:
         scale_std=_or(table.number("scale_std", at_least=0.0, at_most=LARGEST), 0.0),
         velocity=name != "gps" or "velocity_noise_std" in table,
         place=(100.0, 50.0, 0.0) if place is None else (place[0], place[1], place[2]),
+        marks=_marks(table) if name == "camera" else Marks(),
     )
     table.done()
     return instrument
+
+
+def _marks(table: Table) -> Marks:
+    """What a camera sees, and how large its pictures are."""
+    default = Marks()
+    size = table.vector("size", 2, at_most=LARGEST)
+    return Marks(
+        count=table.whole("marks", at_least=1, at_most=MOST_MARKS) or default.count,
+        reach=_or(table.number("reach", above=0.0, at_most=LARGEST), default.reach),
+        height=_or(table.number("height", at_least=0.0, at_most=LARGEST), default.height),
+        most=table.whole("most", at_least=1, at_most=MOST_MARKS) or default.most,
+        size=default.size if size is None else (float(size[0]), float(size[1])),
+    )
 
 
 def _intervals(table: Table, intervals: object) -> tuple[tuple[float, float], ...]:

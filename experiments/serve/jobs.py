@@ -18,6 +18,8 @@ from pathlib import Path
 from threading import Condition, Event, Thread, Timer
 from typing import Any
 
+from sinan.experiments.workers import alone as workers
+
 #: Letters of a log's name that are kept on the disk: the last ones, with its ending.
 _NAME_KEPT = 60
 #: Bytes of a line that a process says; more of it is no line of ours.
@@ -35,13 +37,14 @@ class Limits:
     Attributes
     ----------
     size : of a log [bytes]
-    seconds : of work on it
+    seconds, memory : of work on it; bytes that it may ask for
     waiting : logs in the queue
     kept : results that are kept, the latest
     """
 
     size: int = 500 * 2**20
-    seconds: float = 900.0
+    seconds: float = workers.Limits.seconds
+    memory: int = workers.Limits.memory
     waiting: int = 20
     kept: int = 50
 
@@ -202,7 +205,8 @@ class Queue:
 
     def _do(self, job: Job) -> None:
         """One log, in a process that leads a session of its own and ends when this one does."""
-        words = [sys.executable, "-m", "sinan.experiments.serve.one_job", str(job.log), job.name, str(job.page.parent)]
+        words = [sys.executable, "-m", "sinan.experiments.serve.one_job", str(job.log), job.name, str(job.page.parent),
+                 str(self.limits.memory)]  # fmt: skip
         late, answer = Event(), dict[str, Any]()
         with subprocess.Popen(
             words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,

@@ -1,6 +1,6 @@
-"""`python -m sinan.experiments.serve.one_job LOG NAME FOLDER`: trace one log; a line of JSON a stage, and the end.
+"""`python -m sinan.experiments.serve.one_job LOG NAME FOLDER BYTES`: trace one log; a line of JSON a stage and the end.
 
-It ends when whoever started it does: its standard input is open until then.
+It may ask for so many bytes of memory. It ends when whoever started it does: its standard input is open until then.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from sinan.experiments.workers.alone import Limits, limit_memory
+
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
@@ -19,6 +21,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 def main() -> None:
     """Read, trace, draw; what goes wrong is an answer, too."""
     log, name, folder = sys.argv[1:4]
+    limits = Limits(memory=int(sys.argv[4]))
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what a library prints is no answer
     Thread(target=_end_with_parent, daemon=True).start()
@@ -35,7 +38,8 @@ def main() -> None:
     from sinan.experiments.report.made import digest_of
     from sinan.sensors.files import write_text
 
-    found = answer(Log(name, digest_of(Path(log))), log, lambda what: tell(stage=what))
+    limit_memory(limits.memory)
+    found = answer(Log(name, digest_of(Path(log))), log, limits, lambda what: tell(stage=what))
     if found.document["why_not"] is not None:
         tell(answer="failed", why=str(found.document["why_not"]).replace(log, name))
         return

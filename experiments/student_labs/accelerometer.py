@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sinan.calibration.poses.triad import calibrate_norm
 from sinan.experiments.labs.attitudes import determined, poses
 from sinan.experiments.student_labs.lab import Data, Lab, Mistake, Question, Words
 from sinan.sensors.arrays import FloatArray
@@ -14,6 +13,10 @@ from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
 
 G, NOISE, POSE = 9.8, 0.005, 9  # m/s^2, m/s^2 of a pose's mean, the row whose pitch is asked for
 COLUMNS = ("ax", "ay", "az")
+_SIGN = Words(
+    "the sign of b: the model is K (a + b), so b is minus what the sensor adds",
+    "偏移 b 的符号：模型为 K (a + b)，b 与传感器附加的量相反",
+)
 
 
 def make(rng: np.random.Generator) -> tuple[Data, Mapping[str, object]]:
@@ -25,32 +28,6 @@ def make(rng: np.random.Generator) -> tuple[Data, Mapping[str, object]]:
     return {c: raw[:, k] for k, c in enumerate(COLUMNS)}, {"K": K.tolist(), "b": b.tolist()}
 
 
-def readings(data: Data) -> FloatArray:
-    """(10, 3) m/s^2."""
-    return np.stack([data[c] for c in COLUMNS], axis=1)
-
-
-def fitted(data: Data, g: float = G) -> tuple[FloatArray, FloatArray]:
-    """K and b at the minimum of the index."""
-    fit = calibrate_norm("accel", readings(data), g)
-    return fit.K, fit.offset
-
-
-def index(data: Data, K: FloatArray | float, b: FloatArray | float) -> FloatArray:
-    """The index: sum of (|K (a + b)| - g)^2."""
-    return np.array([np.sum((np.linalg.norm((readings(data) + b) * K, axis=1) - G) ** 2)])
-
-
-def pitch(data: Data) -> FloatArray:
-    """Pitch [deg] of the last pose, calibrated."""
-    K, b = fitted(data)
-    return _pitch((readings(data)[POSE] + b) * K)
-
-
-def _pitch(f: FloatArray) -> FloatArray:
-    return np.rad2deg(np.array([np.arctan2(f[0], np.hypot(f[1], f[2]))]))
-
-
 def closes(data: Data, angles: FloatArray) -> bool:
     """Whether an attitude of this roll and pitch [deg], beside the ten, determines all nine unknowns of T K."""
     q = quaternion_from_rpy(np.deg2rad([[angles[0], angles[1], 0.0]]))
@@ -58,7 +35,6 @@ def closes(data: Data, angles: FloatArray) -> bool:
     return bool(np.all(determined(np.vstack([poses(), more]), 2e-3)[0] < 0.005))
 
 
-_SIGN = Words("the sign of b: the model is K (a + b), so b is minus what the sensor adds", "b 的符号：模型为 K (a + b)")
 LAB = Lab(
     make,
     (
@@ -68,13 +44,9 @@ LAB = Lab(
             3,
             2e-3,
             Words("is the residual | K (a + b) | - g, with g = 9.8?", "残差是否为 |K(a+b)| - g，g = 9.8？"),
-            lambda d: fitted(d)[0],
             (
-                Mistake(
-                    lambda d: 1.0 / fitted(d)[0],
-                    Words("K multiplies the reading; this divides it", "尺度因子 K 应乘以读数，而不是除"),
-                ),
-                Mistake(lambda d: fitted(d, 1.0)[0], Words("this is K for g = 1", "这是 g = 1 时的尺度因子")),
+                Mistake(Words("K multiplies the reading; this divides it", "尺度因子 K 应乘以读数，而不是除")),
+                Mistake(Words("this is K for g = 1", "这是 g = 1 时的尺度因子")),
             ),
         ),
         Question(
@@ -85,24 +57,21 @@ LAB = Lab(
             Words(
                 "b is added before K multiplies; did the fit run to its end?", "偏移 b 在乘 K 之前相加；迭代收敛了吗？"
             ),
-            lambda d: fitted(d)[1],
-            (Mistake(lambda d: -fitted(d)[1], _SIGN),),
+            (Mistake(_SIGN),),
         ),
         Question(
             "index_before",
             "basic",
             1,
             1e-3,
-            Words("sum of squares with K = 1 and b = 0", "取 K = 1、b = 0 时的指标函数"),
-            lambda d: index(d, 1.0, 0.0),
+            Words("sum of squares with K = 1 and b = 0", "取 K = 1、b = 0 时的残差平方和，即指标函数"),
         ),
         Question(
             "index_after",
             "basic",
             1,
             1e-4,
-            Words("sum of squares at the minimum, not its root or mean", "最优参数处的平方和，不是均值或方根"),
-            lambda d: index(d, *fitted(d)),
+            Words("sum of squares at the minimum, not its root or mean", "最优参数处的平方和，不是平均值或平方根"),
         ),
         Question(
             "K_one",
@@ -110,8 +79,7 @@ LAB = Lab(
             3,
             2e-4,
             Words("the same calibration with g = 1", "取 g = 1 重新标定"),
-            lambda d: fitted(d, 1.0)[0],
-            (Mistake(lambda d: fitted(d)[0], Words("this is K for g = 9.8", "这是 g = 9.8 时的尺度因子")),),
+            (Mistake(Words("this is K for g = 9.8", "这是 g = 9.8 时的尺度因子")),),
         ),
         Question(
             "pitch",
@@ -120,24 +88,17 @@ LAB = Lab(
             0.02,
             Words(
                 "at rest f = (g sin pitch, ...): forward-right-down, the z axis reads -g",
-                "静止时 f_x = g sinθ；前-右-下坐标系，z 轴读数为 -g",
+                "静止时 f_x = g sinθ，θ 为俯仰角；前-右-下坐标系，z 轴读数为 -g",
             ),
-            pitch,
             (
                 Mistake(
-                    lambda d: -pitch(d),
                     Words(
                         "the sign: the accelerometer reads specific force, minus gravity",
-                        "符号：加速度计测量的是比力，与重力方向相反",
-                    ),
+                        "符号：加速度计测量的是比力，与重力加速度方向相反",
+                    )
                 ),
-                Mistake(
-                    lambda d: _pitch(readings(d)[POSE]),
-                    Words("this is the pitch of the raw reading", "这是标定前的俯仰角"),
-                ),
-                Mistake(
-                    lambda d: np.deg2rad(pitch(d)), Words("this is in radians; degrees are asked for", "单位应为度")
-                ),
+                Mistake(Words("this is the pitch of the raw reading", "这是由标定前的读数求得的俯仰角")),
+                Mistake(Words("this is in radians; degrees are asked for", "单位应为度")),
             ),
         ),
         Question(

@@ -1,9 +1,12 @@
-"""What a lab for students is: data from a seed, questions, and for each the mistakes that are known."""
+"""What a lab for students is: data from a seed, questions, and for each the mistakes that are known.
+
+What is here, and in the module of each lab, is in every installation. How to solve a question is in `solutions`, which
+is left out of the wheel: the check needs none of it, only the seals that were made with it (`seals`).
+"""
 
 from __future__ import annotations
 
 import hashlib
-import hmac
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -12,14 +15,17 @@ from typing import Literal
 import numpy as np
 
 from sinan.experiments.student_labs import TITLES
+from sinan.experiments.student_labs.seals import Seal, opens, sealed, stretched
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-#: An answer is taken for a known mistake's where each number is within this share of it.
-_ALIKE = 0.05
 Data = Mapping[str, FloatArray]
 Level = Literal["basic", "analysis", "design"]
 Language = Literal["en", "zh"]
+#: By question: the seal of the right answer, then those of the known mistakes in their order.
+Seals = Mapping[str, tuple[Seal, ...]]
+#: Without a teacher's secret a student has one of so many sets of data; their seals are in `practice.json`.
+PRACTICE = 16
 
 
 @dataclass(frozen=True)
@@ -35,10 +41,10 @@ class Words:
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake that gives an answer of its own: how it comes about, and what to say of it."""
+    """What is said of a mistake that gives an answer of its own, and how near to that an answer is taken for it."""
 
-    answer: Callable[[Data], FloatArray]
     hint: Words
+    within: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -50,11 +56,10 @@ class Question:
     name : its key in `answer.json`
     level : basic, analysis or design
     size : how many numbers
-    solve : the data -> the right answer, from the data alone
     tolerance : largest error of each number
     hint : said of a wrong answer that no known mistake explains
     mistakes : known ones, the likeliest first
-    accept : in place of `solve` where many answers are right: (data, answer) -> whether it is
+    accept : where many answers are right: (data, answer) -> whether it is; there is no seal then
     """
 
     name: str
@@ -62,9 +67,12 @@ class Question:
     size: int
     tolerance: float
     hint: Words
-    solve: Callable[[Data], FloatArray] | None = None
     mistakes: tuple[Mistake, ...] = ()
     accept: Callable[[Data, FloatArray], bool] | None = None
+
+    def width(self, k: int) -> float:
+        """Width of the cells of the right answer (k = 0), or of mistake k, counted from 1."""
+        return 2.0 * (self.tolerance if k == 0 else min(self.tolerance, self.mistakes[k - 1].within))
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,14 @@ class Lab:
 
     make: Callable[[np.random.Generator], tuple[Data, Mapping[str, object]]]
     questions: tuple[Question, ...]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """How a question is solved, from the data alone; and what each of its known mistakes gives, in their order."""
+
+    solve: Callable[[Data], FloatArray]
+    mistakes: tuple[Callable[[Data], FloatArray], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,53 +120,90 @@ def lab_of(name: str) -> Lab:
     return lab
 
 
-def drawn(name: str, student: str, secret: str = "") -> tuple[Data, Mapping[str, object]]:
-    """The data of a student, and the key: the same for the same three words, unlike for any others.
+def solutions_of(name: str) -> Mapping[str, Solution]:
+    """How the questions of a lab are solved; those with `accept` are not in it.
 
-    seed = HMAC-SHA256(secret, lab, student)
-
-    Parameters
-    ----------
-    student : number or name, as it is
-    secret : of the teacher; without it everyone can draw what everyone has
+    Raises
+    ------
+    InputError : no such lab, or an installation without solutions
     """
-    digest = hmac.new(secret.encode(), f"{name}\n{student}".encode(), hashlib.sha256).digest()
-    return lab_of(name).make(np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest))))
+    lab_of(name)
+    try:
+        module = import_module(f"sinan.experiments.student_labs.solutions.{name}")
+    except ModuleNotFoundError:
+        raise InputError(
+            "lab", "an installation without solutions", "a clone of the project: that is for teachers"
+        ) from None
+    found: Mapping[str, Solution] = module.SOLUTIONS
+    return found
 
 
-def check(name: str, data: Data, answer: Mapping[str, object], language: Language = "en") -> list[Verdict]:
+def practice(student: str) -> int:
+    """Which of the sets of data a student has who has no teacher."""
+    return int.from_bytes(hashlib.sha256(student.encode()).digest()[:8]) % PRACTICE
+
+
+def root(name: str, student: str, secret: str = "") -> bytes:
+    """What all that is drawn for a student comes from: the same for the same three words.
+
+    scrypt(secret; lab, student); without a secret SHA-256(lab, number of the set), which everyone can draw
+    """
+    if secret:
+        return stretched(secret, f"{name}\n{student}")
+    return hashlib.sha256(f"{name}\n{practice(student)}".encode()).digest()
+
+
+def drawn(name: str, student: str, secret: str = "") -> tuple[Data, Mapping[str, object]]:
+    """The data of a student, as they are in the file, and the key: what was drawn."""
+    data, key = lab_of(name).make(
+        np.random.default_rng(np.random.SeedSequence(int.from_bytes(root(name, student, secret))))
+    )
+    return {c: np.array([float(f"{x:.10g}") for x in column]) for c, column in data.items()}, key
+
+
+def seals_of(name: str, data: Data, salt: str) -> Seals:
+    """The seals of the right answers and of the known mistakes; needs the solutions."""
+    found, solutions = dict[str, tuple[Seal, ...]](), solutions_of(name)
+    for question in lab_of(name).questions:
+        if question.accept is None:
+            entry = solutions[question.name]
+            values = [np.atleast_1d(how(data)).ravel() for how in (entry.solve, *entry.mistakes)]
+            found[question.name] = tuple(
+                sealed(value, question.width(k), f"{salt} {question.name} {k}") for k, value in enumerate(values)
+            )
+    return found
+
+
+def check(
+    name: str, data: Data, seals: Seals, salt: str, answer: Mapping[str, object], language: Language = "en"
+) -> list[Verdict]:
     """What is right in an answer, and a hint for what is not. The right answer is never in it."""
-    return [_judged(question, data, answer.get(question.name), language) for question in lab_of(name).questions]
+    told = []
+    for question in lab_of(name).questions:
+        right, hint = _judged(question, data, seals.get(question.name, ()), salt, answer.get(question.name))
+        told.append(Verdict(question.name, question.level, right, "" if right else hint[language]))
+    return told
 
 
-def _judged(question: Question, data: Data, given: object, language: Language) -> Verdict:
-    name, level = question.name, question.level
+_NO_HINT = Words("", "")
+
+
+def _judged(question: Question, data: Data, seals: tuple[Seal, ...], salt: str, given: object) -> tuple[bool, Words]:
+    """Whether an entry is right, and what to say of it if not."""
     if given is None:
-        return Verdict(name, level, False, Words("not answered", "未作答")[language])
+        return False, Words("not answered", "未作答")
     try:
         value = np.atleast_1d(np.asarray(given, dtype=np.float64)).ravel()
     except (TypeError, ValueError):
-        return Verdict(name, level, False, Words("not a number", "不是数值")[language])
+        return False, Words("not a number", "不是数值")
     if value.shape != (question.size,):
-        text = Words(
-            f"{value.size} numbers; expected {question.size}", f"有 {value.size} 个数；应为 {question.size} 个"
-        )
-        return Verdict(name, level, False, text[language])
+        en, zh = f"{value.size} numbers; expected {question.size}", f"有 {value.size} 个数；应为 {question.size} 个"
+        return False, Words(en, zh)
     if not np.all(np.isfinite(value)):
-        return Verdict(name, level, False, Words("not finite", "不是有限数")[language])
+        return False, Words("not finite", "不是有限数")
     if question.accept is not None:
-        right = question.accept(data, value)
-    else:
-        assert question.solve is not None
-        right = _close(value, question.solve(data), question.tolerance)
-    if right:
-        return Verdict(name, level, True, "")
-    for mistake in question.mistakes:
-        made = np.atleast_1d(mistake.answer(data)).ravel()
-        if _close(value, made, np.minimum(question.tolerance or np.inf, _ALIKE * np.abs(made))):
-            return Verdict(name, level, False, mistake.hint[language])
-    return Verdict(name, level, False, question.hint[language])
-
-
-def _close(value: FloatArray, expected: FloatArray, tolerance: FloatArray | float) -> bool:
-    return bool(np.all(np.abs(value - np.atleast_1d(expected).ravel()) <= tolerance))
+        return question.accept(data, value), question.hint
+    for k, seal in enumerate(seals):
+        if opens(seal, value, question.width(k), f"{salt} {question.name} {k}"):
+            return (True, _NO_HINT) if k == 0 else (False, question.mistakes[k - 1].hint)
+    return False, question.hint

@@ -6,11 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sinan.calibration.poses.triad import calibrate_norm
 from sinan.experiments.labs.attitudes import faces
 from sinan.experiments.student_labs.lab import Data, Lab, Mistake, Question, Words
-from sinan.sensors.arrays import FloatArray
-from sinan.sensors.magnetometer import tilt_compensated_heading
 
 COLUMNS = ("mx", "my", "mz")
 NOISE = 0.002  # of the field's norm
@@ -37,40 +34,6 @@ def make(rng: np.random.Generator) -> tuple[Data, Mapping[str, object]]:
     return data | {"current": current, "roll": tilt[:, 0], "pitch": tilt[:, 1]}, key
 
 
-def normalised(data: Data) -> tuple[FloatArray, float]:
-    """(n, 3) readings over the mean norm of those without current but the last, and that mean norm [gauss]."""
-    raw = np.stack([data[c] for c in COLUMNS], axis=1)
-    mean = float(np.mean(np.linalg.norm(raw[:-1][data["current"][:-1] == 0.0], axis=1)))
-    return raw / mean, mean
-
-
-def fitted(data: Data) -> tuple[FloatArray, FloatArray]:
-    """K and b from the rows without current but the last."""
-    r, _ = normalised(data)
-    fit = calibrate_norm("mag", r[:-1][data["current"][:-1] == 0.0], 1.0)
-    return fit.K, fit.offset
-
-
-def heading(data: Data, tilted: bool = True) -> FloatArray:
-    """Heading [deg] of the last row, calibrated."""
-    K, b = fitted(data)
-    m = (normalised(data)[0][-1:] + b) * K
-    roll, pitch = (data[c][-1:] if tilted else np.zeros(1) for c in ("roll", "pitch"))
-    return np.rad2deg(tilt_compensated_heading(m, roll, pitch))
-
-
-def current_effect(data: Data) -> FloatArray:
-    """d [of the normalised reading, per A] of |K (m + b + I d)| = 1, by least squares over the rows with current."""
-    from scipy.optimize import least_squares
-
-    r, _ = normalised(data)
-    K, b = fitted(data)
-    on = data["current"] > 0.0
-    amperes = data["current"][on, None]
-    found = least_squares(lambda d: np.linalg.norm((r[on] + b + amperes * d) * K, axis=1) - 1.0, np.zeros(3))
-    return np.asarray(found.x)
-
-
 LAB = Lab(
     make,
     (
@@ -83,21 +46,17 @@ LAB = Lab(
                 "mean of the norms of the rows without current, without the last row; not the norm of the mean",
                 "无电流各行（最后一行除外）模长的平均值，而不是平均值的模长",
             ),
-            lambda d: np.array([normalised(d)[1]]),
         ),
         Question(
             "K",
             "basic",
             3,
             2e-3,
-            Words("divide by the mean norm first; the residual is |K (m + b)| - 1", "先归一化；残差为 |K(m+b)| - 1"),
-            lambda d: fitted(d)[0],
-            (
-                Mistake(
-                    lambda d: 1.0 / fitted(d)[0],
-                    Words("K multiplies the reading; this divides it", "尺度因子应乘以读数"),
-                ),
+            Words(
+                "divide by the mean norm first; the residual is |K (m + b)| - 1",
+                "先除以平均模长（归一化）；残差为 |K(m+b)| - 1",
             ),
+            (Mistake(Words("K multiplies the reading; this divides it", "尺度因子应乘以读数")),),
         ),
         Question(
             "b",
@@ -105,14 +64,12 @@ LAB = Lab(
             3,
             2e-3,
             Words("in units of the mean norm; rows without current only", "以平均模长归一化；只用无电流的数据"),
-            lambda d: fitted(d)[1],
             (
-                Mistake(lambda d: -fitted(d)[1], Words("the sign: b is added to the reading", "符号：b 与读数相加")),
+                Mistake(Words("the sign: b is added to the reading", "符号：b 与读数相加")),
                 Mistake(
-                    lambda d: fitted(d)[1] * normalised(d)[1],
                     Words(
                         "this is in gauss; b belongs to normalised readings", "这是以高斯为单位的值；b 应对应归一化读数"
-                    ),
+                    )
                 ),
             ),
         ),
@@ -123,17 +80,11 @@ LAB = Lab(
             0.5,
             Words(
                 "turn the field back by pitch and roll; heading = atan2(-m_y', m_x')",
-                "先用俯仰角和滚转角将磁场转到水平面",
+                "先用俯仰角和滚转角将磁场转到水平面，再由 atan2(-m_y', m_x') 求偏航角",
             ),
-            heading,
             (
-                Mistake(
-                    lambda d: heading(d, False),
-                    Words("this is the heading without the tilt", "这是没有倾斜补偿的偏航角"),
-                ),
-                Mistake(
-                    lambda d: -heading(d), Words("the sign: heading is counted clockwise", "符号：偏航角顺时针为正")
-                ),
+                Mistake(Words("this is the heading without the tilt", "这是没有倾斜修正的偏航角")),
+                Mistake(Words("the sign: heading is counted clockwise", "符号：偏航角顺时针为正")),
             ),
         ),
         Question(
@@ -142,13 +93,9 @@ LAB = Lab(
             3,
             4e-4,
             Words("let the offset grow with the current: |K (m + b + I d)| = 1", "令偏移随电流变化：|K(m+b+I d)| = 1"),
-            current_effect,
             (
-                Mistake(lambda d: -current_effect(d), Words("the sign: d is added like b", "符号：d 与 b 一样相加")),
-                Mistake(
-                    lambda d: current_effect(d) * HIGHEST,
-                    Words("per ampere, not at the highest current", "应为每安培的值"),
-                ),
+                Mistake(Words("the sign: d is added like b", "符号：d 与 b 一样相加")),
+                Mistake(Words("per ampere, not at the highest current", "应为每安培电流的值，而不是最大电流时的值")),
             ),
         ),
     ),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from multiprocessing.context import BaseContext
+from multiprocessing.context import ForkServerContext, SpawnContext
 from threading import Thread
 from typing import TypeVar
 
@@ -19,9 +19,11 @@ from sinan.sensors.errors import InputError
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
+Context = ForkServerContext | SpawnContext
+
 MOST_RESTARTS = 3  # of a pool whose worker was killed
 #: A process that was killed is waited for so long [s]: it takes milliseconds.
-_PATIENCE = 0.3
+PATIENCE = 0.3
 
 
 def in_processes(
@@ -56,7 +58,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are killed unless all goes well: they may be in the middle of a long task."""
     others, pool = multiprocessing.active_children(), None
     try:
-        pool = ProcessPoolExecutor(workers, mp_context=_context(), initializer=_begin)
+        pool = ProcessPoolExecutor(workers, mp_context=context(), initializer=begin)
         yield pool
     except BaseException as error:
         ours = [process for process in multiprocessing.active_children() if process not in others]
@@ -65,23 +67,28 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         if pool is not None:
             pool.shutdown(wait=False, cancel_futures=True)
         for process in ours:
-            process.join(_PATIENCE)
+            process.join(PATIENCE)
         if not isinstance(error, BrokenProcessPool):
-            _end_fork_server()
+            end_fork_server()
         raise
     pool.shutdown()
 
 
-def _context() -> BaseContext:
-    """How processes are started: by a fork server that has loaded what they need, where the system has one."""
+def context(loaded: str = "sinan.experiments.workers.warm") -> Context:
+    """How processes are started: by a fork server that has loaded what they need, where the system has one.
+
+    Parameters
+    ----------
+    loaded : module that the server imports; the first that asks in a process decides
+    """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     from multiprocessing import forkserver, resource_tracker
 
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["sinan.experiments.workers.warm"])
-    if _end_fork_server not in AT_ONCE:
-        AT_ONCE.append(_end_fork_server)
+    server = multiprocessing.get_context("forkserver")
+    server.set_forkserver_preload([loaded])
+    if end_fork_server not in AT_ONCE:
+        AT_ONCE.append(end_fork_server)
     # Ctrl-C goes to every process of a terminal. The server and all that it forks inherit that it is blocked, from
     # their first instruction. The tracker is started before, because its start would let Ctrl-C through again.
     resource_tracker.ensure_running()
@@ -90,10 +97,10 @@ def _context() -> BaseContext:
         forkserver.ensure_running()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return context
+    return server
 
 
-def _end_fork_server() -> None:
+def end_fork_server() -> None:
     """Kill the server, which else would go on loading for seconds, and with it a worker that it forked just now, of
     which nobody knows yet. It is started again where it is needed.
     """
@@ -107,7 +114,7 @@ def _end_fork_server() -> None:
             kill(number, signal.SIGKILL)
 
 
-def _begin() -> None:
+def begin() -> None:
     """What a worker begins with: it leaves Ctrl-C to the process that started it, and ends when that one is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()

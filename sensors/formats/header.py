@@ -24,7 +24,8 @@ LOWEST, HIGHEST = -12_000.0, 1e6
 #: The keys that each sensor may declare.
 SENSOR_KEYS = BySensor(lambda entry: entry.declares)
 #: Numbers in a list; None: as many as there are.
-_LISTS = {"base_position": 3, "focal": 2, "centre": 2, "coefficients": None, "mounting": 4, "lever_arm": 3}
+#: Keys that are lists, and their length.
+LISTS = {"base_position": 3, "focal": 2, "centre": 2, "coefficients": None, "mounting": 4, "lever_arm": 3}
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _sensor(table: Table, keys: tuple[str, ...]) -> SensorSpec:
         elif key == "lens":
             values[key] = table.text(key, tuple(LENSES)) or ""
         else:
-            values[key] = table.vector(key, _LISTS[key], at_most=LARGEST)
+            values[key] = table.vector(key, LISTS[key], at_most=LARGEST)
     table.done()
     return SensorSpec(**values)  # type: ignore[arg-type]
 

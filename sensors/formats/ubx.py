@@ -1,20 +1,24 @@
-"""u-blox UBX: the receiver's own solution (NAV-PVT), every message checked by its checksum.
+"""u-blox UBX: the receiver's own solution (NAV-PVT) and its inertial sensor, every message checked by its checksum.
 
 Source: u-blox F9 interface description (UBX-22008968), sections "UBX frame structure" and "UBX-NAV-PVT".
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import recording_of
 from sinan.sensors.formats.packed import read_plain
+from sinan.sensors.formats.ubx_inertial import KINDS, Message, inertial
 from sinan.sensors.recording import Recording, Stream
 
 MAGIC = b"\xb5\x62"
@@ -46,8 +50,21 @@ def read_ubx(path: Path) -> dict[str, FloatArray]:
     ------
     InputError : a checksum that fails, a message cut off before the end, no NAV-PVT
     """
+    table, _ = _solutions(path, _messages(path).get(_NAV_PVT, []))
+    columns = {f"NAV-PVT.{name}": table[name].astype(np.float64) for name in _PVT.names or ()}
+    columns["NAV-PVT.carrSoln"] = (table["flags"] >> 6).astype(np.float64)
+    return columns
+
+
+def _messages(path: Path) -> dict[tuple[int, int], list[Message]]:
+    """All messages, by class and number.
+
+    Raises
+    ------
+    InputError : a checksum that fails, a message cut off before the end
+    """
     data = read_plain(path)
-    payloads: list[bytes] = []
+    found: dict[tuple[int, int], list[Message]] = {}
     position = data.find(MAGIC)
     while position >= 0:
         place = f"byte {position}"
@@ -57,41 +74,76 @@ def read_ubx(path: Path) -> dict[str, FloatArray]:
             raise InputError(path, f"a message of {size} bytes that is cut off", "a whole message", place)
         if _checksum(data[position + 2 : end - 2]) != data[end - 2 : end]:
             raise InputError(path, "a checksum that fails", "an undamaged message", place)
-        if (data[position + 2], data[position + 3]) == _NAV_PVT:
-            if size != _PVT.itemsize:
-                raise InputError(path, f"NAV-PVT of {size} bytes", f"{_PVT.itemsize} (protocol 15 or later)", place)
-            payloads.append(data[position + 6 : end - 2])
+        message = Message(data[position + 6 : end - 2], position)
+        found.setdefault((data[position + 2], data[position + 3]), []).append(message)
         position = data.find(MAGIC, end)
-    if not payloads:
+    return found
+
+
+def _solutions(path: Path, messages: Sequence[Message]) -> tuple[NDArray[np.void], FloatArray]:
+    """The fields of NAV-PVT, and their times [s], which go on over the end of a week."""
+    if not messages:
         raise InputError(path, "no NAV-PVT message", "the receiver's own solution")
-    table = np.frombuffer(b"".join(payloads), _PVT)
-    columns = {f"NAV-PVT.{name}": table[name].astype(np.float64) for name in _PVT.names or ()}
-    columns["NAV-PVT.carrSoln"] = (table["flags"] >> 6).astype(np.float64)
-    return columns
+    for message in messages:
+        if len(message.payload) != _PVT.itemsize:
+            found = f"NAV-PVT of {len(message.payload)} bytes"
+            raise InputError(path, found, f"{_PVT.itemsize} (protocol 15 or later)", f"byte {message.byte}")
+    table = np.frombuffer(b"".join(message.payload for message in messages), _PVT)
+    return table, np.unwrap(table["iTOW"] * 1e-3, period=_WEEK)
 
 
 def read_receiver(path: Path, choice: Choice = FIRST) -> Recording:
-    """The receiver's fixes in three dimensions with what it says of them, as a recording of a GPS alone: what
-    `sinan convert` writes lies beside an IMU's own files. The week of the clock is not told.
+    """The receiver's fixes in three dimensions with what it says of them, and its inertial sensor where it has one: a
+    flight. A GPS alone is a recording, too, which `sinan convert` writes beside an IMU's own files; so is an IMU alone.
+    The week of the clock is not told.
+
+    Parameters
+    ----------
+    choice : `imu` of ESF-RAW and ESF-MEAS, in this order, where both are there
 
     Raises
     ------
-    InputError : what `read_ubx` finds wrong; no fix in three dimensions
+    InputError : what `read_ubx` and `inertial` find wrong; neither a fix in three dimensions nor an inertial sensor
     """
-    choice.require_none(path, "of one receiver")
-    columns = {name.removeprefix("NAV-PVT."): values for name, values in read_ubx(path).items()}
-    fixed = (columns["fixType"] >= 3) & (columns["fixType"] <= 4) & (columns["flags"].astype(np.int64) % 2 == 1)
-    t = np.unwrap(columns["iTOW"] * 1e-3, period=_WEEK)
-    gps = {name: columns[field] * unit for name, (field, unit) in _GPS.items()}
-    notes = [f"gps: {int(np.sum(~fixed))} of {len(t)} solutions without a fix left out"] if not np.all(fixed) else []
-    return recording_of(path, {"gps": Stream(t, gps).rows(fixed)}, notes=notes, there=("NAV-PVT",), needs="gps")
+    replace(choice, imu=0).require_none(path, "of one receiver")
+    messages = _messages(path)
+    kinds = _inertial_in(messages)
+    if choice.imu and choice.imu >= len(kinds):
+        not_there(path, "imu", choice.imu, len(kinds))
+    streams: dict[str, Stream] = {}
+    notes: list[str] = []
+    times: dict[int, float] = {}
+    if _NAV_PVT in messages or not kinds:
+        solved = messages.get(_NAV_PVT, [])
+        table, t = _solutions(path, solved)
+        times = {message.byte: float(at) for message, at in zip(solved, t, strict=True)}
+        fixed = (table["fixType"] >= 3) & (table["fixType"] <= 4) & (table["flags"] % 2 == 1)
+        gps = {name: table[field].astype(np.float64) * unit for name, (field, unit) in _GPS.items()}
+        streams["gps"] = Stream(t, gps).rows(fixed)
+        if not np.all(fixed):
+            notes.append(f"gps: {int(np.sum(~fixed))} of {len(t)} solutions without a fix left out")
+    if kinds:
+        kind = kinds[choice.imu]
+        streams["imu"], said = inertial(path, KINDS[kind], messages[kind], times)
+        notes += said
+    there = ("NAV-PVT", *(KINDS[kind] for kind in kinds))
+    return recording_of(path, streams, notes=notes, there=there, needs="imu" if kinds else "gps")
+
+
+def _inertial_in(messages: Mapping[tuple[int, int], Sequence[Message]]) -> list[tuple[int, int]]:
+    return [kind for kind in KINDS if kind in messages]
 
 
 def receiver_facts(path: Path) -> Facts:
     """What a log of a receiver says of itself."""
-    t = read_ubx(path)["NAV-PVT.iTOW"] * 1e-3
-    table = Table("NAV-PVT", len(t), (float(t[0]), float(t[-1])), _PVT.names or ())
-    return Facts("u-blox UBX", tables=(table,), instances={"imu": 0, "mag": 0, "baro": 0, "gps": 1})
+    messages = _messages(path)
+    kinds = _inertial_in(messages)
+    tables = [Table(KINDS[kind], len(messages[kind])) for kind in kinds]
+    if _NAV_PVT in messages or not kinds:
+        _, t = _solutions(path, messages.get(_NAV_PVT, []))
+        tables.insert(0, Table("NAV-PVT", len(t), (float(t[0]), float(t[-1])), _PVT.names or ()))
+    instances = {"imu": len(kinds), "mag": 0, "baro": 0, "gps": int(_NAV_PVT in messages)}
+    return Facts("u-blox UBX", tables=tuple(tables), instances=instances)
 
 
 def _checksum(body: bytes) -> bytes:

@@ -27,3 +27,17 @@ def test_the_effect_of_a_camera_is_traced(name: str, tmp_path: Path) -> None:
         assert np.all(np.abs(np.array(one["beta"]) - SIZES[name]) < 4.0 * np.array(one["std"]))
         assert told["error"]["stream"] == "camera"
         assert told["error"]["after"]["rms"] < 0.25 * told["error"]["before"]["rms"]
+
+
+def test_a_camera_is_simulated_and_traced_by_commands(tmp_path: Path) -> None:
+    """A square of any scenario, given a camera: its lever arm is found, and the answer lies beside the recording."""
+    run, beta = tmp_path / "run", [0.15, -0.1, 0.1]
+    wanted = "camera.lever_arm=" + ",".join(map(str, beta))
+    names = "accel,gyro,mag,baro,gps,camera"
+    made = CliRunner().invoke(app, ["simulate", "square", str(run), "--sensors", names, "--effect", wanted])
+    assert made.exit_code == 0, made.output
+    traced = CliRunner().invoke(app, ["trace", str(run), "--json", str(tmp_path / "run.json")])
+    assert traced.exit_code == 0, traced.output
+    (found,) = json.loads((tmp_path / "run.json").read_text())["effects"]
+    assert found["name"] == json.loads((tmp_path / "run.answer.json").read_text())["effects"][0]["name"]
+    assert np.all(np.abs(np.array(found["beta"]) - beta) < 4.0 * np.array(found["std"]))

@@ -6,12 +6,16 @@ import json
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from sinan.experiments import datasets
 from sinan.experiments.commands.batch import run as command
 from sinan.experiments.commands.cli import app
 from sinan.experiments.fleet import batch
@@ -19,6 +23,7 @@ from sinan.experiments.fleet.logs import Log, in_order, logs_in
 from sinan.experiments.fleet.one_log import Answer, answer, failed
 from sinan.experiments.fleet.ranking import fleet
 from sinan.experiments.scenarios import simulate_to_folder
+from sinan.experiments.workers.alone import Limits
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of
 from tests.experiments.test_monte_carlo import cluster  # noqa: F401
@@ -114,32 +119,68 @@ def test_what_is_finished_is_not_done_again(
     (tmp_path / "pages" / f"{names[1].name}.html").unlink()
     asked: list[str] = []
 
-    def watched(tasks: object, log: Log) -> Answer:
-        asked.append(Path(log.path).name)
-        return answer(log, log.path)
-
-    def here(work: object, tasks: list[Log], workers: int, done: batch.Done) -> None:
+    def here(work: object, tasks: list[Log], workers: int, limits: Limits, done: batch.Done, _: str) -> None:
         for log in tasks:
-            done(log, watched(None, log))
+            asked.append(Path(log.path).name)
+            done(log, answer(log, log.path, limits))
 
-    monkeypatch.setattr(batch, "in_processes", here)
+    monkeypatch.setattr(batch, "each_alone", here)
     command([str(logs)], tmp_path, 1, None)
     assert asked == [Path(names[0].path).name, Path(names[1].path).name, "damaged.bin"]
     assert written(tmp_path) == before
 
 
-def deadly(log: Log) -> Answer:
-    """As a log that takes all memory."""
-    if log.path == "b":
-        os.kill(os.getpid(), signal.SIGKILL)
+def hostile(limits: Limits, log: Log) -> Answer:
+    """As a log that kills whoever reads it, has no end, or takes all memory, which its reader calls damage."""
+    match log.path:
+        case "killer":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "endless":
+            signal.pthread_sigmask(signal.SIG_BLOCK, set(signal.Signals))
+            while True:
+                time.sleep(1.0)
+        case "huge":
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(datasets, "resolve", huge)
+                return answer(log, log.path, limits)
     return failed(log, "as always")
 
 
-def test_a_log_that_kills_its_process_harms_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "_answer", deadly)
-    found = batch.run([Log(name, name * 64) for name in "abcd"], tmp_path, workers=2)
-    assert [one["log"] for one in found] == list("abcd")
-    assert ["was killed" in one["why_not"] for one in found] == [False, True, False, False]
+def huge(path: str) -> None:
+    try:
+        np.ones(2**31)
+    except Exception:
+        raise InputError(path, "damaged") from None
+
+
+HOSTILE = [Log(name, name[0] * 64) for name in ("a", "killer", "endless", "b", "huge", "c")]
+SMALL = Limits(seconds=2.0, memory=400 * 2**20)
+
+
+def test_a_log_without_end_or_bound_harms_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what a limit stopped is not tried again, unless it may take more."""
+    monkeypatch.setattr(batch, "_answer", hostile)
+    found = batch.run(HOSTILE, tmp_path, workers=2, limits=SMALL)
+    assert [one["log"] for one in found] == [log.path for log in HOSTILE]
+    said = {one["log"]: one["why_not"] for one in found}
+    assert said.pop("killer") == "the process that traced it was killed: for want of memory, perhaps"
+    assert said.pop("endless") == "stopped after 2 s, the longest that a log may take (--time)"
+    assert said.pop("huge") == "it needs more than 400 MB of memory, the most that a log may take (--memory)"
+    assert set(said.values()) == {"as always"}
+
+    asked: list[str] = []
+
+    def again(work: object, tasks: list[Log], *more: object) -> None:
+        asked.extend(log.path for log in tasks)
+        for log in tasks:
+            more[2](log, failed(log, "again"))  # type: ignore[operator]
+
+    monkeypatch.setattr(batch, "each_alone", again)
+    for limits, expected in ((SMALL, []), (replace(SMALL, seconds=3.0), ["endless"]),
+                             (replace(SMALL, memory=2**30), ["endless", "huge"])):  # fmt: skip
+        asked.clear()
+        batch.run(HOSTILE, tmp_path, workers=2, limits=limits)
+        assert [name for name in asked if name in ("endless", "huge")] == expected
 
 
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same(

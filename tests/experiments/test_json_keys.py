@@ -46,6 +46,7 @@ COMMANDS = {
     "calibrate": ["calibrate", "mag", "{poses}"],
     "montecarlo": ["montecarlo", "hover", "--runs", "2"],
     "info": ["info", "{flight}"],
+    "ranges": ["ranges", "{ranges}"],
 }
 
 
@@ -57,7 +58,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         effect = ["--effect", "mag.cross_axis=0.03,0,-0.02"]
         result = CliRunner().invoke(app, ["simulate", scenario, str(folder / name), *effect, "--seed", "7"])
         assert result.exit_code == 0, result.output
-    return {name: str(folder / name) for name in made}
+    short = folder / "short.toml"
+    short.write_text('like = "static_p"\nseconds = 90\n[[fault]]\nsatellite = "G01"\noffset = 3.0\n', encoding="utf-8")
+    return {name: str(folder / name) for name in made} | {"ranges": str(short)}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
