@@ -98,9 +98,8 @@ NOISE = 0.15  # m, of a point's height: what is higher is no ground
 
 def terrain_error(terrain: Grid, origin: float) -> float:
     """RMS error of the terrain model where it knows the ground [m]."""
-    rows, columns = np.indices(terrain.height.shape)
-    north, east = (
-        low + (place + 0.5) * terrain.cell for low, place in ((terrain.north, rows), (terrain.east, columns))
-    )
+    rows, columns = terrain.height.shape
+    north = terrain.north + (np.arange(rows)[:, None] + 0.5) * terrain.cell
+    east = terrain.east + (np.arange(columns)[None, :] + 0.5) * terrain.cell
     error = terrain.height - origin - COUNTRY.bare(north, east)
     return float(np.sqrt(np.nanmean(error**2)))

@@ -36,7 +36,7 @@ def surveyed(scene: Scene, mounting: Mounting, seed: int) -> tuple[Recording, Mo
     motion = scenario.trajectory().motion(made.streams["laser"].t)
     ranges = scanned(scene, motion, ANGLES, mounting, rng)
     spec = replace(made.sensors["laser"], angles=ANGLES)
-    noisy = np.nan_to_num(ranges + spec.noise_std * rng.standard_normal(ranges.shape), nan=0.0)
+    noisy = np.nan_to_num(ranges + (spec.noise_std or 0.0) * rng.standard_normal(ranges.shape), nan=0.0)
     columns = {f"range_{k}": column for k, column in enumerate(noisy.T)}
     stream = Stream(motion.t + mounting.time_offset, columns)
     recording = made.replace(streams={**made.streams, "laser": stream}, sensors={**made.sensors, "laser": spec})

@@ -187,7 +187,7 @@ def _robust_step(
         weight = share * np.minimum(1.0, ROBUST * noise / np.maximum(np.abs(left), 1e-12)) / noise**2
         information = (J.T @ (J * weight[:, None])).toarray() + prior
         step = -np.linalg.solve(information, J.T @ (weight * difference) + prior @ pull)
-    return step, np.linalg.inv(information)
+    return np.asarray(step), np.asarray(np.linalg.inv(information))
 
 
 @dataclass(frozen=True)
