@@ -44,6 +44,7 @@ NEEDS = {
     "satellite_position": "positions of the satellites",
     "satellite_velocity": "velocities of the satellites",
     "receiver_position": "position of the receiver",
+    "satellite_clock": "broadcast clocks of the satellites",
     "group_delay": "broadcast group delays",
     "elevation": "elevations of the satellites",
     "azimuth": "azimuths of the satellites",

@@ -92,7 +92,7 @@ def corrections(
         raise InputError(base.where, "no satellite in sight of the base position", "the base's ECEF position in metres")
     elevation = elevation[elevation > lowest]
     distance = np.linalg.norm(base.position - position, axis=1)
-    value = base.value + SPEED_OF_LIGHT * base.clock - distance - modelled(base, everywhere, effects)
+    value = base.value - distance - modelled(base, everywhere, effects)
     variance = receiver_variance(base, elevation)
     value, clock = without_clock(base, value, variance)
     value, rate = straight_lines(base, value, past, window)

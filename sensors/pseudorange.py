@@ -9,7 +9,8 @@ quantities, which is what this module and all outputs use,
 
     rho' = |p_s - p_r| + c (clock_rx - clock_sat) + delays.
 
-The plain model has no delays; each of them is an effect of the catalogue, named `pseudorange.*`.
+The plain model has neither the satellite's clock nor delays; each of them is an effect of the catalogue, named
+`pseudorange.*`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from sinan.sensors.effects import (
     pseudorange_group_delay,
     pseudorange_ionosphere,
     pseudorange_relativity,
+    pseudorange_satellite_clock,
     pseudorange_troposphere,
 )
 from sinan.sensors.effects.declaration import Effect
@@ -41,6 +43,7 @@ from sinan.sensors.range_noise import RangeNoise
 MODELLED: Mapping[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
+        pseudorange_satellite_clock,
         pseudorange_earth_rotation,
         pseudorange_relativity,
         pseudorange_group_delay,
@@ -299,6 +302,7 @@ def circumstances(ranges: Pseudoranges, receiver_e: FloatArray, faulty: BoolArra
         "satellite_position": ranges.position,
         "satellite_velocity": ranges.velocity,
         "receiver_position": receiver,
+        "satellite_clock": ranges.clock,
         "group_delay": ranges.group_delay,
         "frequency": ranges.frequency,
         "latitude": latitude,

@@ -25,8 +25,8 @@ from sinan.sensors.range_noise import RangeNoise
 
 MOST_PASSES = 8  # of mask, weights and modelled effects
 MOST_EXCLUDED = 6  # satellites of one epoch
-COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect is modelled
-IONOSPHERE = "pseudorange.ionosphere"
+COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect but the satellite clocks is modelled
+IONOSPHERE, CLOCK = "pseudorange.ionosphere", "pseudorange.satellite_clock"
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,7 @@ def locate(
     """
     names = tuple(effects)
     group, clock_names = ranges.clock_groups()
-    satellite_clock = SPEED_OF_LIGHT * ranges.clock
-    z = ranges.value + satellite_clock - (0.0 if correction is None else np.nan_to_num(correction))
+    z = ranges.value - (0.0 if correction is None else np.nan_to_num(correction))
     allowed = np.ones(len(ranges), dtype=bool) if excluded is None else ~excluded
     allowed &= True if correction is None else np.isfinite(correction)
 
@@ -117,10 +116,11 @@ def locate(
 
     coarse_variance = np.full(len(ranges), COARSE**2)
     nothing = np.zeros(len(ranges))
-    begin = first_position(ranges, z, group, allowed) if start is None else start
-    result = fixes(allowed, nothing, coarse_variance, begin)
+    clock = -SPEED_OF_LIGHT * ranges.clock if CLOCK in names else nothing
+    begin = first_position(ranges, z - clock, group, allowed) if start is None else start
+    result = fixes(allowed, clock, coarse_variance, begin)
     if exclude:
-        again = functools.partial(fixes, delay=nothing, weight=coarse_variance, begin=begin)
+        again = functools.partial(fixes, delay=clock, weight=coarse_variance, begin=begin)
         result = exclude_faults(again, allowed, result, ranges, group, coarse_variance)[1]
     position = filled(result.position)
     for _ in range(MOST_PASSES):

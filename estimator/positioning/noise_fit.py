@@ -26,7 +26,6 @@ from scipy.optimize import minimize
 from sinan.estimator.positioning.location import IONOSPHERE, Location
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.pseudorange import circumstances, ionosphere_left, line_of_sight, sum_of
 from sinan.sensors.range_noise import RangeNoise, believed, squares
 
@@ -97,7 +96,7 @@ def problem_of(location: Location, keep: BoolArray, during: BoolArray | None = N
     position = np.where(np.isfinite(fixes.position), fixes.position, 1e7)
     motion = circumstances(part, position)
     distance, direction = line_of_sight(part.position, position[part.epoch])
-    y = part.value + SPEED_OF_LIGHT * part.clock - distance - sum_of(motion, location.effects)
+    y = part.value - distance - sum_of(motion, location.effects)
     clocks = np.eye(len(location.clock_names))[location.clock_group[rows]]
     first = np.zeros((len(chosen), clocks.shape[1]))
     first[place[part.epoch], location.clock_group[rows]] = y  # near the clock's value, for the numbers' sake

@@ -303,11 +303,13 @@ def info(
     gps: Gps = 0,
     raw: Raw = False,
     json: Json = None,
+    html: Html = None,
 ) -> None:
     """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
     from sinan.experiments.commands.info import run
 
-    _say(lambda: run(input, map, json, (start, stop), _choice(imu, mag, baro, gps, raw)), json, None)
+    span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, map, json, span, choice, html), json, html)
 
 
 @app.command()
@@ -638,7 +640,12 @@ def capture(
 
 @app.command()
 def camera(
-    place: Annotated[Path, typer.Argument(help="folder of pictures, or a table of corners", metavar="INPUT")],
+    place: Annotated[
+        Path, typer.Argument(help="folder of pictures, a table of corners; hand-eye or wand", metavar="INPUT")
+    ],
+    what: Annotated[
+        Path | None, typer.Argument(help="hand-eye: pictures or corners; wand: a table", metavar="[INPUT]")
+    ] = None,
     board: Annotated[
         str | None, typer.Option(help="inner corners of the chessboard, or squares of the ChArUco board", metavar="9x6")
     ] = None,
@@ -650,13 +657,33 @@ def camera(
         str, typer.Option(help="auto (held-out pictures decide), pinhole, k1, ..., fisheye, unified, omnidirectional")
     ] = "auto",
     corners: Annotated[Path | None, typer.Option(help="file for the corners that were found, as CSV")] = None,
+    body: Annotated[
+        Path | None, typer.Option(help="hand-eye: table image,qw,qx,qy,qz[,north,east,down]; with --gyro image,t")
+    ] = None,
+    gyro: Annotated[Path | None, typer.Option(help="hand-eye: a log whose gyroscope turned with the camera")] = None,
+    along: Annotated[str, typer.Option(help="wand: distances of the markers from the first, m: 0,0.2,0.5")] = "",
+    cameras: Annotated[str, typer.Option(help="wand: JSON of each camera, in order, commas between")] = "",
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Calibrate a camera from pictures of a board: intrinsics, their error, and the lens that the pictures call for."""
+    """Calibrate a camera from pictures of a board: intrinsics, lens, error; its mounting: hand-eye; several: wand."""
     from sinan.experiments.commands.camera import board_of, run
+    from sinan.sensors.errors import InputError
 
     target = board_of(board, square, marker, dictionary, legacy)
+    if str(place) in ("hand-eye", "wand"):
+        from sinan.experiments.commands.camera_rig import Beside, hand_eye, wand
+
+        if html is not None or corners is not None:
+            raise InputError("--html, --corners", f"with {place}", "--json: there is no page of a mounting")
+        beside = Beside(body, gyro, along, cameras)
+        if str(place) == "wand":
+            _say(lambda: wand(what, beside, lens, json), json, None)
+        else:
+            _say(lambda: hand_eye(what, beside, target, lens, json), json, None)
+        return
+    if what is not None:
+        raise InputError("camera", f"two inputs, {place} and {what}", "one; or hand-eye, or wand, before the second")
     _say(lambda: run(place, target, lens, corners, json, html), json, html, corners=corners)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sinan.experiments.datasets import called, resolve
-from sinan.experiments.report.words import reference_words, trace_call
+from sinan.experiments.report.words import columns_told, reference_words, trace_call
 from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
@@ -31,7 +31,10 @@ _UNITS = {
 }  # fmt: skip
 
 
-def run(input: str, map_file: Path | None, json: Path | None, span: Span = WHOLE, choice: Choice = FIRST) -> str:
+def run(
+    input: str, map_file: Path | None, json: Path | None, span: Span = WHOLE, choice: Choice = FIRST,
+    html: Path | None = None,
+) -> str:  # fmt: skip
     """Read a log, write what is asked for, return what is in it.
 
     A log that describes itself but is no recording (without an IMU, for one) is told as far as it goes.
@@ -57,7 +60,14 @@ def run(input: str, map_file: Path | None, json: Path | None, span: Span = WHOLE
 
         write_json(json, document)
     next_call = trace_call(input, map_file, None, span, choice)
-    return summary(document, next_call if document.get("kind") == "flight" else _calibration(input, map_file, span))
+    if document.get("kind") != "flight":
+        next_call = _calibration(input, map_file, span)
+    if html is not None:
+        from sinan.experiments.report.info_page import info_page
+        from sinan.experiments.report.made import checksums
+
+        info_page(html, document, checksums([input]), next_call)
+    return summary(document, next_call)
 
 
 def _calibration(input: str, map_file: Path | None, span: Span) -> str:
@@ -99,8 +109,9 @@ def recorded(recording: Recording) -> dict[str, Any]:
 
 def _stream(recording: Recording, name: str, stream: Stream, begin: float) -> dict[str, Any]:
     """Rows, rate, gaps and units of a stream."""
-    count, longest, at = gaps(stream.t)
-    step = float(np.median(np.diff(stream.t))) if len(stream) > 1 else None
+    t = np.unique(stream.t)  # the points of one picture have one instant
+    count, longest, at = gaps(t)
+    step = float(np.median(np.diff(t))) if len(t) > 1 else None
     return {
         "rows": len(stream),
         "rate_hz": 1.0 / step if step else None,
@@ -178,22 +189,12 @@ def _streams_told(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
         rate = f"{stream['rate_hz']:.4g} Hz" if stream["rate_hz"] else ""
         lost = stream["gaps"]
         holes = f"{lost['count']} gaps to {lost['longest']:.2g} s at {lost['at']:.4g} s" if lost["count"] else ""
-        cells.append((name, f"{stream['rows']} rows", rate, _columns_told(stream["columns"]), holes))
+        cells.append((name, f"{stream['rows']} rows", rate, columns_told(stream["columns"]), holes))
     widths = [max(len(cell[k]) for cell in cells) for k in range(3)]
     return [
         f"  {name:{widths[0]}}  {rows:>{widths[1]}}  {rate:>{widths[2]}}  {columns}{'; ' + holes if holes else ''}"
         for name, rows, rate, columns, holes in cells
     ]
-
-
-def _columns_told(columns: Mapping[str, str]) -> str:
-    """Columns with their units; three axes, and numbered ones, as one."""
-    told: dict[str, str] = {}
-    for column, unit in columns.items():
-        base, _, end = column.rpartition("_")
-        name = base if base and (end in ("x", "y", "z", "north", "east", "down") or end.isdigit()) else column
-        told.setdefault(name, unit)
-    return ", ".join(f"{name} [{unit}]" if unit else name for name, unit in told.items())
 
 
 def _table_told(table: Mapping[str, Any]) -> str:

@@ -16,7 +16,12 @@ from sinan.sensors.formats.rinex_text import WEEK
 from sinan.sensors.pseudorange import Pseudoranges, circumstances, ionosphere_left, sum_of
 
 #: Effects whose difference between two receivers is geometry and broadcast data, not a guess about the air.
-CERTAIN = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")
+CERTAIN = (
+    "pseudorange.satellite_clock",
+    "pseudorange.earth_rotation",
+    "pseudorange.relativity",
+    "pseudorange.group_delay",
+)
 #: Delays whose modelled difference is applied where the rover's residuals call for it.
 DELAYS = ("pseudorange.troposphere", "pseudorange.ionosphere")
 CALLED = 6.635  # drop of the weighted sum of squares: chi-square of one at 1 %

@@ -15,7 +15,6 @@ from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.simulated import load, simulate
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.code_receiver import CLASSES
-from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.formats.rinex_observation import Observations
 from sinan.sensors.pseudorange import CODES, MODELLED, Pseudoranges, line_of_sight, modelled, pseudoranges
@@ -110,7 +109,7 @@ def _row(what: str, code: str, location: Location, truth: FloatArray, expected: 
     keep = location.fixes.used & np.isfinite(truth[ranges.epoch, 0])
     known = np.where(np.isfinite(truth), truth, 1e7)
     distance, _ = line_of_sight(ranges.position, known[ranges.epoch])
-    left = ranges.value + SPEED_OF_LIGHT * ranges.clock - distance - modelled(ranges, known, MODELLED)
+    left = ranges.value - distance - modelled(ranges, known, MODELLED)
     left = _about_the_mean(ranges, left, keep)
     error = (location.fixes.position - truth)[location.fixes.solved & np.isfinite(truth[:, 0])]
     rms, bias = float(np.sqrt(np.mean(np.sum(error**2, axis=1)))), float(np.linalg.norm(error.mean(axis=0)))

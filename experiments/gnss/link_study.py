@@ -25,7 +25,6 @@ from sinan.experiments.gnss.simulated import RangeScenario, SimulatedRanges, as_
 from sinan.sensors import dgps
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.code_receiver import CodeReceiver
-from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.data_link import RATE_STEP, VALUE_STEP, DataLink, apply_link
 from sinan.sensors.pseudorange import L1, L2, MODELLED, Pseudoranges, line_of_sight, modelled
 from sinan.sensors.range_error import RangeError, aged_variance, line_weights
@@ -152,7 +151,7 @@ def entry_at(simulated: SimulatedRanges, rover: Pseudoranges, base: Pseudoranges
 def range_error(simulated: SimulatedRanges, rover: Pseudoranges, applied: dgps.Applied) -> FloatArray:
     """(n,) corrected range minus true distance [m]: with the receiver's clock."""
     distance, _ = line_of_sight(rover.position, simulated.position[rover.epoch])
-    left = rover.value + SPEED_OF_LIGHT * rover.clock - distance - applied.value
+    left = rover.value - distance - applied.value
     return np.asarray(left - modelled(rover, simulated.position, EVERYTHING))
 
 

@@ -103,6 +103,9 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
     return figure
 
 
+_DECADES = 1000.0  # between the largest and the least bar, from which on a linear axis shows one bar alone
+
+
 def stage_bars(stages: Sequence[Mapping[str, Any]]) -> Figure:
     """Residual and position error after each stage of a model."""
     names = stage_names(stages)
@@ -117,6 +120,10 @@ def stage_bars(stages: Sequence[Mapping[str, Any]]) -> Figure:
     if panels == 2:
         axes[0, 1].barh(y, [e or 0.0 for e in errors], color=BEFORE, height=0.65)
         axes[0, 1].set_xlabel("mean position error / m", fontsize=9)
+    for one, values in ((panel, [s["residual_rms"] for s in stages]), (axes[0, -1], errors)):
+        sizes = [value for value in values if value]
+        if sizes and max(sizes) > _DECADES * min(sizes):
+            one.set_xscale("log")
     return figure
 
 

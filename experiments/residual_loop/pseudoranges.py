@@ -27,7 +27,6 @@ from sinan.estimator.positioning.location import Location
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.estimator.positioning.steady_fault import steady_fault
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.constants import SPEED_OF_LIGHT
 from sinan.sensors.effects import pseudorange_satellite_fault
 from sinan.sensors.effects.declaration import Effect
 from sinan.sensors.motion import Motion
@@ -158,8 +157,7 @@ def linearise(
     ranges = location.ranges.rows(rows)
     motion = circumstances(ranges, np.where(np.isfinite(position), position, 1e7))
     distance, direction = line_of_sight(ranges.position, position[ranges.epoch])
-    residual = ranges.value + SPEED_OF_LIGHT * ranges.clock - distance
-    residual = residual - sum_of(motion, location.effects)
+    residual = ranges.value - distance - sum_of(motion, location.effects)
     clocks = np.eye(len(location.clock_names))[location.clock_group[rows]]
     nuisance = clocks if known else np.hstack([direction, clocks])
     state = satellite_columns(location.ranges, ranges)

@@ -23,13 +23,14 @@ def gap_events(recording: Recording) -> list[Event]:
     """Where a stream was silent."""
     found = []
     for name, stream in recording.streams.items():
-        if len(stream) < 3 or name in COVARIATE_STREAMS:
+        if len(np.unique(stream.t)) < 3 or name in COVARIATE_STREAMS:
             continue
-        step = np.diff(stream.t)
+        t = np.unique(stream.t)  # the points of one picture have one instant
+        step = np.diff(t)
         wide = np.flatnonzero((step > _MISSING * np.median(step)) & (step > _LEAST))
         wide = np.sort(wide[np.argsort(-step[wide], kind="stable")[:_MOST_GAPS]])
         called = "IMU" if name == "imu" else SENSORS.get(name, name)
-        found += [Event(f"gaps, {called}", float(stream.t[k]), float(stream.t[k + 1]), f"no reading of {called}")
+        found += [Event(f"gaps, {called}", float(t[k]), float(t[k + 1]), f"no reading of {called}")
                   for k in wide]  # fmt: skip
     return found
 

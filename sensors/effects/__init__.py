@@ -68,6 +68,7 @@ _FILES: dict[str, tuple[str, str | None]] = {
     "camera.time_offset": ("camera_time_offset", None),
     "motion.rotor_drag": ("motion_rotor_drag", None),
     "motion.wind": ("motion_wind", None),
+    "pseudorange.satellite_clock": ("pseudorange_satellite_clock", None),
     "pseudorange.earth_rotation": ("pseudorange_earth_rotation", None),
     "pseudorange.relativity": ("pseudorange_relativity", None),
     "pseudorange.group_delay": ("pseudorange_group_delay", None),

@@ -1,7 +1,8 @@
 """What a log that describes itself says of its flight beside the readings: when it was armed, and in which mode.
 
 Sources: PX4 message definitions `vehicle_status`, `actuator_armed`; ArduPilot `LogStructure.h`, `AP_Logger.h`
-(LogEvent) and the modes of ArduCopter and ArduPlane; MAVLink common message set, `MAV_MODE_FLAG`.
+(LogEvent) and the modes of ArduCopter and ArduPlane; MAVLink common message set, `MAV_MODE_FLAG`,
+`MAV_TYPE`; PX4 `px4_custom_mode.h`.
 """
 
 from __future__ import annotations
@@ -36,6 +37,16 @@ _PLANE_MODES = {
 }  # fmt: skip
 #: `HEARTBEAT.base_mode`: safety armed.
 _SAFETY_ARMED = 128
+#: `HEARTBEAT.type` of what ArduCopter and ArduPlane fly.
+_COPTERS, _PLANES = (2, 3, 4, 13, 14, 15, 29, 35), (1, 19, 20, 21, 22, 23, 24, 25)
+#: `HEARTBEAT.custom_mode` of PX4: byte 2 is the mode, of an automatic one byte 3.
+_PX4_AUTOMATIC = 4
+_PX4_MAIN_MODES = {
+    1: "manual", 2: "altitude", 3: "position", 4: "automatic", 5: "acro", 6: "offboard", 7: "stabilized",
+}  # fmt: skip
+_PX4_AUTOMATIC_MODES = {
+    1: "ready", 2: "takeoff", 3: "hold", 4: "mission", 5: "return", 6: "land", 8: "follow", 9: "precision land",
+}  # fmt: skip
 #: Changes that are told; a log with more of them is damaged.
 _MOST = 200
 
@@ -100,13 +111,27 @@ def _of_dataflash(path: Path) -> list[Happening]:
 
 def _of_tlog(path: Path) -> list[Happening]:
     from sinan.sensors.formats.mavlink_frames import read_telemetry
+    from sinan.sensors.formats.mavlink_streams import AUTOPILOTS, autopilot_of
     from sinan.sensors.formats.tlog import arrival_clock
 
     log = read_telemetry(path)
     if not log.has("HEARTBEAT", "base_mode"):
         return []
+    t, autopilot = arrival_clock(log, "HEARTBEAT"), autopilot_of(log)
+    own = log.numbers("HEARTBEAT", "autopilot").astype(int) == autopilot  # a ground station's heart beats, too
     armed = (log.numbers("HEARTBEAT", "base_mode").astype(np.int64) & _SAFETY_ARMED) != 0
-    return _armed(arrival_clock(log, "HEARTBEAT"), armed)
+    found = _armed(t[own], armed[own])
+    if not np.any(own):
+        return found
+    modes = log.numbers("HEARTBEAT", "custom_mode")[own].astype(np.int64)
+    if AUTOPILOTS.get(autopilot) == "PX4":
+        automatic = (modes >> 16) & 0xFF == _PX4_AUTOMATIC
+        modes = (modes >> 16) & np.where(automatic, 0xFFFF, 0xFF)
+        names = _PX4_MAIN_MODES | {kind << 8 | _PX4_AUTOMATIC: name for kind, name in _PX4_AUTOMATIC_MODES.items()}
+    else:
+        flown = int(log.numbers("HEARTBEAT", "type")[own][0])
+        names = _COPTER_MODES if flown in _COPTERS else _PLANE_MODES if flown in _PLANES else {}
+    return found + _modes(t[own], modes.astype(np.float64), names)
 
 
 def _armed(t: FloatArray, armed: BoolArray) -> list[Happening]:

@@ -17,7 +17,12 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.range_noise import RangeNoise
 from tests.estimator import gnss_simulation as simulation
 
-EXACT = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")
+EXACT = (
+    "pseudorange.satellite_clock",
+    "pseudorange.earth_rotation",
+    "pseudorange.relativity",
+    "pseudorange.group_delay",
+)
 TRUE = RangeNoise({"G": 1.2, "E": 0.3, "J": 0.5, "C": 0.9, "R": 1.4}, 0.3, 0.2, 0.05, 0.2)
 
 

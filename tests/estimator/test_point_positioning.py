@@ -16,7 +16,12 @@ from sinan.sensors.errors import InputError
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3
-EXACT = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")
+EXACT = (
+    "pseudorange.satellite_clock",
+    "pseudorange.earth_rotation",
+    "pseudorange.relativity",
+    "pseudorange.group_delay",
+)
 DEGREE = np.deg2rad(1.0)
 
 

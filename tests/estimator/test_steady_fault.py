@@ -18,7 +18,12 @@ from sinan.sensors.range_noise import RangeNoise
 from tests.estimator import gnss_simulation as simulation
 
 CLEAN = functools.cache(lambda: simulation.simulated("GE", epochs=3, interval=600.0))
-EXACT = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")
+EXACT = (
+    "pseudorange.satellite_clock",
+    "pseudorange.earth_rotation",
+    "pseudorange.relativity",
+    "pseudorange.group_delay",
+)
 MASK = np.deg2rad(10.0)
 
 

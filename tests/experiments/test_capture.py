@@ -21,10 +21,12 @@ import pytest
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.mwlog import read_mwlog
 from sinan.sensors.recording import ACCEL, MAG, Recording
+from tests.sensors import test_tlog as telemetry
 
 pytest.importorskip("pymavlink")
 ROOT = Path(__file__).resolve().parents[2]
 VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")
+REPLAY = Path(__file__).with_name("mavlink_replay.py")
 G = 9.80665
 #: Nothing here takes longer, however busy the machine is [s].
 MOST = 90.0
@@ -58,6 +60,11 @@ class Loopback:
         } | plan
         (self.folder / "plan.json").write_text(json.dumps(whole))
         self._start(str(VEHICLE), str(self.folder / "plan.json"))
+
+    def replay(self, log: bytes, every: int) -> None:
+        """Play a telemetry log, of which every so many frames one is lost."""
+        (self.folder / "log.tlog").write_bytes(log)
+        self._start(str(REPLAY), str(self.folder / "log.tlog"), str(self.port), str(every))
 
     def capture(self, *options: str, out: str = "run", terminal: int | None = None) -> subprocess.Popen[str]:
         """Start one."""
@@ -118,6 +125,19 @@ def rows_of(path: Path) -> int:
 
 def steps(recording: Recording, name: str = "imu") -> np.ndarray:
     return np.diff(recording.streams[name].t)
+
+
+def test_a_replayed_log_with_loss_is_recorded_but_for_what_was_lost(loopback: Loopback) -> None:
+    """Each reading tells its number; every tenth frame is lost."""
+    alive = (10.0, "HEARTBEAT", {"type": 2, "autopilot": 3, "mavlink_version": 3})
+    sent = [alive, *(telemetry.raw_imu(10.0 + 0.02 * k, az=-1000 + k) for k in range(150))]
+    loopback.replay(telemetry.written(sent), every=10)
+    ended(loopback.capture("--for", "5"))
+    imu = open_log(loopback.folder / "run").streams["imu"]
+    kept = np.array([k for k in range(150) if (k + 2) % 10])
+    np.testing.assert_allclose(imu["accel_z"], 1e-3 * G * (kept - 1000), rtol=1e-9)
+    np.testing.assert_allclose(imu.t - imu.t[0], 0.02 * (kept - kept[0]), atol=0.001)
+    assert loopback.account()["lost"] == 15
 
 
 def test_a_recording_as_it_goes_with_loss_and_a_burst(loopback: Loopback) -> None:

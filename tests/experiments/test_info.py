@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from pathlib import Path
@@ -54,6 +55,26 @@ def test_the_text_names_streams_sensors_and_what_to_do_next(log: Path) -> None:
     assert "imu     50 rows  50 Hz  accel [m/s^2], gyro [rad/s], temperature [degC]" in result.output
     assert "several of a kind: --imu 0 to 1, --mag 0 to 1" in result.output
     assert f"next: `sinan trace {log} --mag 1`" in result.output
+
+
+def test_a_page_says_the_same_and_rests_on_its_log(log: Path) -> None:
+    page = log.with_name("info.html")
+    result = CliRunner().invoke(app, ["info", str(log), "--html", str(page)])
+    assert result.exit_code == 0, result.output
+    text = page.read_text(encoding="utf-8")
+    for said in ("ArduCopter V4.5.7", "<td>IMU</td>", "MOT_PWM_MAX", hashlib.sha256(log.read_bytes()).hexdigest(),
+                 f"sinan trace {log}", "accel [m/s<sup>2</sup>]"):  # fmt: skip
+        assert said in text, said
+
+
+def test_a_page_of_what_is_no_recording_says_why(tmp_path: Path) -> None:
+    """And what a log calls itself stays text."""
+    log = tmp_path / "a.bin"
+    log.write_bytes(ardupilot.binary([("MSG", (1, "<img src=x onerror=alert(1)>"))]))
+    run(str(log), None, None, html=tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "No recording:" in text
+    assert "<img" not in text
 
 
 def test_a_gap_is_where_three_readings_are_missing() -> None:

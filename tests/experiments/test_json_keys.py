@@ -74,6 +74,18 @@ def test_every_key_that_is_written_is_documented(command: str, recordings: dict[
     assert not missing
 
 
+def test_every_key_of_a_fleet_is_documented(recordings: dict[str, str], tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.csv"
+    damaged.write_text("nothing\n")
+    words = ["batch", recordings["poses"], str(damaged), "--out", str(tmp_path / "out"), "--workers", "1"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    document = json.loads((tmp_path / "out" / "fleet.json").read_text(encoding="utf-8"))
+    assert len(document["failed"]) == 1
+    keys = documented("batch")
+    assert not sorted(path for path in set(written(document)) if not any(key.fullmatch(path) for key in keys))
+
+
 def test_every_key_of_a_sensor_in_a_recording_is_documented() -> None:
     text = (DOCS / "formats.md").read_text(encoding="utf-8")
     missing = {key for keys in SENSOR_KEYS.values() for key in keys if not re.search(rf"[`\s]{key}\b", text)}

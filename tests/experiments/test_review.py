@@ -23,6 +23,7 @@ from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.formats.dataflash_messages import read_messages
 from sinan.sensors.formats.happenings import happenings_of
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from tests.sensors.test_tlog import written as telemetry
 
 MEGABYTE = 1e6
 
@@ -169,6 +170,29 @@ def test_dataflash_tells_when_it_was_armed_and_how_it_flew(tmp_path: Path) -> No
     assert found == [
         ("armed", 2.0, 9.0, "armed"), ("mode", 1.0, 3.0, "stabilize"), ("mode", 3.0, np.inf, "loiter")
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "modes", "names"),
+    [
+        (3, (5, 5, 6), ["loiter", "return"]),
+        (12, (3 << 16, 4 << 16 | 4 << 24, 4 << 16 | 5 << 24), ["position", "mission", "return"]),
+    ],
+)
+def test_telemetry_tells_when_it_was_armed_and_how_it_flew(
+    autopilot: int, modes: tuple[int, ...], names: list[str], tmp_path: Path
+) -> None:
+    """By the vehicle's own heart beats, not the ground station's."""
+    beats = [
+        (10.0 + k, "HEARTBEAT", {"autopilot": autopilot, "type": 2, "base_mode": 128 * (k > 0), "custom_mode": mode})
+        for k, mode in enumerate(modes)
+    ]
+    station = [(10.5 + k, "HEARTBEAT", {"autopilot": 8, "type": 6}) for k in range(3)]
+    (tmp_path / "a.tlog").write_bytes(telemetry(sorted([*beats, *station], key=lambda one: one[0])))
+    found = happenings_of(tmp_path / "a.tlog")
+    assert [one.label for one in found] == ["armed", *names]
+    assert [one.stop for one in found[1:-1]] == [one.start for one in found[2:]]
+    assert [one.kind for one in found] == ["armed", *["mode"] * len(names)]
 
 
 @pytest.mark.measured

@@ -14,7 +14,12 @@ from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE, CENTIMETRE = 1e-3, 1e-2
-EXACT = ("pseudorange.earth_rotation", "pseudorange.relativity", "pseudorange.group_delay")
+EXACT = (
+    "pseudorange.satellite_clock",
+    "pseudorange.earth_rotation",
+    "pseudorange.relativity",
+    "pseudorange.group_delay",
+)
 NAVIGATION = simulation.messages("G")
 BASE = simulation.RECEIVER + np.array([2000.0, -3000.0, 1500.0])
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.experiments.commands.info import _stream
+from sinan.experiments.review.events import gap_events
 from sinan.experiments.scenarios import load_scenario, simulated, with_sensors
 from sinan.sensors.covariates import camera_of, covariates_for
 from sinan.sensors.effects import effect
@@ -91,3 +93,13 @@ def test_sensors_that_cannot_be_are_said() -> None:
     blind = replace(camera, spec=replace(camera.spec, focal=None))
     with pytest.raises(InputError, match="focal in pixels"):
         simulated(SQUARE.replace(sensors={**SQUARE.sensors, "camera": blind}))
+
+
+def test_the_points_of_one_picture_are_no_gaps() -> None:
+    camera = replace(SQUARE.sensors["camera"], dropouts=((10.0, 20.0),))
+    recording, _ = simulated(SQUARE.replace(sensors={**SQUARE.sensors, "camera": camera}))
+    (gap,) = gap_events(recording)
+    assert gap.start < 10.0 < 20.0 <= gap.stop
+    told = _stream(recording, "camera", recording.streams["camera"], 0.0)
+    assert told["rate_hz"] == pytest.approx(5.0)
+    assert told["gaps"]["count"] == 1

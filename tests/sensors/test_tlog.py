@@ -41,6 +41,7 @@ def written(sent: Sequence[Sent], system: int = 1, first_version: bool = False, 
     link = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
     parts = []
     for k, (t, name, values) in enumerate(sent):
+        link.seq = k % 256
         data = message(name, **values).pack(link, force_mavlink1=first_version)
         parts.append(struct.pack(">Q", START + round(1e6 * (t + delay + 0.001 * (k % 20)))) + bytes(data))
     return b"".join(parts)
