@@ -99,7 +99,7 @@ NOISE = 0.15  # m, of a point's height: what is higher is no ground
 def terrain_error(terrain: Grid, origin: float) -> float:
     """RMS error of the terrain model where it knows the ground [m]."""
     rows, columns = terrain.height.shape
-    north = terrain.north + (np.arange(rows)[:, None] + 0.5) * terrain.cell
-    east = terrain.east + (np.arange(columns)[None, :] + 0.5) * terrain.cell
+    north = np.asarray(terrain.north + (np.arange(rows)[:, None] + 0.5) * terrain.cell, dtype=np.float64)
+    east = np.asarray(terrain.east + (np.arange(columns)[None, :] + 0.5) * terrain.cell, dtype=np.float64)
     error = terrain.height - origin - COUNTRY.bare(north, east)
     return float(np.sqrt(np.nanmean(error**2)))

@@ -84,7 +84,8 @@ def test_a_level_ground_does_not_seem_to_show_the_lever_arm_ahead() -> None:
     ranges += 0.03 * np.random.default_rng(4).standard_normal(ranges.shape)
     found = fit_strips(Scans(both.t, ranges, ANGLES, np.empty(0)), both, strips_of(both, both.t))
     assert found is not None
-    assert not found.determined([name for name, part, _ in SOUGHT if part != "roll"].index("laser.lever_arm") + 1)
+    ahead = [(name, part) for name, part, _ in SOUGHT].index(("laser.lever_arm", "x"))
+    assert not found.determined(ahead)
 
 
 #: Causes that are one for a whole flight, and their components.
