@@ -17,7 +17,8 @@ from sinan.experiments.residual_loop.manoeuvre import (
     most_alike,
     scenes,
 )
-from sinan.sensors.effects import CATALOGUE, Effect, is_shipped
+from sinan.sensors.effects import CATALOGUE, Effect
+from sinan.sensors.effects.shipped import is_shipped
 from sinan.sensors.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"

@@ -17,7 +17,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, P_N, Q_NB, V_N, StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
-from sinan.experiments.measured.reference import Mounted, covered, described, errors_of, states_at
+from sinan.experiments.reference import Mounted, covered, described, errors_of, states_at
 from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file

@@ -1,17 +1,12 @@
-"""Streams that the filter does not believe, wholly or nearly: no fault does that, a wrong unit, axis or frame does."""
+"""How much of each stream the filter does not believe; the sentences are `experiments.report.refused_words`."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 
 from sinan.estimator.filter.events import ACCEPTED, GATED
 from sinan.estimator.filter.journal import Journal
-from sinan.experiments.report.words import SENSORS
 
-#: Share of a stream's readings from which on it is said to be refused.
-NEARLY_ALL = 0.95
 #: Fewer readings say nothing of a stream.
 _LEAST = 5
 
@@ -29,17 +24,3 @@ def doubted_shares(journal: Journal) -> dict[str, float]:
         if np.sum(judged) >= _LEAST:
             shares[sensor] = float(np.sum(doubted) / np.sum(judged))
     return shares
-
-
-def refused(shares: Mapping[str, float]) -> dict[str, str]:
-    """A sentence for each stream of which the filter believes hardly a reading; the level is no sensor of its own."""
-    return {
-        sensor: f"the filter believes {_few(share)} of the {SENSORS.get(sensor, sensor)} readings: their unit, axis or "
-        "frame is another than the recording says"
-        for sensor, share in shares.items()
-        if share >= NEARLY_ALL and sensor != "level"
-    }
-
-
-def _few(share: float) -> str:
-    return "none" if share == 1.0 else f"{100.0 * (1.0 - share):.2g} %"

@@ -190,6 +190,17 @@ def _replacements(node: ast.AST, gives_numbers: bool) -> Iterator[ast.AST]:
     gives_numbers : the function returns numbers
     """
     match node:
+        case ast.BinOp():
+            yield from _of_two_terms(node)
+        case ast.expr():
+            yield from _of_expressions(node)
+        case ast.stmt():
+            yield from _of_statements(node, gives_numbers)
+
+
+def _of_two_terms(node: ast.BinOp) -> Iterator[ast.AST]:
+    """One term alone, or the other sign or power."""
+    match node:
         case ast.BinOp(left, ast.Add(), right):
             yield from (left, right, ast.BinOp(left, ast.Sub(), right))
         case ast.BinOp(left, ast.Sub(), right):
@@ -200,6 +211,11 @@ def _replacements(node: ast.AST, gives_numbers: bool) -> Iterator[ast.AST]:
             yield from (left, ast.BinOp(ast.Constant(1.0), ast.Div(), right), ast.BinOp(left, ast.Mult(), right))
         case ast.BinOp(left, ast.Pow(), _):
             yield left
+
+
+def _of_expressions(node: ast.expr) -> Iterator[ast.AST]:
+    """What is not negated, one condition fewer, the other case, the other sign, an entry fewer."""
+    match node:
         case ast.UnaryOp(ast.USub() | ast.Not() | ast.Invert(), operand):
             if not (isinstance(operand, ast.Constant) and isinstance(operand.value, int)):  # an axis, an index
                 yield operand
@@ -211,8 +227,6 @@ def _replacements(node: ast.AST, gives_numbers: bool) -> Iterator[ast.AST]:
             yield ast.Compare(left, [_TURNED[type(op)]()], [right])
         case ast.IfExp(_, body, orelse):
             yield from (body, orelse)
-        case ast.If(_, body, orelse):
-            yield from (ast.If(ast.Constant(value), body, orelse) for value in (True, False))
         case ast.Constant(value) if isinstance(value, float):
             yield ast.Constant(-value if value else 1.0)
         case ast.Call(function, arguments, keywords):
@@ -221,6 +235,13 @@ def _replacements(node: ast.AST, gives_numbers: bool) -> Iterator[ast.AST]:
             for k in range(len(values)):
                 yield ast.Dict(keys[:k] + keys[k + 1 :], values[:k] + values[k + 1 :])
                 yield ast.Dict(keys, [*values[:k], _minus(values[k]), *values[k + 1 :]])
+
+
+def _of_statements(node: ast.stmt, gives_numbers: bool) -> Iterator[ast.AST]:
+    """A branch always or never taken, a value that is not assigned or returned with the other sign."""
+    match node:
+        case ast.If(_, body, orelse):
+            yield from (ast.If(ast.Constant(value), body, orelse) for value in (True, False))
         case ast.Assign([ast.Subscript() as target], value):
             yield ast.Pass()
             yield ast.Assign([target], _minus(value))

@@ -10,7 +10,7 @@ as least squares over the poses themselves); from rates M. Li, A. I. Mourikis, I
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,61 +100,103 @@ def from_poses(q_nb: FloatArray, seen: Sequence[Pose], p_n: FloatArray | None = 
     n = len(seen)
     if n < 3 or len(q_nb) != n or (p_n is not None and len(p_n) != n):
         raise InputError("hand-eye", f"{len(q_nb)} poses of the body, {n} of the camera", "three or more of both alike")
-    C_nb, R = matrix_from_quaternion(q_nb), np.array([pose.R for pose in seen])
-    T = np.array([pose.T for pose in seen])
-    pairs = [(i, j) for i in range(n) for j in range(i + 1, n)]
-    i, j = np.transpose(pairs)
-    C_bc = rotation_between(_log(_t(C_nb[i]) @ C_nb[j]), _log(R[i] @ _t(R[j])))
-    C_nt = C_nb[0] @ C_bc @ R[0]
-    l_b, p_t = np.zeros(3), np.zeros(3)
-    if p_n is not None:  # p_t - C_nb l_b = p_n + C_nb C_bc T is linear
-        left = np.concatenate([np.broadcast_to(np.eye(3), C_nb.shape), -C_nb], axis=2).reshape(-1, 6)
-        solution = np.linalg.lstsq(left, (p_n + np.einsum("nij,nj->ni", C_nb @ C_bc, T)).ravel(), rcond=None)[0]
-        p_t, l_b = solution[:3], solution[3:]
-
-    sizes = {"rotation": 1.0, "place": 1.0}
-
-    def parts(C_bc: FloatArray, C_nt: FloatArray, l_b: FloatArray, p_t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residual and Jacobian by the turns of C_bc and C_nt about their own axes, l_b and p_t; both weighted."""
-        C_cn = _t(C_nb @ C_bc)
-        R_pred = C_cn @ C_nt
-        e = _log(_t(R) @ R_pred)
-        back = np.linalg.inv(right_jacobian(e))
-        zero = np.zeros((n, 3, 3))
-        J_R = np.concatenate([-back @ _t(R_pred), back, zero, zero], axis=2) / sizes["rotation"]
-        r = (e / sizes["rotation"]).reshape(-1)
-        if p_n is None:
-            return r, J_R[:, :, :6].reshape(-1, 6)
-        T_pred = np.einsum("nij,nj->ni", C_cn, p_t - p_n) - C_bc.T @ l_b
-        J_T = np.concatenate([skew(T_pred), zero, np.broadcast_to(-C_bc.T, zero.shape), C_cn], axis=2) / sizes["place"]
-        r = np.concatenate([r, ((T_pred - T) / sizes["place"]).ravel()])
-        return r, np.concatenate([J_R.reshape(-1, 12), J_T.reshape(-1, 12)])
-
+    R, T = np.array([pose.R for pose in seen]), np.array([pose.T for pose in seen])
+    poses = _Poses(matrix_from_quaternion(q_nb), p_n, R, T)
+    unknowns, sizes = poses.closed_form(), poses.unit_sizes()
     for _ in range(3):  # noise of rotation and place, each from its own residual; the third time they stand still
-        for _ in range(_ROUNDS):
-            r, J = parts(C_bc, C_nt, l_b, p_t)
-            step = np.asarray(-np.linalg.lstsq(J, r, rcond=None)[0], dtype=np.float64)
-            C_bc, C_nt = C_bc @ rotation_exp(step[:3]), C_nt @ rotation_exp(step[3:6])
-            if p_n is not None:
-                l_b, p_t = l_b + step[6:9], p_t + step[9:12]
-            if np.linalg.norm(step) < _SETTLED:
-                break
-        r, J = parts(C_bc, C_nt, l_b, p_t)
-        dof = 1.0 - J.shape[1] / len(r)  # share of the residuals that is left to each
-        sizes["rotation"] *= float(np.sqrt(np.mean(r[: 3 * n] ** 2) / dof)) or 1.0
-        if p_n is not None:
-            sizes["place"] *= float(np.sqrt(np.mean(r[3 * n :] ** 2) / dof)) or 1.0
-    _, J = parts(C_bc, C_nt, l_b, p_t)
+        unknowns = poses.settled(unknowns, sizes)
+        sizes = poses.sizes_left(unknowns, sizes)
+    _, J = poses.parts(unknowns, sizes)
     names = (*(f"rotation {a}" for a in "xyz"), *(f"target rotation {a}" for a in "xyz"))
-    plausible = np.full(6, _TURN)
+    plausible, values, arm = np.full(6, _TURN), _log(unknowns.C_nt), np.full(3, np.nan)
     if p_n is not None:
         names = (*names, *(f"lever arm {a}" for a in "xyz"), *(f"target {a}" for a in ("north", "east", "down")))
         plausible = np.append(plausible, np.full(6, _ARM))
+        values, arm = np.concatenate([values, unknowns.l_b, unknowns.p_t]), unknowns.l_b
     _, sentences, _, _ = undetermined_directions(J, names, plausible)
-    values = np.concatenate([_log(C_nt), l_b, p_t]) if p_n is not None else _log(C_nt)
-    found = {"rotation": sizes["rotation"], **({"place": sizes["place"]} if p_n is not None else {})}
-    arm = l_b if p_n is not None else np.full(3, np.nan)
-    return Mounting(C_bc, arm, np.nan, names, covariance_of(J, plausible, 1.0), sentences, found, values)
+    covariance = covariance_of(J, plausible, 1.0)
+    return Mounting(unknowns.C_bc, arm, np.nan, names, covariance, sentences, sizes, values)
+
+
+@dataclass(frozen=True)
+class _Unknowns:
+    """Of `from_poses`: camera -> body, target -> NED, the camera in the body [m], and the target in NED [m]."""
+
+    C_bc: FloatArray
+    C_nt: FloatArray
+    l_b: FloatArray
+    p_t: FloatArray
+
+    def moved(self, step: FloatArray) -> _Unknowns:
+        """By turns of C_bc and C_nt about their own axes and, in a step (12,), by l_b and p_t."""
+        C_bc, C_nt = self.C_bc @ rotation_exp(step[:3]), self.C_nt @ rotation_exp(step[3:6])
+        if len(step) == 6:
+            return _Unknowns(C_bc, C_nt, self.l_b, self.p_t)
+        return _Unknowns(C_bc, C_nt, self.l_b + step[6:9], self.p_t + step[9:12])
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """(n) poses of the body, C_nb (n, 3, 3) and p_n (n, 3) [m] or None, and of the target in the camera, R and T."""
+
+    C_nb: FloatArray
+    p_n: FloatArray | None
+    R: FloatArray
+    T: FloatArray
+
+    def closed_form(self) -> _Unknowns:
+        """C_bc from all turns between two poses, then what is linear: p_t - C_nb l_b = p_n + C_nb C_bc T."""
+        n = len(self.R)
+        i, j = np.transpose([(i, j) for i in range(n) for j in range(i + 1, n)])
+        C_bc = rotation_between(_log(_t(self.C_nb[i]) @ self.C_nb[j]), _log(self.R[i] @ _t(self.R[j])))
+        C_nt = self.C_nb[0] @ C_bc @ self.R[0]
+        if self.p_n is None:
+            return _Unknowns(C_bc, C_nt, np.zeros(3), np.zeros(3))
+        left = np.concatenate([np.broadcast_to(np.eye(3), self.C_nb.shape), -self.C_nb], axis=2).reshape(-1, 6)
+        right = (self.p_n + np.einsum("nij,nj->ni", self.C_nb @ C_bc, self.T)).ravel()
+        solution = np.linalg.lstsq(left, right, rcond=None)[0]
+        return _Unknowns(C_bc, C_nt, solution[3:], solution[:3])
+
+    def unit_sizes(self) -> dict[str, float]:
+        """The noise before it is known: 1 rad and, with places, 1 m."""
+        return {"rotation": 1.0} if self.p_n is None else {"rotation": 1.0, "place": 1.0}
+
+    def parts(self, x: _Unknowns, sizes: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian by the turns of C_bc and C_nt about their own axes, l_b and p_t; both weighted."""
+        C_cn = _t(self.C_nb @ x.C_bc)
+        R_pred = C_cn @ x.C_nt
+        e = _log(_t(self.R) @ R_pred)
+        back = np.linalg.inv(right_jacobian(e))
+        zero = np.zeros_like(self.C_nb)
+        J_R = np.concatenate([-back @ _t(R_pred), back, zero, zero], axis=2) / sizes["rotation"]
+        r = (e / sizes["rotation"]).reshape(-1)
+        if self.p_n is None:
+            return r, J_R[:, :, :6].reshape(-1, 6)
+        T_pred = np.einsum("nij,nj->ni", C_cn, x.p_t - self.p_n) - x.C_bc.T @ x.l_b
+        by_arm = np.broadcast_to(-x.C_bc.T, zero.shape)
+        J_T = np.concatenate([skew(T_pred), zero, by_arm, C_cn], axis=2) / sizes["place"]
+        r = np.concatenate([r, ((T_pred - self.T) / sizes["place"]).ravel()])
+        return r, np.concatenate([J_R.reshape(-1, 12), J_T.reshape(-1, 12)])
+
+    def settled(self, x: _Unknowns, sizes: Mapping[str, float]) -> _Unknowns:
+        """Gauss-Newton until the step is nothing."""
+        for _ in range(_ROUNDS):
+            r, J = self.parts(x, sizes)
+            step = np.asarray(-np.linalg.lstsq(J, r, rcond=None)[0], dtype=np.float64)
+            x = x.moved(step)
+            if np.linalg.norm(step) < _SETTLED:
+                break
+        return x
+
+    def sizes_left(self, x: _Unknowns, sizes: Mapping[str, float]) -> dict[str, float]:
+        """The noise of rotation and of place by what is left of each."""
+        r, J = self.parts(x, sizes)
+        dof = 1.0 - J.shape[1] / len(r)  # share of the residuals that is left to each
+        own = np.split(r, [3 * len(self.R)])
+        return {
+            name: size * (float(np.sqrt(np.mean(part**2) / dof)) or 1.0)
+            for (name, size), part in zip(sizes.items(), own, strict=False)
+        }
 
 
 def _log(C: FloatArray) -> FloatArray:

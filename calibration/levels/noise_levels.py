@@ -201,6 +201,25 @@ def fit_noise_levels(recording: Recording, seek_field: bool = False) -> NoiseFit
 
 def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key], tuple[Key, ...]]:
     """Complete specs from the readings alone, the keys that the likelihood is to find, and those that were assumed."""
+    found = _noise_of_readings(recording)
+    believed = _class_biases(recording)
+    for name in where(lambda entry: bool(entry.believed_bias) or entry.kernel == "field"):
+        if (name, "bias_std") in believed:
+            noise = found.get((name, "noise_density")) or found[name, "noise_std"]
+            found[name, "bias_walk"] = min(WALK_START * noise, 0.3 * BIAS_STD.get(name, np.inf) / np.sqrt(LEAST_WANDER))
+            believed.pop((name, "bias_walk"), None)
+    specs = {name: recording.spec(name) for name in {key[0] for key in found}}
+    missing = [key for key in found if getattr(specs[key[0]], key[1]) is None]
+    assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
+    for name, key in [*missing, *assumed]:
+        specs[name] = _with(specs[name], key, {**believed, **found}[name, key])
+    if "gps" not in recording.streams:
+        return _without_position(recording, specs, missing, assumed)
+    return specs, missing, tuple(assumed)
+
+
+def _noise_of_readings(recording: Recording) -> dict[Key, float]:
+    """White noise by sensor and key, from how the readings scatter."""
     streams = recording.streams
     if "imu" not in streams:
         raise InputError(recording.where, "no stream imu", "accelerometer and gyroscope, which a flight needs")
@@ -218,32 +237,25 @@ def first_guess(recording: Recording) -> tuple[dict[str, SensorSpec], list[Key],
             what = "1 reading" if n == 1 else f"{n} readings without any noise"
             wanted = f"{key} declared, or readings to find it in"
             raise InputError(recording.where, f"{what} and no {key}", wanted, f"sensor {name}")
+    return found
+
+
+def _class_biases(recording: Recording) -> dict[Key, float]:
+    """Sizes of the biases: of the class of instrument, a compass's by the log, a height's by how far zeros differ."""
     believed: dict[Key, float] = {}
     for name in ("accel", "gyro"):
         believed[name, "bias_std"] = BIAS_STD[name]
-    if "mag" in streams:
+    if "mag" in recording.streams:
         believed["mag", "bias_std"] = _hard_iron(recording)
     for name, std in BIAS_STD.items():
-        if name in streams:
+        if name in recording.streams:
             believed[name, "bias_std"] = std
     for name in height_sensors():
-        off = datum(recording, name) if name in streams else 0.0
+        off = datum(recording, name) if name in recording.streams else 0.0
         if off > SAME_ZERO:
             believed[name, "bias_std"] = float(np.hypot(BIAS_STD.get(name, 0.0), off))
             believed[name, "bias_walk"] = 0.0
-    for name in where(lambda entry: bool(entry.believed_bias) or entry.kernel == "field"):
-        if (name, "bias_std") in believed:
-            noise = found.get((name, "noise_density")) or found[name, "noise_std"]
-            found[name, "bias_walk"] = min(WALK_START * noise, 0.3 * BIAS_STD.get(name, np.inf) / np.sqrt(LEAST_WANDER))
-            believed.pop((name, "bias_walk"), None)
-    specs = {name: recording.spec(name) for name in {key[0] for key in found}}
-    missing = [key for key in found if getattr(specs[key[0]], key[1]) is None]
-    assumed = [key for key in believed if getattr(specs[key[0]], key[1]) is None]
-    for name, key in [*missing, *assumed]:
-        specs[name] = _with(specs[name], key, {**believed, **found}[name, key])
-    if "gps" not in streams:
-        return _without_position(recording, specs, missing, assumed)
-    return specs, missing, tuple(assumed)
+    return believed
 
 
 def _hard_iron(recording: Recording) -> float:

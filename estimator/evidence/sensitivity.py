@@ -199,53 +199,78 @@ def pack(along: Along, effects: tuple[Effect, ...]) -> tuple[Columns, IntArray, 
     order : (p,) packed column of every column of the candidates in their own order
     slices : columns of each candidate
     """
-    events = along.inputs.events
-    widths = np.array([entry.size for entry in effects], dtype=np.int64)
-    ends = np.cumsum(widths)
-    slices = tuple(slice(int(end - width), int(end)) for end, width in zip(ends, widths, strict=True))
-    order = np.zeros(int(widths.sum()), dtype=np.int64)
-    place, tables, tiles = 0, {}, {}
-    for stream in DRIVERS:
+    sensors = along.inputs.events.sensors
+    unknown = [entry.name for entry in effects if entry.stream not in (*DRIVERS, *sensors)]
+    if unknown:
+        found = f"no stream for {', '.join(unknown)}"
+        raise InputError(along.recording.where, found, "candidates of streams that are there")
+    ends = np.cumsum([entry.size for entry in effects], dtype=np.int64).tolist()
+    slices = tuple(slice(end - entry.size, end) for end, entry in zip(ends, effects, strict=True))
+    order = np.zeros(ends[-1] if ends else 0, dtype=np.int64)
+    of, place = dict[str, _Packed](), 0
+    for stream in (*DRIVERS, *sensors):
         mine = [i for i, entry in enumerate(effects) if entry.stream == stream]
-        width = int(widths[mine].sum()) if mine else 0
-        place = _start(place, width)
-        first_tile = place // TILE
-        tiles[stream] = (first_tile, -(-(place + width) // TILE) - first_tile if width else 0)
-        tables[stream] = np.zeros((1, 3 * TILE))
-        if width:
-            G = np.zeros((len(along.table), 3, tiles[stream][1] * TILE))
-            at = place - first_tile * TILE
-            G[:, :, at : at + width] = driver_regressors(along, stream, [effects[i] for i in mine])
-            tables[stream] = G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
+        width = sum(effects[i].size for i in mine)
+        if stream in DRIVERS:
+            place = _start(place, width)
+        of[stream] = _Packed(tuple(effects[i] for i in mine), place, width)
         for i in mine:
-            order[slices[i]] = place + np.arange(widths[i])
-            place += int(widths[i])
-    first, count = np.zeros(len(events.sensors), dtype=np.int64), np.zeros(len(events.sensors), dtype=np.int64)
+            order[slices[i]] = place + np.arange(effects[i].size)
+            place += effects[i].size
+    accel, gyro = (of[stream] for stream in DRIVERS)
+    Gz, at = _of_readings(along, of)
+    columns = Columns(
+        -(-place // TILE), accel.tiles, gyro.first_tile, gyro.tiles,
+        _of_samples(along, "accel", accel), _of_samples(along, "gyro", gyro), Gz, at,
+        np.array([of[name].first for name in sensors], dtype=np.int64),
+        np.array([of[name].width for name in sensors], dtype=np.int64),
+    )  # fmt: skip
+    return columns, order, slices
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """The effects of one stream side by side: their first column, and how many they are."""
+
+    effects: tuple[Effect, ...]
+    first: int
+    width: int
+
+    @property
+    def first_tile(self) -> int:
+        return self.first // TILE
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles have some of the columns."""
+        return -(-(self.first + self.width) // TILE) - self.first_tile if self.width else 0
+
+
+def _of_samples(along: Along, stream: str, packed: _Packed) -> FloatArray:
+    """(N tiles, 48) regressors of a driver at the samples of the IMU, three rows of 16 columns; of none (1, 48)."""
+    if not packed.width:
+        return np.zeros((1, 3 * TILE))
+    G = np.zeros((len(along.table), 3, packed.tiles * TILE))
+    at = packed.first - packed.first_tile * TILE
+    G[:, :, at : at + packed.width] = driver_regressors(along, stream, packed.effects)
+    return G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
+
+
+def _of_readings(along: Along, of: Mapping[str, _Packed]) -> tuple[FloatArray, IntArray]:
+    """Flat regressors of the readings of all sensors, and (K,) where those of each reading begin."""
+    events = along.inputs.events
+    effects = [entry for name in events.sensors for entry in of[name].effects]
+    vehicle = along.of_vehicle if any({"f_b", "w_ib_b"} & set(entry.needs) for entry in effects) else along
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
-    shaken = any(entry.stream in events.sensors and {"f_b", "w_ib_b"} & set(entry.needs) for entry in effects)
-    vehicle = along.of_vehicle if shaken else along
     for s, name in enumerate(events.sensors):
-        mine = [i for i, entry in enumerate(effects) if entry.stream == name]
-        first[s], count[s] = place, int(widths[mine].sum()) if mine else 0
-        if not mine:
+        if not of[name].effects:
             continue
-        G = sensor_regressors(vehicle, name, [effects[i] for i in mine])
+        G = sensor_regressors(vehicle, name, of[name].effects)
         of_sensor = events.sensor == s
         start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
         parts.append(G.ravel())
         base += G.size
-        for i in mine:
-            order[slices[i]] = place + np.arange(widths[i])
-            place += int(widths[i])
-    unknown = [entry.name for entry in effects if entry.stream not in (*DRIVERS, *events.sensors)]
-    if unknown:
-        found = f"no stream for {', '.join(unknown)}"
-        raise InputError(along.recording.where, found, "candidates of streams that are there")
-    Gz = np.concatenate(parts) if parts else np.zeros(1)
-    columns = Columns(
-        -(-place // TILE), tiles["accel"][1], *tiles["gyro"], tables["accel"], tables["gyro"], Gz, start, first, count
-    )
-    return columns, order, slices
+    return np.concatenate(parts) if parts else np.zeros(1), start
 
 
 def _start(place: int, width: int) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as default
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -169,22 +170,28 @@ def _quantile(level: float | None, dof: int) -> float:
     return float(chdtri(dof, level))
 
 
+class Beliefs(TypedDict, total=False):
+    """Attributes of `FlightModel` that are taken as the caller gives them, and need nothing of the recording."""
+
+    latency: Mapping[str, float]
+    gate_level: float | None
+    robust_level: float | None
+    in_step: InStep
+    stamp_std: float
+    tail: float | None
+    relinearise: bool
+
+
 def flight_model(
     recording: Recording,
     *,
     specs: Mapping[str, SensorSpec] | None = None,
     use: Iterable[str] | None = None,
     level: Level | None = None,
-    magnetic_field: FloatArray | None = None,
-    latency: Mapping[str, float] | None = None,
-    gate_level: float | None = GATE_LEVEL,
-    robust_level: float | None = None,
-    tail: float | None = None,
-    in_step: InStep | None = None,
-    field: FloatArray | None = None,
-    stamp_std: float = 0.0,
     bounds: Bounds | None = None,
-    relinearise: bool = False,
+    magnetic_field: FloatArray | None = None,
+    field: FloatArray | None = None,
+    **beliefs: Unpack[Beliefs],
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
 
@@ -195,35 +202,21 @@ def flight_model(
     use : the aiding streams to use; default: all that are there
     level : the pseudo-sensor `level`; default: switched on, with `LEVEL_SIGMA`, where neither a GPS aids the position
         nor `bounds` are given
-    magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
-    latency : by stream, how late its stamps are [s]
-    gate_level, robust_level, in_step, field, stamp_std, tail, relinearise : see `FlightModel`
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
+    magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
+    field : see `FlightModel`; left out where no magnetometer is used
+    beliefs : latency, gate_level, robust_level, in_step, stamp_std, tail, relinearise: see `FlightModel`
 
     Raises
     ------
     InputError : not a flight, no IMU, a noise that nobody declared, zero or negative noise
     """
     where, environment = recording.where, recording.environment
-    imu = _imu_of(recording)
+    rate = 1.0 / float(np.median(np.diff(_imu_of(recording).t)))
     declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
-    rate = 1.0 / float(np.median(np.diff(imu.t)))
-    wanted = set(aiding() if use is None else use)
-    sensors, notes = _aiding_sensors(recording, declared, wanted)
-    if "gps" not in sensors:
-        more, said = _assumed(level, "level" in wanted, bounds)
-        sensors, notes = {**sensors, **more}, [*notes, *said]
-    colour = {
-        name: parts
-        for name in sensors
-        if name in declared and (parts := _colour(where, name, declared[name], sensors[name].size))
-    }
-    if not set(sensors) - set(ASSUMED):
-        notes.append("no aiding stream: heading and position drift")
-    m_n = environment.magnetic_field if magnetic_field is None else magnetic_field
-    if m_n is None and "mag" in sensors:
-        m_n = field_of_the_log(recording)
-        notes.append("magnetic field: not declared, found from the log; north is magnetic north")
+    sensors, notes = _updating_sensors(recording, declared, set(aiding() if use is None else use), level, bounds)
+    colour = _colours(where, declared, sensors)
+    m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
     return FlightModel(
         layout=_layout(sensors, colour, field is not None),
@@ -233,20 +226,14 @@ def flight_model(
         rate=rate,
         averaged=_averaged(where, declared["accel"].imu_samples),
         g_n=np.array([0.0, 0.0, STANDARD_GRAVITY if environment.gravity is None else environment.gravity]),
-        m_n=np.zeros(3) if m_n is None else np.asarray(m_n, dtype=np.float64),
+        m_n=m_n,
         ground_down=environment.ground_down,
         w_ie_n=_earth_rate(recording),
         translation=bool(set(sensors) - {"mag", "base", "level"}),
-        latency=dict(latency or {}),
-        gate_level=gate_level,
-        robust_level=robust_level,
         colour=colour,
         field=field,
-        in_step=in_step or InStep(),
-        stamp_std=stamp_std,
-        tail=tail,
-        relinearise=relinearise,
-        notes=tuple(notes),
+        notes=(*notes, *said),
+        **beliefs,
     )
 
 
@@ -260,6 +247,23 @@ def _imu_of(recording: Recording) -> Stream:
     if len(imu) < 2:
         raise InputError(where, f"{len(imu)} row", "at least 2 IMU samples", "stream imu")
     return imu
+
+
+def _updating_sensors(
+    recording: Recording,
+    declared: Mapping[str, SensorSpec],
+    wanted: Collection[str],
+    level: Level | None,
+    bounds: Bounds | None,
+) -> tuple[Mapping[str, SensorModel], list[str]]:
+    """The sensors that update the filter, with what stands for a missing GPS; and what was decided about them."""
+    sensors, notes = _aiding_sensors(recording, declared, wanted)
+    if "gps" not in sensors:
+        more, said = _assumed(level, "level" in wanted, bounds)
+        sensors, notes = {**sensors, **more}, [*notes, *said]
+    if not set(sensors) - set(ASSUMED):
+        notes.append("no aiding stream: heading and position drift")
+    return sensors, notes
 
 
 def _aiding_sensors(
@@ -365,6 +369,25 @@ def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[i
             time = _positive(where, name, "colour_time", spec.colour_time)
             parts.append((first, coloured(block, width, _positive(where, name, key, std), time)))
     return tuple(parts)
+
+
+def _colours(
+    where: str, declared: Mapping[str, SensorSpec], sensors: Mapping[str, SensorModel]
+) -> dict[str, tuple[tuple[int, BiasProcess], ...]]:
+    """The noise in time of each sensor that has some."""
+    found = {name: _colour(where, name, declared[name], sensors[name].size) for name in sensors if name in declared}
+    return {name: parts for name, parts in found.items() if parts}
+
+
+def _field_at(recording: Recording, given: FloatArray | None, needed: bool) -> tuple[FloatArray, list[str]]:
+    """(3,) magnetic field in NED, given, declared or found from the log; zero where no magnetometer needs it."""
+    m_n = recording.environment.magnetic_field if given is None else given
+    if m_n is not None:
+        return np.asarray(m_n, dtype=np.float64), []
+    if not needed:
+        return np.zeros(3), []
+    said = "magnetic field: not declared, found from the log; north is magnetic north"
+    return np.asarray(field_of_the_log(recording), dtype=np.float64), [said]
 
 
 def _averaged(where: str, samples: str) -> bool:

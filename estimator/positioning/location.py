@@ -12,6 +12,7 @@ from sinan.estimator.positioning.integrity import Integrity, check, worst_rows
 from sinan.estimator.positioning.point_positioning import CONVERGED, EARTH_RADIUS, Fixes, solve
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.motion import Motion
 from sinan.sensors.pseudorange import (
     IONOSPHERE_LEFT,
     MODELLED,
@@ -91,57 +92,23 @@ def locate(
     names = tuple(effects)
     group, clock_names = ranges.clock_groups()
     z = ranges.value - (0.0 if correction is None else np.nan_to_num(correction))
+    rays = _Rays(ranges, z, group, max(len(clock_names), 1))
     allowed = np.ones(len(ranges), dtype=bool) if excluded is None else ~excluded
     allowed &= True if correction is None else np.isfinite(correction)
-
-    def fixes(
-        used: BoolArray,
-        delay: FloatArray,
-        weight: FloatArray,
-        begin: FloatArray | None,
-        field: FloatArray | None = None,
-    ) -> Fixes:
-        return solve(
-            ranges.position,
-            z - delay,
-            ranges.epoch,
-            len(ranges.t),
-            clock_group=group,
-            clocks=max(len(clock_names), 1),
-            variance=weight,
-            used=used,
-            start=begin,
-            field=field,
-        )
-
-    coarse_variance = np.full(len(ranges), COARSE**2)
-    nothing = np.zeros(len(ranges))
-    clock = -SPEED_OF_LIGHT * ranges.clock if CLOCK in names else nothing
-    begin = first_position(ranges, z - clock, group, allowed) if start is None else start
-    result = fixes(allowed, clock, coarse_variance, begin)
-    if exclude:
-        again = functools.partial(fixes, delay=clock, weight=coarse_variance, begin=begin)
-        result = exclude_faults(again, allowed, result, ranges, group, coarse_variance)[1]
-    position = filled(result.position)
+    clock = -SPEED_OF_LIGHT * ranges.clock if CLOCK in names else np.zeros(len(ranges))
+    position = filled(rays.coarse(allowed, clock, start, exclude).position)
     for _ in range(MOST_PASSES):
         motion = circumstances(ranges, position)
         delay = sum_of(motion, names)
         elevation = motion.covariates["elevation"]
-        field = common
-        if variance is not None:
-            weight = variance
-        else:
-            ionosphere = sum_of(motion, [IONOSPHERE]) if IONOSPHERE in names else nothing
-            weight = code_variance(ranges, elevation, ionosphere, noise)
-            share = IONOSPHERE_LEFT if noise is None else noise.field
-            field = ionosphere_left(motion, ionosphere, share) if IONOSPHERE in names else None
-        result = fixes(allowed & (elevation > mask), delay, weight, position, field)
+        weight, field = (variance, common) if variance is not None else _noise(ranges, motion, names, noise)
+        result = rays.fixes(allowed & (elevation > mask), delay, weight, position, field)
         moved = np.nan_to_num(np.abs(result.position - position)).max(initial=0.0)
         position = np.where(np.isfinite(result.position), result.position, position)
         if not moved > 10.0 * CONVERGED:
             break
     above = allowed & (elevation > mask)
-    again = functools.partial(fixes, delay=delay, weight=weight, begin=position, field=field)
+    again = functools.partial(rays.fixes, delay=delay, weight=weight, begin=position, field=field)
     most = MOST_EXCLUDED if exclude else 0
     used, result, checks = exclude_faults(again, above, result, ranges, group, weight, field, most)
     return Location(
@@ -157,6 +124,60 @@ def locate(
         checks,
         above & ~used,
     )
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Pseudoranges z (n,) [m], corrected where they are to be, and the receiver clock of each."""
+
+    ranges: Pseudoranges
+    z: FloatArray
+    group: IntArray
+    clocks: int
+
+    def fixes(
+        self,
+        used: BoolArray,
+        delay: FloatArray,
+        weight: FloatArray,
+        begin: FloatArray | None,
+        field: FloatArray | None = None,
+    ) -> Fixes:
+        """Every epoch by the rows that are used, less delays [m], with variances [m^2] and errors in common [m]."""
+        return solve(
+            self.ranges.position,
+            self.z - delay,
+            self.ranges.epoch,
+            len(self.ranges.t),
+            clock_group=self.group,
+            clocks=self.clocks,
+            variance=weight,
+            used=used,
+            start=begin,
+            field=field,
+        )
+
+    def coarse(self, allowed: BoolArray, clock: FloatArray, start: FloatArray | None, exclude: bool) -> Fixes:
+        """Without any effect but the satellites' clocks, (n,) [m]: near enough to know the elevations."""
+        begin = first_position(self.ranges, self.z - clock, self.group, allowed) if start is None else start
+        variance = np.full(len(self.ranges), COARSE**2)
+        found = self.fixes(allowed, clock, variance, begin)
+        if not exclude:
+            return found
+        again = functools.partial(self.fixes, delay=clock, weight=variance, begin=begin)
+        return exclude_faults(again, allowed, found, self.ranges, self.group, variance)[1]
+
+
+def _noise(
+    ranges: Pseudoranges, motion: Motion, names: tuple[str, ...], noise: RangeNoise | None
+) -> tuple[FloatArray, FloatArray | None]:
+    """(n,) variance [m^2], and (n, k) what a modelled ionosphere leaves in common [m]; None without it."""
+    elevation = motion.covariates["elevation"]
+    if IONOSPHERE not in names:
+        return code_variance(ranges, elevation, np.zeros(len(ranges)), noise), None
+    ionosphere = sum_of(motion, [IONOSPHERE])
+    share = IONOSPHERE_LEFT if noise is None else noise.field
+    return code_variance(ranges, elevation, ionosphere, noise), ionosphere_left(motion, ionosphere, share)
 
 
 def first_position(ranges: Pseudoranges, z: FloatArray, group: IntArray, allowed: BoolArray) -> FloatArray | None:

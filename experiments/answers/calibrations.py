@@ -10,16 +10,8 @@ from typing import TYPE_CHECKING, Any
 from sinan.calibration.poses.gyro import GyroCalibration
 from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
-from sinan.experiments.calibrate import (
-    Calibrated,
-    as_json,
-    calibrate_triad,
-    calibrate_turns,
-    residual_notes,
-    summary,
-    warnings_of,
-    without_declared,
-)
+from sinan.experiments.calibrate import Calibrated, as_json, calibrate_triad, calibrate_turns, without_declared
+from sinan.experiments.report.calibration_words import residual_notes, summary, warnings_of
 from sinan.experiments.residual_loop.open_source import (
     declared_for,
     of_each_sensor,

@@ -19,7 +19,7 @@ from sinan.estimator.filter.layout import layout_for
 from sinan.estimator.filter.smoother import SmoothedStates
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.estimate import bias_courses, estimated, score, state_table, write_states
-from sinan.experiments.measured.reference import Mounted, reference_of
+from sinan.experiments.reference import Mounted, reference_of
 from sinan.experiments.residual_loop.open_source import require_kind
 from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError

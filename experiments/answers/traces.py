@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from sinan.calibration.levels.assumptions import as_rows
 from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
-from sinan.experiments.refused import doubted_shares, refused
+from sinan.experiments.refused import doubted_shares
+from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.verdict_words import Log, trace_summary, worded
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.report import report

@@ -23,7 +23,7 @@ from sinan.estimator.filter.smoother import smooth
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
-from sinan.experiments.measured.reference import Mounted, attitude_error, reference_of
+from sinan.experiments.reference import Mounted, attitude_error, reference_of
 from sinan.experiments.report.files import write_json
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.errors import InputError

@@ -27,8 +27,8 @@ from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, t
 from sinan.experiments.benchmarks.replication import lasting
 from sinan.experiments.blind.measured.benchmark import FAILURES, words
 from sinan.experiments.measured.flights import FIRST
-from sinan.experiments.measured.withheld import Predicted, Window, predicted
 from sinan.experiments.report.words import number
+from sinan.experiments.withheld import Predicted, Window, predicted
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.registry import is_sensor, sensor
 

@@ -19,7 +19,7 @@ def run(out: Path, runs: int, seed: int, world: str, workers: int | None, html: 
     out : folder for recordings, reports and rates
     html : page with the figures; default: `out`/blind.html
     """
-    from sinan.experiments.report.blind_page import blind_page, confusion, identification
+    from sinan.experiments.blind.page import blind_page, confusion, identification
     from sinan.experiments.report.page import png
 
     with progress("recordings", flies=True) as tell:

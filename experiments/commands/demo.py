@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sinan.experiments.calibrate import as_json, calibrate_triad, summary, warnings_of
+from sinan.experiments.calibrate import as_json, calibrate_triad
+from sinan.experiments.report.calibration_words import summary, warnings_of
 from sinan.experiments.report.files import write_json
 from sinan.experiments.report.page import png
 from sinan.experiments.report.trace_page import trace_figures, trace_page

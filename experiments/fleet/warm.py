@@ -11,7 +11,7 @@ import pandas  # noqa: F401
 from sinan.experiments.answers import traces  # noqa: F401
 from sinan.experiments.autopilots import findings  # noqa: F401
 from sinan.experiments.datasets import inputs  # noqa: F401
+from sinan.experiments.monte_carlo import warm  # noqa: F401
 from sinan.experiments.report import trace_page  # noqa: F401
 from sinan.experiments.residual_loop import run  # noqa: F401
 from sinan.experiments.review import of_answers  # noqa: F401
-from sinan.experiments.workers import warm  # noqa: F401

@@ -20,6 +20,7 @@ STARTS = {
     "AccRaw.mat": np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1]),
     "MagRaw.mat": np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]),
 }
+SENSORS = {"accel": "accelerometer", "mag": "magnetometer"}
 STEPS = 12
 SPAN, EVERY = 250, 25  # samples between two directions of the gyroscope's index, 1 s, and between two such pairs
 
@@ -72,31 +73,52 @@ def gyro_distance(t: FloatArray, f: FloatArray, w: FloatArray) -> FloatArray:
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
     """The three figures of the lecture on the course's data, and the two of the lab."""
-    shown, courses = [], {}
-    for number, file, norm in (("7.5", "AccRaw.mat", 9.8), ("7.11", "MagRaw.mat", 1.0)):
-        readings, best = calibrated(file, "accel" if norm > 2.0 else "mag", 9.8 if norm > 2.0 else None)
-        r = readings.reading
-        x, courses[file] = marquardt(
-            lambda x, r=r, norm=norm: norm_residual(x, r, norm),  # type: ignore[misc]
-            lambda x, r=r: norm_jacobian(x, r),  # type: ignore[misc]
-            STARTS[file],
-        )
-        say(
-            f"{file}: index {courses[file][0]:.4g} at the start, {courses[file][3]:.4g} after three iterations, "
-            f"{courses[file][-1]:.4g} at the end; off the minimum by {np.max(np.abs(x[:6] - best.fit.x[:6])):.0e}"
-        )
-        plain = norm_residual(np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), r, norm) ** 2
-        n = np.arange(len(r))
-        shown.append(
-            Panel(
-                "reading",
-                "Dist",
-                {},
-                {"before": (n, plain), "after": (n, norm_residual(x, r, norm) ** 2)},
-                f"figure {number}: {'accelerometer' if norm > 2.0 else 'magnetometer'}",
-                "y",
-            )
-        )
+    accel, accel_index = before_and_after("7.5", "accel", "AccRaw.mat", 9.8, say)
+    mag, mag_index = before_and_after("7.11", "mag", "MagRaw.mat", 1.0, say)
+    k = np.arange(STEPS + 1)
+    index = Panel(
+        "iteration",
+        "index",
+        {"AccRaw.mat": (k, accel_index), "MagRaw.mat": (k, mag_index)},
+        title="the lab's two figures",
+        logarithmic="y",
+    )
+    page = Page(
+        "Errors before and after, and how fast the index falls",
+        "The lecture's figures 7.5, 7.8 and 7.11 show the index of every reading before and after; the lab's show the "
+        "index over the iterations. Here are all of them, from the course's own readings.",
+    )
+    page.figure(
+        panels([accel, mag, gyro_before_and_after(say), index]),
+        "Dist of each reading, and the index over the iterations.",
+    )
+    page.text(
+        "The autopilot had taken the gyroscope's bias out before it wrote the log; to have something to calibrate, "
+        "3 deg/s are put back on every axis, and the rest at the beginning finds them. Its scale and T: "
+        "`sinan calibrate gyro`."
+    )
+    page.write(out / "iterations.html")
+
+
+def before_and_after(
+    number: str, sensor: str, file: str, norm: float, say: Callable[[str], None]
+) -> tuple[Panel, FloatArray]:
+    """The index of each reading before and after a calibration by the norm; the sum after each iteration."""
+    readings, best = calibrated(file, sensor, norm if sensor == "accel" else None)
+    r = readings.reading
+    x, index = marquardt(lambda x: norm_residual(x, r, norm), lambda x: norm_jacobian(x, r), STARTS[file])
+    say(
+        f"{file}: index {index[0]:.4g} at the start, {index[3]:.4g} after three iterations, "
+        f"{index[-1]:.4g} at the end; off the minimum by {np.max(np.abs(x[:6] - best.fit.x[:6])):.0e}"
+    )
+    plain = norm_residual(np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), r, norm) ** 2
+    n = np.arange(len(r))
+    curves = {"before": (n, plain), "after": (n, norm_residual(x, r, norm) ** 2)}
+    return Panel("reading", "Dist", {}, curves, f"figure {number}: {SENSORS[sensor]}", "y"), index
+
+
+def gyro_before_and_after(say: Callable[[str], None]) -> Panel:
+    """Figure 7.8: with 3 deg/s put onto every axis, and with the bias that the rest at the beginning shows."""
     imu = resolve("rfly_course/e4_A.bin").streams["imu"]
     t, f, w = imu.t, imu.array(ACCEL), imu.array(GYRO)
     biased = w + np.deg2rad(3.0)
@@ -107,35 +129,5 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         f"{np.median(mended):.3g} after"
     )
     n = np.arange(len(raw))
-    shown.append(
-        Panel(
-            "pair of instants",
-            "Dist_g / (m/s²)²",
-            {},
-            {"before": (n, raw), "after": (n, mended)},
-            "figure 7.8: gyroscope, 3 deg/s put on",
-            "y",
-        )
-    )
-    k = np.arange(STEPS + 1)
-    shown.append(
-        Panel(
-            "iteration",
-            "index",
-            {file: (k, c) for file, c in courses.items()},
-            title="the lab's two figures",
-            logarithmic="y",
-        )
-    )
-    page = Page(
-        "Errors before and after, and how fast the index falls",
-        "The lecture's figures 7.5, 7.8 and 7.11 show the index of every reading before and after; the lab's show the "
-        "index over the iterations. Here are all of them, from the course's own readings.",
-    )
-    page.figure(panels(shown), "Dist of each reading, and the index over the iterations.")
-    page.text(
-        "The autopilot had taken the gyroscope's bias out before it wrote the log; to have something to calibrate, "
-        "3 deg/s are put back on every axis, and the rest at the beginning finds them. Its scale and T: "
-        "`sinan calibrate gyro`."
-    )
-    page.write(out / "iterations.html")
+    curves = {"before": (n, raw), "after": (n, mended)}
+    return Panel("pair of instants", "Dist_g / (m/s²)²", {}, curves, "figure 7.8: gyroscope, 3 deg/s put on", "y")

@@ -64,7 +64,6 @@ def orbit(speed: float, field: float, charge_by_mass: float, t: FloatArray) -> F
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
     """Resistance and bridge over the field; what heat, unequal arms and a flip do; a charge in a field."""
-    field = np.linspace(-6.0, 6.0, 241)
     small = np.linspace(-EARTH, EARTH, 41)
     slope = float(np.polyfit(small, 1e3 * bridge(small, arms=np.zeros(4)), 1)[0])  # mV/V/gauss
     offset = float(1e3 * bridge(np.zeros(1))[0])
@@ -89,35 +88,13 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
             (f"{offset / slope:.2f} gauss", "offset of unequal arms: b' of the course"),
         ]
     )
-    path = orbit(500.0, 5e-5, PROTON, np.linspace(0.0, 1.25e-3, 300))
-    figure = panels(
-        [
-            Panel(
-                "field across the strip / gauss",
-                "resistance / ohm",
-                {
-                    "plain strip": (field, resistance(field, 0.0)),
-                    "stripes at +45 deg": (field, resistance(field, np.pi / 4)),
-                    "stripes at -45 deg": (field, resistance(field, -np.pi / 4)),
-                },
-                title="figure 7.9",
-            ),
-            Panel(
-                "field / gauss",
-                "output / (mV/V)",
-                {
-                    "magnetised forwards (set)": (small, 1e3 * set_),
-                    "backwards (reset)": (small, 1e3 * reset),
-                    "half their difference": (small, half),
-                },
-                title="a flip takes the offset out",
-            ),
-            Panel(
-                "x / cm", "y / cm", {"": (100 * path[:, 0], 100 * path[:, 1])}, title="figure 7.10: a proton in 50 µT"
-            ),
-        ],
-        3,
-    )
+    curves = {
+        "magnetised forwards (set)": (small, 1e3 * set_),
+        "backwards (reset)": (small, 1e3 * reset),
+        "half their difference": (small, half),
+    }
+    flip = Panel("field / gauss", "output / (mV/V)", curves, title="a flip takes the offset out")
+    figure = panels([strips(), flip, proton()], 3)
     page.figure(figure, "Strip, bridge, and the other principle: the Lorentz force turns what moves (500 m/s).")
     page.text(
         "The offset of a bridge looks like a field of the board, and the course's b' takes up both. A current of 1 mA "
@@ -125,3 +102,25 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         "at the bar's own frequency, where the bar moves the most."
     )
     page.write(out / "magneto_bridge.html")
+
+
+def strips() -> Panel:
+    """Figure 7.9: resistance over the field, of a plain strip and with stripes."""
+    field = np.linspace(-6.0, 6.0, 241)
+    return Panel(
+        "field across the strip / gauss",
+        "resistance / ohm",
+        {
+            "plain strip": (field, resistance(field, 0.0)),
+            "stripes at +45 deg": (field, resistance(field, np.pi / 4)),
+            "stripes at -45 deg": (field, resistance(field, -np.pi / 4)),
+        },
+        title="figure 7.9",
+    )
+
+
+def proton() -> Panel:
+    """Figure 7.10: the path of a proton at 500 m/s."""
+    path = orbit(500.0, 5e-5, PROTON, np.linspace(0.0, 1.25e-3, 300))
+    curve = {"": (100 * path[:, 0], 100 * path[:, 1])}
+    return Panel("x / cm", "y / cm", curve, title="figure 7.10: a proton in 50 µT")

@@ -16,7 +16,9 @@ from sinan.sensors.arrays import FloatArray
 
 #: Of the simulated board: the three angles [rad], K, b [m/s^2]; noise of a pose [m/s^2]
 ANGLES, K, B, NOISE = np.array([0.02, -0.013, 0.008]), np.array([1.02, 0.99, 1.01]), np.array([0.1, -0.2, 0.15]), 2e-3
-GRAVITY, SEED = 9.80665, 3
+SEED = 3
+NAMES = ("psi", "theta", "phi")
+OVER = np.linspace(-0.1, 0.1, 81)  # rad, over which the index is shown
 
 
 def norm_residual_of_angles(x: FloatArray, readings: FloatArray, norm: float) -> FloatArray:
@@ -66,17 +68,6 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         f"course's ten poses: singular values {values[0]:.2g} ... {values[5]:.2g}, and of the three "
         f"angles {values[6]:.0e}"
     )
-    over = np.linspace(-0.1, 0.1, 81)
-    curves, sharp = {}, {}
-    for k, name in enumerate(("psi", "theta", "phi")):
-        trial = [np.concatenate([a * np.eye(3)[k], best.K, best.offset]) for a in over]
-        curves[name] = (
-            1e3 * over,
-            np.array([np.sum(norm_residual_of_angles(y, own.reading, 9.8) ** 2) for y in trial]),
-        )
-        tries = [np.where(np.arange(3) == k, a, found) for a in over]
-        fitted = (raw + known.offset) * known.K
-        sharp[name] = (1e3 * over, np.array([np.sum((fitted @ small_rotation(y).T - truth) ** 2) for y in tries]))
     page = Page(
         "Three angles that a norm does not see",
         "The course's T turns the calibrated axes by three small angles. A rotation changes no length: |T v|^2 = "
@@ -84,19 +75,9 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         "solver can find them. A "
         "reference that knows the direction can.",
     )
+    turned = (raw + known.offset) * known.K
     page.figure(
-        panels(
-            [
-                Panel("angle / mrad", "index by norm / (m/s²)²", curves, title="course's ten poses: flat at zero"),
-                Panel(
-                    "angle / mrad",
-                    "index by direction / (m/s²)²",
-                    sharp,
-                    title="ten known attitudes: sharp",
-                    logarithmic="y",
-                ),
-            ]
-        ),
+        panels([flat(own.reading, x), sharp(turned, truth, found)]),
         "The index over each angle, with everything else at its best.",
     )
     rows = [
@@ -110,3 +91,29 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         "`accel.misalignment`."
     )
     page.write(out / "three_angles.html")
+
+
+def flat(readings: FloatArray, x: FloatArray) -> Panel:
+    """The index by the norm over each angle, the other unknowns as in x (9,)."""
+    curves = {}
+    for k, name in enumerate(NAMES):
+        trial = [np.concatenate([a * np.eye(3)[k], x[3:]]) for a in OVER]
+        index = [np.sum(norm_residual_of_angles(y, readings, 9.8) ** 2) for y in trial]
+        curves[name] = (1e3 * OVER, np.array(index))
+    return Panel("angle / mrad", "index by norm / (m/s²)²", curves, title="course's ten poses: flat at zero")
+
+
+def sharp(readings: FloatArray, truth: FloatArray, found: FloatArray) -> Panel:
+    """The index by known directions over each angle, the other two as found; readings (n, 3) scaled, without offset."""
+    curves = {}
+    for k, name in enumerate(NAMES):
+        trial = [np.where(np.arange(3) == k, a, found) for a in OVER]
+        index = [np.sum((readings @ small_rotation(y).T - truth) ** 2) for y in trial]
+        curves[name] = (1e3 * OVER, np.array(index))
+    return Panel(
+        "angle / mrad",
+        "index by direction / (m/s²)²",
+        curves,
+        title="ten known attitudes: sharp",
+        logarithmic="y",
+    )

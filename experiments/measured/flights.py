@@ -18,9 +18,9 @@ from sinan.estimator.filter.journal import Journal
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
-from sinan.experiments.measured.reference import errors_of, reference_of
-from sinan.experiments.measured.withheld import Predicted, predicted, windows
+from sinan.experiments.reference import errors_of, reference_of
 from sinan.experiments.report.words import reference_words
+from sinan.experiments.withheld import Predicted, predicted, windows
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import Recording, Stream
 

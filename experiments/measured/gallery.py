@@ -19,8 +19,8 @@ from sinan.experiments.measured.finding import Finding
 from sinan.experiments.measured.gallery_page import block, blocks_of, page
 from sinan.experiments.measured.logs import LOGS, Entry
 from sinan.experiments.measured.published import PARAMETERS, SETTINGS, published
-from sinan.experiments.measured.reference import gyro_error, reference_of
 from sinan.experiments.measured.scoring import withheld_errors
+from sinan.experiments.reference import gyro_error, reference_of
 from sinan.experiments.report.words import number, reference_words
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.open_source import triad_readings

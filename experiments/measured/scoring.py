@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
-from sinan.experiments.measured.withheld import predicted, windows
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.source import Fit
 from sinan.experiments.residual_loop.term import declaration
+from sinan.experiments.withheld import predicted, windows
 
 
 def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> Mapping[float, float]:

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from sinan.calibration.levels.rest import ChannelNoise, Rest
-from sinan.experiments.commands.allan import TERMS, term_words
+from sinan.experiments.report.allan_words import TERMS, term_words
 from sinan.experiments.report.figures import AFTER, BEFORE, SOFT, axis_label, new_figure
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.words import SENSORS

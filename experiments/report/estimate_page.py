@@ -56,26 +56,34 @@ def estimate_page(
     if document.get("not_seen"):
         with page.folded("What this log could not show"):
             page.items(document["not_seen"])
+    bias_part(page, document, courses)
+    innovation_part(page, document)
+    assumption_table(page, document)
+    if review is not None:
+        page.heading("The log over time")
+        page.part(review)
+    page.write(path)
+
+
+def bias_part(page: Page, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:
+    """The biases over time and, as numbers, at the end."""
     page.heading("Biases")
     known = any(course.truth.size for course in courses)
     page.figure(
         figures.biases_over_time(courses),
         "Each bias, as the filter estimates it, with its 3-sigma band" + ("; black: the truth." if known else "."),
     )
-    rows = [
-        [
-            row.name,
-            row.unit,
-            with_sigma(row.value, row.sigma),
-            *(["-" if row.truth is None else f"{row.truth:.{row.digits}f}", off_by(row)] if known else []),
-        ]
-        for row in bias_rows(document)
-    ]
-    page.table(
-        ["bias", "unit", "at the end ± 1 sigma", *(["truth", "estimate minus truth"] if known else [])],
-        rows,
-        numeric=(2, 3, 4),
-    )
+    head = ["bias", "unit", "at the end ± 1 sigma"]
+    rows = [[row.name, row.unit, with_sigma(row.value, row.sigma)] for row in bias_rows(document)]
+    if known:
+        head += ["truth", "estimate minus truth"]
+        for cells, row in zip(rows, bias_rows(document), strict=True):
+            cells += ["-" if row.truth is None else f"{row.truth:.{row.digits}f}", off_by(row)]
+    page.table(head, rows, numeric=(2, 3, 4))
+
+
+def innovation_part(page: Page, document: Mapping[str, Any]) -> None:
+    """How large the innovations of each sensor are, against what the filter expects of them."""
     page.heading("Innovations: reading minus prediction")
     page.text(
         "NIS is the squared innovation over the variance that the filter expects of it, a degree of freedom: 1 is "
@@ -95,11 +103,6 @@ def estimate_page(
     ]
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
-    assumption_table(page, document)
-    if review is not None:
-        page.heading("The log over time")
-        page.part(review)
-    page.write(path)
 
 
 def innovations(document: Mapping[str, Any], sensor: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.filter.journal import Journal
-from sinan.experiments.refused import refused
+from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,

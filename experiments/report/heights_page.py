@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from sinan.experiments.commands.heights import causes, difference_words
 from sinan.experiments.heights import Heights
 from sinan.experiments.report.figures import AFTER, BEFORE, CHANCE, SOFT, new_figure
+from sinan.experiments.report.heights_words import causes, difference_words
 from sinan.experiments.report.page import Page
 from sinan.experiments.report.words import SENSORS
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.whiteness import whiteness
+from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.journal import Journal
@@ -38,6 +39,8 @@ from sinan.experiments.residual_loop.onsets import (
     slow_noise_of,
     slow_noise_steps,
 )
+from sinan.experiments.residual_loop.outliers import ADDED as WRONG_DOF
+from sinan.experiments.residual_loop.outliers import WrongReadings, wrong_among
 from sinan.experiments.residual_loop.prediction import Prediction
 from sinan.experiments.residual_loop.probes import probes_for
 from sinan.experiments.residual_loop.slow_noise import SlowNoise
@@ -92,13 +95,16 @@ class FlightSource:
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
     slow_error : whether a slow error of the GPS is part of the noise, where the log has one
-    predicts : whether an effect is proved by what it predicts of withheld readings, and not by one-step residuals
+    logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
+        what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
+        neighbours, not from the filter
     """
 
     def __init__(
-        self, recording: Recording, model: FlightModel, slow_error: bool = True, predicts: bool = False
+        self, recording: Recording, model: FlightModel, slow_error: bool = True, logged: Recording | None = None
     ) -> None:
-        self._predicts = predicts
+        self._logged = logged
+        predicts = logged is not None
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
@@ -472,6 +478,12 @@ class FlightSource:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""
         from scipy import stats
 
+        if self._logged is not None:
+            return [
+                LocalFinding(Term(f"{stream}.outliers"), one.gain, WRONG_DOF, one.log_p, np.array([one.share]))
+                for stream, one in self._wrong_among_logged.items()
+                if len(one.row) >= _LEAST_OUTLIERS
+            ]
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
         along = self._passes.along(state.effects, state.beta, state.motion, self._as_recorded)
@@ -487,8 +499,25 @@ class FlightSource:
                 found.append(LocalFinding(Term(f"{stream}.outliers"), float(wrong), 1, log_p, share))
         return found
 
+    @cached_property
+    def _wrong_among_logged(self) -> dict[str, WrongReadings]:
+        """Wrong readings of every stream that has a law, along the plain motion: what is missing there is slower."""
+        assert self._logged is not None
+        found = {}
+        for name, sensor in self.model.sensors.items():
+            if name in self.wrong and name in self._logged.streams:
+                z, t = readings(self._logged, self.model, name)
+                inside = (t >= self._passes.start) & (t <= self._passes.end)
+                z, t = z[inside], t[inside]
+                found[name] = wrong_among(z - sensor.predict(self._passes.plain_motion.at(t)))
+        return {name: one for name, one in found.items() if one is not None}
+
     def _outlier_share(self, term: Term) -> tuple[FloatArray, FloatArray]:
-        wrong, count = self.wrong[term.name.split(".")[0]]
+        stream = term.name.split(".")[0]
+        if self._logged is None:
+            wrong, count = self.wrong[stream]
+        else:
+            wrong, count = len(self._wrong_among_logged[stream].row), self._wrong_among_logged[stream].readings
         share = wrong / count
         return np.array([share]), np.array([np.sqrt(max(share * (1 - share), 1e-12) / count)])
 
@@ -571,11 +600,12 @@ class FlightSource:
     @property
     def is_predicting(self) -> bool:
         """Where the noise is found and not declared, and the log is long enough."""
-        return self._predicts and self._prediction.is_possible
+        return self._logged is not None and self._prediction.is_possible
 
-    def predicts(self, fit: Fit, without: Fit) -> bool:
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
         """Whether the withheld readings of all streams are predicted better."""
-        return self._prediction.share(fit, without).is_there
+        share = self._prediction.share(fit, without)
+        return share.is_there if surely else share.value > 0.5
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings in every part of the log, or the residuals of its last third."""

@@ -90,6 +90,26 @@ class Fitted:
         return self.along.motion
 
 
+@dataclass(frozen=True)
+class _Tried:
+    """One pass with effects at some beta.
+
+    Attributes
+    ----------
+    cost : deviance and, by the prior, the length of beta
+    information, score : (p, p), (p,) of the part that is fitted, without the prior
+    """
+
+    cost: float
+    deviance: float
+    beta: list[FloatArray]
+    journal: Journal
+    along: Along
+    sensitivity: Sensitivity
+    information: FloatArray
+    score: FloatArray
+
+
 class FlightPasses:
     """Passes over one flight.
 
@@ -185,57 +205,73 @@ class FlightPasses:
         ------
         InputError : from the first values no state, covariance or finite information follows
         """
-        beta, motion = list(beta), self.plain_motion
-        prior = self._prior(effects)
-        best: tuple[float, float, list[FloatArray], Journal, Along, Sensitivity, FloatArray] | None = None
-        halvings, predicted = 0, np.inf
-        for _ in range(_MOST_STEPS):
-            try:
-                if best is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
-                    along = self.along(effects, beta, motion)
-                    if best is None:
-                        journal, _ = self.run([], along)
-                    motion = self.follow(journal, along)
-                along = self.along(effects, beta, motion)
-                journal, sensitivity = self.run(effects, along)
-                deviance = self.deviance(journal, part)
-                cost = deviance + _length(beta, prior)
-                W, white = self.rows(sensitivity, journal, part)
-                information, score = W.T @ W, W.T @ white
-                self._require_numbers(deviance, information, score, *beta)
-            except InputError:  # beta so far off that no state or covariance follows
-                if best is None:
-                    raise
-                cost = np.inf
-            if best is not None and best[0] < cost:  # too far: half the way back
-                halvings += 1
-                if halvings > _MOST_HALVINGS or predicted < _SETTLED_DEVIANCE:
-                    break
-                beta = [0.5 * (b + good) for b, good in zip(beta, best[2], strict=True)]
-                journal, motion = best[3], best[4].motion
-                continue
-            best = (cost, deviance, beta, journal, along, sensitivity, information)
-            if not effects:
-                break
-            pull = score - prior * np.concatenate(beta)
-            step = self._step(information, pull, prior)
-            predicted = float(2.0 * step @ pull - step @ (information @ step + prior * step))
-            sigma = _posterior_sigma(information, prior)
-            if np.all(np.abs(step) < _SETTLED * sigma):
-                break
-            beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
-        assert best is not None
-        _, deviance, beta, journal, along, sensitivity, information = best
-        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
-        std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), beta)
-        found = Fitted(tuple(effects), tuple(beta), tuple(std), deviance, journal, along, sensitivity, self.recording)
-        for k, seen, predicted in self._hardly_seen(effects, beta, information):
+        best = self._likeliest(effects, list(beta), part)
+        covariance = np.linalg.pinv(best.information, rcond=1e-12, hermitian=True)
+        std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), best.beta)
+        found = Fitted(
+            tuple(effects), tuple(best.beta), tuple(std), best.deviance, best.journal, best.along, best.sensitivity,
+            self.recording,
+        )  # fmt: skip
+        for k, seen, predicted in self._hardly_seen(effects, best.beta, best.information):
             least = self._least(found, k, part, seen, predicted)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
                 nearer = self.fitted(effects, least.beta, part, again=False)
                 return nearer if nearer.deviance < found.deviance else least
             found = least
         return found
+
+    def _likeliest(self, effects: Sequence[Effect], beta: list[FloatArray], part: Part) -> _Tried:
+        """Gauss-Newton's steps, each halved where it leads up, until one is small."""
+        prior = self._prior(effects)
+        best: _Tried | None = None
+        halvings, predicted = 0, np.inf
+        for _ in range(_MOST_STEPS):
+            tried = self._tried(effects, beta, part, prior, best)
+            if best is not None and (tried is None or best.cost < tried.cost):  # too far: half the way back
+                halvings += 1
+                if halvings > _MOST_HALVINGS or predicted < _SETTLED_DEVIANCE:
+                    break
+                beta = [0.5 * (b + good) for b, good in zip(beta, best.beta, strict=True)]
+                continue
+            assert tried is not None
+            best = tried
+            if not effects:
+                break
+            pull = best.score - prior * np.concatenate(beta)
+            step = self._step(best.information, pull, prior)
+            predicted = float(2.0 * step @ pull - step @ (best.information @ step + prior * step))
+            if np.all(np.abs(step) < _SETTLED * _posterior_sigma(best.information, prior)):
+                break
+            beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
+        assert best is not None
+        return best
+
+    def _tried(
+        self, effects: Sequence[Effect], beta: list[FloatArray], part: Part, prior: FloatArray, before: _Tried | None
+    ) -> _Tried | None:
+        """A pass with the effects at beta, along the motion with these; None: beta is so far off that none follows.
+
+        Raises
+        ------
+        InputError : none follows, and there is no pass before that one could go back to
+        """
+        motion = self.plain_motion if before is None else before.along.motion
+        try:
+            if before is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
+                along = self.along(effects, beta, motion)
+                motion = self.follow(self.run([], along)[0] if before is None else before.journal, along)
+            along = self.along(effects, beta, motion)
+            journal, sensitivity = self.run(effects, along)
+            deviance = self.deviance(journal, part)
+            W, white = self.rows(sensitivity, journal, part)
+            information, score = W.T @ W, W.T @ white
+            self._require_numbers(deviance, information, score, *beta)
+        except InputError:
+            if before is None:
+                raise
+            return None
+        cost = deviance + _length(beta, prior)
+        return _Tried(cost, deviance, beta, journal, along, sensitivity, information, score)
 
     def _hardly_seen(
         self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray

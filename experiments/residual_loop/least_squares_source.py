@@ -432,7 +432,7 @@ class LeastSquaresSource:
         """Never: nothing errs for long in a set of poses."""
         return False
 
-    def predicts(self, fit: Fit, without: Fit) -> bool:
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
         """Never."""
         return False
 

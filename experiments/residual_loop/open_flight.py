@@ -30,4 +30,4 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
         model = ready.model
         slow_error = False
     coarse = is_coarse(ready.recording, model)
-    return FlightSource(ready.recording, model.replace(relinearise=coarse), slow_error, predicts=not declared)
+    return FlightSource(ready.recording, model.replace(relinearise=coarse), slow_error, None if declared else recording)

@@ -17,9 +17,10 @@ import numpy as np
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
-from sinan.experiments.measured.withheld import Window
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.source import Fit, StreamResidual
+from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.withheld import Window
 from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.
@@ -70,6 +71,11 @@ class Share:
 
         n = np.count_nonzero(self.squares)
         return bool(n > 1 and self.value > max(0.5, float(stats.t.isf(LEVEL, n - 1)) * self.std))
+
+
+def can_be_predicted(term: Term) -> bool:
+    """Whether the readings around withheld ones tell the size of an effect: not of one that is soon over."""
+    return term.interval is None or term.interval[1] - term.interval[0] >= SHORTEST_ASKED
 
 
 class Prediction:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
 from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams
-from sinan.experiments.residual_loop.prediction import SHORTEST_ASKED
+from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.select import Selection
 from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual
 from sinan.experiments.residual_loop.term import Term
@@ -244,11 +244,6 @@ def _fitted_on_the_rest(source: Source, selection: Selection, known: frozenset[T
     terms = [term for term in selection.final.terms if term in known]
     part: Part = "all" if source.is_predicting else "fitting"
     return source.fit(terms, {term: selection.final.beta[term] for term in terms}, part)
-
-
-def can_be_predicted(term: Term) -> bool:
-    """Whether the readings around withheld ones tell the size of an effect: not of one that is soon over."""
-    return term.interval is None or term.interval[1] - term.interval[0] >= SHORTEST_ASKED
 
 
 def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Proof:

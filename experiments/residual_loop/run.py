@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sinan.experiments.measured.reference import Mounted, described, errors_of, reference_of
+from sinan.experiments.reference import Mounted, described, errors_of, reference_of
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.source import Fit
 from sinan.experiments.residual_loop.trace import trace

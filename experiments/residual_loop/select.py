@@ -22,6 +22,7 @@ from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import (
     IMPOSSIBLE,
     OF_THE_MODEL,
+    ROLLED_BACK,
     SHORTLIST,
     UNTRIED,
     Finding,
@@ -147,22 +148,36 @@ def select(
     return selection
 
 
+def select_further(source: Source, alpha: float, start: Selection, barred: frozenset[str]) -> Selection:
+    """The selection gone on with, from its final model, without options of some keys and without intervals.
+
+    Most intervals are too short to be asked of withheld readings; they must not take the place of what those have
+    spoken against.
+
+    Parameters
+    ----------
+    alpha : family-wise error over all candidates
+    start : a selection on all data, with no term given
+    barred : keys of what is not tried, as the held-out part has spoken against it
+    """
+    path = _Path(source, start.final, log_p_needed(source, alpha), False, start, barred)
+    found = path.taken_on(MOST_EFFECTS, SHORTLIST)
+    return replace(
+        found,
+        plain=refitted(source, start.plain),
+        plain_statistics=start.plain_statistics,
+        plain_local=start.plain_local,
+        dropped=start.dropped,
+    )
+
+
 def _selected(
     source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None, intervals: bool
 ) -> Selection:
     """The selection with the noise as it is."""
     most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
     path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
-    while len(path.findings) < most:
-        best = path.best(shortlist)
-        if best is None:
-            pair = path.best_pair() if len(path.findings) + 2 <= most else None
-            if pair is None:
-                break
-            path.add_pair(*pair)
-        elif not path.set_aside_instead(*best):
-            path.add(*best)
-    return path.selection()
+    return path.taken_on(most, shortlist)
 
 
 class _Path:
@@ -173,12 +188,21 @@ class _Path:
     findings : effects in the model, in order of discovery
     """
 
-    def __init__(self, source: Source, plain: Fit, threshold: float, intervals: bool) -> None:
+    def __init__(
+        self,
+        source: Source,
+        fit: Fit,
+        threshold: float,
+        intervals: bool,
+        start: Selection | None = None,
+        barred: frozenset[str] = frozenset(),
+    ) -> None:
         self._source, self._threshold, self._intervals = source, threshold, intervals
-        self._plain = self._fit = plain
-        self.findings: list[Finding] = []
-        self._steps: list[Step] = []
-        self._refused: dict[str, str] = {}  # by key what did not stand, and why
+        self._plain = self._fit = fit
+        self.findings: list[Finding] = [] if start is None else list(start.findings)
+        self._steps: list[Step] = [] if start is None else list(start.steps)
+        self._barred = dict.fromkeys(barred, ROLLED_BACK)
+        self._refused = dict(self._barred)  # by key what did not stand, and why
         self._rounds = self._unions = 0
         self._apart: set[frozenset[Term]] = set()  # offsets that one does not explain
         self._first = self._offered = self._offer()
@@ -186,6 +210,19 @@ class _Path:
     def _offer(self) -> Offered:
         """What may be added to the present fit."""
         return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
+
+    def taken_on(self, most: int, shortlist: int) -> Selection:
+        """One effect after the other, until nothing earns its place or there are `most`."""
+        while len(self.findings) < most:
+            best = self.best(shortlist)
+            if best is None:
+                pair = self.best_pair() if len(self.findings) + 2 <= most else None
+                if pair is None:
+                    break
+                self.add_pair(*pair)
+            elif not self.set_aside_instead(*best):
+                self.add(*best)
+        return self.selection()
 
     def best(self, shortlist: int) -> tuple[Fit, Finding] | None:
         """The best that stands of what is offered, with its fit; where nothing does the intervals are searched too."""
@@ -233,7 +270,7 @@ class _Path:
         self._fit = fit
         self._steps += [Step(before, finding.term) for before, finding in both]
         self.findings += [finding for _, finding in both]
-        self._refused = {}
+        self._refused = dict(self._barred)
         self._offered = self._offer()
 
     def set_aside_instead(self, fit: Fit, finding: Finding) -> bool:
@@ -242,7 +279,7 @@ class _Path:
             return False
         self._rounds += 1
         self._refit()
-        self._refused = {}
+        self._refused = dict(self._barred)
         self._offered = self._offer()
         if not self.findings:
             self._first = self._offered

@@ -285,8 +285,10 @@ class Source(Protocol):
         others say; else by residuals of a part that was not fitted: the noise is declared, or nothing can err for long.
         """
 
-    def predicts(self, fit: Fit, without: Fit) -> bool:
-        """Whether a fit predicts withheld readings better than another, where effects are proved by that."""
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
+        """Whether a fit predicts withheld readings better than another, where effects are proved by that; or else
+        whether it does so at all, though it may be by chance.
+        """
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the

@@ -12,7 +12,7 @@ from sinan.estimator.evidence.score import CONFUSED, DETECTABLE_LAMBDA, Statisti
 from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.prove import rolled_back
 from sinan.experiments.residual_loop.remaining import patches, remaining, stands_out
-from sinan.experiments.residual_loop.select import Selection, select
+from sinan.experiments.residual_loop.select import Selection, select, select_further
 from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Finding, fit_without, refitted
@@ -21,6 +21,8 @@ from sinan.sensors.errors import InputError
 
 #: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
 MOST_SUSPECTS, OBVIOUS = 3, 2.0
+#: Times that the selection goes on, at most, without what withheld readings have spoken against.
+_MOST_FALLS = 3
 
 
 @dataclass(frozen=True)
@@ -51,13 +53,7 @@ def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> 
     scores : errors against a reference; called after the decision
     """
     selection, suspects = _select_given_suspects(source, alpha)
-    dropped: tuple[Term, ...] = ()
-    if selection.findings:
-        dropped = rolled_back(source, selection)
-        if dropped:
-            selection = _without(source, selection, dropped, ROLLED_BACK)
-            if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
-                selection = _of_what_is_left(source, selection)
+    selection, suspects, dropped = _borne_out(source, selection, suspects, alpha)
     settled, scores = settle(source, selection), scores or Scores()
     verdict = Verdict(
         settled.effects,
@@ -70,6 +66,33 @@ def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> 
         scores.reference,
     )
     return Trace(source.name, alpha, verdict, settled.selection, settled.told.final)
+
+
+def _borne_out(
+    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
+) -> tuple[Selection, list[tuple[Term, Statistic]], tuple[Term, ...]]:
+    """The selection without what the held-out data speak against, the probes needed besides, and what has fallen.
+
+    What falls may have stood in the place of something else. Where noise is found and not declared, and withheld
+    readings can be asked of any model, the selection goes on without it.
+    """
+    fallen: tuple[Term, ...] = ()
+    for round_ in range(_MOST_FALLS + 1):
+        dropped = rolled_back(source, selection) if selection.findings else ()
+        if not dropped:
+            break
+        fallen += dropped
+        selection = _without(source, selection, dropped, ROLLED_BACK)
+        if not source.is_predicting:
+            if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
+                selection = _of_what_is_left(source, selection)
+            break
+        if round_ < _MOST_FALLS:
+            further = select_further(source, alpha, selection, frozenset(term.key for term in fallen))
+            if further.names != selection.names:
+                selection = further
+                suspects = [one for one in suspects if _is_needed(source, further.final, *one, alpha)]
+    return selection, suspects, fallen
 
 
 def _is_confirmed(
@@ -217,8 +240,13 @@ def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Se
     parameters = sum(len(finding.beta) for finding in selection.findings)
     if suspect.statistic - 2.0 * suspect.dof <= gain - 2.0 * parameters + CONFUSED:
         return False
-    with_it = _with(source, selection.plain, term, suspect)
-    return with_it is not None and _is_missed(source, with_it, selection.plain, term, suspect, alpha)
+    return _is_needed(source, selection.plain, term, suspect, alpha)
+
+
+def _is_needed(source: Source, fit: Fit, term: Term, s: Statistic, alpha: float) -> bool:
+    """Whether a probe that a fit has not is missed there."""
+    with_it = _with(source, fit, term, s)
+    return with_it is not None and _is_missed(source, with_it, fit, term, s, alpha)
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:

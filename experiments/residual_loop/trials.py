@@ -22,6 +22,7 @@ from sinan.estimator.evidence.score import (
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
+from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
 from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import FloatArray
@@ -34,6 +35,8 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
+#: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction.
+_COMPARABLE = 0.5
 #: A localised effect is looked for again about its own fit, so often at most.
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it, or acceleration in step with the turning does; the
@@ -42,11 +45,11 @@ _RELOCATIONS = 3
 #: stood.
 SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
-#: Those that may not hold any more once another effect is in the model.
-OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 #: Why an effect that had been chosen was dropped: it does not stand out given an error that is in no catalogue; the
-#: held-out part does not bear it out.
+#: held-out part does not bear it out, and it is not tried again.
 GIVEN_ERROR, ROLLED_BACK = "beside an error", "rolled back"
+#: Those reasons that may not hold any more once another effect is in the model.
+OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,10 @@ class Finding:
         return tuple(rival.term.name for rival in self.rivals)
 
 
+#: A refit with one more effect, and what it found.
+Trial = tuple[Fit, Finding]
+
+
 def best_of(
     source: Source,
     fit: Fit,
@@ -95,7 +102,7 @@ def best_of(
     refused: dict[str, str],
     most: int,
     rounds: int = SHORTLISTS,
-) -> tuple[Fit, Finding] | None:
+) -> Trial | None:
     """Refit the shortlist and take the likeliest that is plausible and passes; None where nothing does.
 
     The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
@@ -119,22 +126,54 @@ def best_of(
     shortlist += unseen
     tried = {o.term.key: trial(source, fit, o) for o in to_try}
     trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
-    if not trials:
-        for option in shortlist:
-            key = option.term.key
-            refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
-        return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
     trials.sort(key=lambda one: -one[1].log_odds)
-    chosen, finding = trials[0]
-    rivals = tuple(
-        other
-        for _, other in trials[1:]
-        if finding.term.in_mean
-        and other.term.in_mean
-        and 2.0 * (finding.log_odds - other.log_odds) < CONFUSED
-        and other.term.name != finding.term.name
-    )
-    return chosen, replace(finding, rivals=rivals)
+    if trials:
+        return likeliest(source, trials, threshold)
+    for option in shortlist:
+        key = option.term.key
+        refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
+    return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
+
+
+def _is_asked(source: Source, refit: Fit, finding: Finding) -> bool:
+    """Whether withheld readings can tell of a trial."""
+    return finding.term.in_mean and source.is_predicting and refit.part == "all" and can_be_predicted(finding.term)
+
+
+def _are_held_against(source: Source, first: Trial, other: Trial) -> bool:
+    """Whether withheld readings can tell two trials apart of which one explains about as much as the other."""
+    comparable = other[1].gain > _COMPARABLE * first[1].gain
+    return comparable and _is_asked(source, *first) and _is_asked(source, *other)
+
+
+def _is_left(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
+    """Whether an effect would pass its test given another one: it is there too then, and none of its rivals."""
+    evidence = source.evidence(first[0])
+    key = other[1].term.key
+    return key in evidence.names and statistic_of(evidence, key, first[0].keys).log_p_corrected < threshold
+
+
+def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Trial:
+    """The likeliest of several trials, with those that are as likely as its rivals.
+
+    Odds count what the model holds for noise; where that is found from the log, an impostor may have the better ones.
+    So where readings can be withheld, one by which they are predicted better goes first, and one by which they are
+    predicted as well, or better by what may be chance, is as likely: the two kinds of evidence disagree.
+    """
+    first, *others = trials
+    rivals = list[Trial]()
+    for other in others:
+        if not (first[1].term.in_mean and other[1].term.in_mean) or other[1].term.name == first[1].term.name:
+            continue
+        if _are_held_against(source, first, other) and not source.predicts(first[0], other[0], surely=False):
+            if _is_left(source, first, other, threshold):
+                continue
+            if source.predicts(other[0], first[0]):
+                first, other = other, first
+            rivals.append(other)
+        elif 2.0 * (first[1].log_odds - other[1].log_odds) < CONFUSED:
+            rivals.append(other)
+    return first[0], replace(first[1], rivals=tuple(finding for _, finding in rivals))
 
 
 def _why(option: Option, tried: tuple[Fit, Finding] | None, threshold: float) -> str:

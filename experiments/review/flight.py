@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.estimator.filter.events import GATED
 from sinan.estimator.filter.journal import Journal
-from sinan.experiments.measured.reference import Mounted
+from sinan.experiments.reference import Mounted
 from sinan.experiments.report.words import SENSORS, reference_words
 from sinan.experiments.review.curves import BOUND, COMPARED, DOTS, Curve, Event, Panel, Plan, Review, Section, broken
 from sinan.experiments.review.curves import vector_curves as vector

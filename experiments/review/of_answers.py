@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from sinan.estimator.filter.journal import Journal
-from sinan.experiments.measured.reference import Mounted, reference_of
+from sinan.experiments.reference import Mounted, reference_of
 from sinan.experiments.report.words import SENSORS
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.traced import Traced

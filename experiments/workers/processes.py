@@ -74,7 +74,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def context(loaded: str = "sinan.experiments.workers.warm") -> Context:
+def context(loaded: str = "sinan.experiments.monte_carlo.warm") -> Context:
     """How processes are started: by a fork server that has loaded what they need, where the system has one.
 
     Parameters

@@ -17,6 +17,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from sinan.sensors.effects.declaration import Effect, Exact, Parameter, Regressor
+from sinan.sensors.effects.shipped import is_shipped
 from sinan.sensors.errors import InputError
 
 #: Files of effects, separated as the system separates paths.
@@ -134,8 +135,6 @@ def add(entry: Effect) -> Effect:
     ------
     InputError : see `effect`
     """
-    from sinan.sensors.effects import forget, is_shipped
-
     where = f"effect {entry.name}"
     stream, dot, word = entry.name.partition(".")
     if not (dot and word.isidentifier() and stream == entry.stream and stream in STREAMS):
@@ -153,16 +152,12 @@ def add(entry: Effect) -> Effect:
     if not entry.kinds or not set(entry.kinds) <= set(KINDS):
         raise InputError(where, f"kinds {', '.join(sorted(entry.kinds)) or 'none'}", " or ".join(KINDS))
     _OWN[entry.name] = entry
-    forget()
     return entry
 
 
 def remove(name: str) -> None:
     """Forget an effect of one's own."""
-    from sinan.sensors.effects import forget
-
     _OWN.pop(name, None)
-    forget()
 
 
 def own_effects() -> Mapping[str, Effect]:

@@ -12,8 +12,9 @@ from sinan.calibration.poses.gyro import (
     rotation_increments,
     running_product,
 )
-from sinan.experiments.calibrate import as_json, calibrate_turns, summary
+from sinan.experiments.calibrate import as_json, calibrate_turns
 from sinan.experiments.datasets import resolve
+from sinan.experiments.report.calibration_words import summary
 from sinan.sensors.errors import InputError
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_multiply
 

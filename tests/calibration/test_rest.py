@@ -10,7 +10,8 @@ import pytest
 from scipy.signal import welch
 
 from sinan.calibration.levels.rest import Rest, declared, deviation_interval, noise_at_rest
-from sinan.experiments.commands.allan import as_json, summary, toml_of
+from sinan.experiments.commands.allan import as_json, toml_of
+from sinan.experiments.report.allan_words import summary
 from sinan.sensors.errors import InputError
 from sinan.sensors.noise import BiasProcess, random_walk, sample_std
 from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream

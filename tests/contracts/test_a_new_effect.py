@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import sinan.sensors.effects as effects
+import sinan.sensors.effects.shipped as shipped
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.commands.effects import run
 from sinan.experiments.residual_loop.flight import FlightSource
@@ -33,11 +34,11 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / file[1]).write_text(code, encoding="utf-8")
     name, entry = re.fullmatch(r'\s*"([\w.]+)": \("(\w+)", None\),\s*', line).groups()  # type: ignore[union-attr]
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
-    monkeypatch.setitem(effects._FILES, name, (entry, None))
-    effects.forget()
+    monkeypatch.setitem(shipped.FILES, name, (entry, None))
+    shipped.forget()
     yield
     sys.modules.pop(f"sinan.sensors.effects.{entry}", None)
-    effects.forget()
+    shipped.forget()
 
 
 @pytest.mark.usefixtures("added")

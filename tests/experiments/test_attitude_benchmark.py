@@ -24,7 +24,7 @@ from sinan.experiments.benchmarks.attitude import (
 )
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.logs import FLIGHTS
-from sinan.experiments.measured.reference import Mounted
+from sinan.experiments.reference import Mounted
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.recording import QUATERNION, Recording, Stream
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rpy_from_quaternion

@@ -27,6 +27,7 @@ from sinan.experiments.blind.maker.make import (
     make_one,
     run_name,
 )
+from sinan.experiments.blind.page import blind_page
 from sinan.experiments.blind.rates import (
     ALARM,
     BETA,
@@ -45,7 +46,6 @@ from sinan.experiments.blind.rates import (
     table,
     text,
 )
-from sinan.experiments.report.blind_page import blind_page
 from sinan.sensors.errors import InputError
 
 SEED = 2

@@ -14,7 +14,8 @@ from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.blind.maker.make import make_one
 from sinan.experiments.datasets import resolve
-from sinan.experiments.refused import doubted_shares, refused
+from sinan.experiments.refused import doubted_shares
+from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.trace_words import effect_line
 from sinan.experiments.report.verdict_words import trace_summary, worded

@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sinan.experiments.commands.heights import as_json, causes, summary
+from sinan.experiments.commands.heights import as_json
 from sinan.experiments.heights import heights_of
+from sinan.experiments.report.heights_words import causes, summary
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording, Stream

@@ -11,7 +11,7 @@ import pytest
 from sinan.calibration.levels.preparation import prepared, settled
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.experiments.measured import flights
-from sinan.experiments.measured.reference import (
+from sinan.experiments.reference import (
     Mounted,
     attitude_error,
     errors_of,

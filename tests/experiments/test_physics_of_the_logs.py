@@ -14,7 +14,7 @@ import pytest
 
 from sinan.experiments.datasets import dataset_names, load_dataset, resolve
 from sinan.experiments.measured.logs import COMPASSES, FLIGHTS
-from sinan.experiments.measured.reference import without_jumps
+from sinan.experiments.reference import without_jumps
 from sinan.sensors.formats.map_file import read_map
 from sinan.sensors.geomagnetism import earth_field, inclination
 from sinan.sensors.recording import ACCEL, FIX_QUALITY, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, Stream

@@ -14,7 +14,7 @@ import pytest
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.datasets import convert, resolve
-from sinan.experiments.measured.reference import mounted, reference_of
+from sinan.experiments.reference import mounted, reference_of
 from sinan.experiments.report.words import reference_name
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.formats.plain import read_recording, write_recording
@@ -195,7 +195,7 @@ def test_a_converted_log_keeps_its_reference(measured_data: Path, tmp_path: Path
 @pytest.mark.measured
 def test_the_clock_of_a_ulogs_reference_is_that_of_its_streams(measured_data: Path) -> None:
     """By the gyroscope: over the flight the autopilot turns when the gyroscope says so."""
-    from sinan.experiments.measured.reference import mounted
+    from sinan.experiments.reference import mounted
 
     recording = resolve(str(measured_data / PX4))
     assert recording.truth is not None

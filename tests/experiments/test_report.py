@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from sinan.experiments.calibrate import as_json, calibrate_triad
-from sinan.experiments.calibrate import summary as calibration_summary
-from sinan.experiments.calibrate import warnings_of as calibration_warnings
 from sinan.experiments.commands.calibrate import run as calibrate
 from sinan.experiments.commands.demo import HIDDEN, hidden_and_found
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.labs.magnetometer import sign_errors
+from sinan.experiments.report.calibration_words import summary as calibration_summary
+from sinan.experiments.report.calibration_words import warnings_of as calibration_warnings
 from sinan.experiments.report.console import progress, working
 from sinan.experiments.report.estimate_page import innovations, verdict
 from sinan.experiments.report.estimate_words import summary as estimate_summary

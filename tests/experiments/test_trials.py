@@ -12,7 +12,7 @@ from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.experiments.residual_loop.options import not_slow_noise, option_of
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.experiments.residual_loop.term import Term
-from sinan.experiments.residual_loop.trials import IMPOSSIBLE, best_of
+from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 
@@ -110,3 +110,57 @@ def test_what_is_not_first_order_is_not_refused_by_it(first_order: bool) -> None
     fit = source.fit(())
     options = [option_of(statistic_of(source.evidence(fit), "baro.scale"))]
     assert not_slow_noise(source, fit, options, -8.0) == ([] if first_order else options)
+
+
+class Predicting:
+    """A source whose withheld readings say how much of the difference of two fits is there."""
+
+    is_predicting = True
+
+    def __init__(self, share: float, std: float, left: float = 0.0) -> None:
+        self._share, self._std, self._left = share, std, left
+
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
+        """The share is that of the second over the first effect."""
+        share = self._share if fit.terms[0].name == SECOND else 1.0 - self._share
+        return share > (max(0.5, 2.0 * self._std) if surely else 0.5)
+
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        """What is left for either effect once the other is in the model: 2 log odds."""
+        own = fit.terms[0].name
+        score = np.sqrt(self._left) * np.array([[0.0, 1.0]])
+        return Evidence((own, FIRST if own == SECOND else SECOND), (1, 1), np.eye(2)[None], score, np.ones(2))
+
+
+FIRST, SECOND = "accel.lever_arm", "gps.lever_arm"
+
+
+def tried_alone(name: str, log_odds: float) -> Trial:
+    """A trial of one effect."""
+    term, one = Term(name), np.ones(1)
+    found = Finding(term, one, one, -log_odds, -log_odds, log_odds, 2.0 * log_odds, 2.0 * log_odds, ())
+    return Fit((term,), {term: one}, {term: one}, 0.0, "all", None), found
+
+
+@pytest.mark.parametrize(
+    ("share", "std", "left", "name", "rivals"),
+    [
+        (0.99, 0.4, 0.0, SECOND, (FIRST,)),  # the second predicts better, the first has the better odds
+        (0.60, 0.4, 0.0, FIRST, (SECOND,)),  # so it does, perhaps by chance
+        (0.20, 0.1, 0.0, FIRST, ()),
+        (0.60, 0.4, 900.0, FIRST, ()),  # both are there
+    ],
+)
+def test_prediction_tells_effects_apart_that_explain_the_same(
+    share: float, std: float, left: float, name: str, rivals: tuple[str, ...]
+) -> None:
+    """Odds of 500 and 450 are far apart, by the noise that the model has."""
+    source = cast(Source, Predicting(share, std, left))
+    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 450.0)], -9.0)
+    assert (finding.term.name, finding.confused_with) == (name, rivals)
+
+
+def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
+    source = cast(Source, Predicting(0.99, 0.1))
+    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)], -9.0)
+    assert (finding.term.name, finding.confused_with) == (FIRST, ())

@@ -1,0 +1,24 @@
+"""Streams that the filter does not believe, wholly or nearly: no fault does that, a wrong unit, axis or frame does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sinan.experiments.report.words import SENSORS
+
+#: Share of a stream's readings from which on it is said to be refused.
+NEARLY_ALL = 0.95
+
+
+def refused(shares: Mapping[str, float]) -> dict[str, str]:
+    """A sentence for each stream of which the filter believes hardly a reading; the level is no sensor of its own."""
+    return {
+        sensor: f"the filter believes {_few(share)} of the {SENSORS.get(sensor, sensor)} readings: their unit, axis or "
+        "frame is another than the recording says"
+        for sensor, share in shares.items()
+        if share >= NEARLY_ALL and sensor != "level"
+    }
+
+
+def _few(share: float) -> str:
+    return "none" if share == 1.0 else f"{100.0 * (1.0 - share):.2g} %"

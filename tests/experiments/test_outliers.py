@@ -1,0 +1,83 @@
+"""Wrong readings among their neighbours: found where they are, and not where the noise is merely unruly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sinan.experiments.residual_loop.outliers import wrong_among
+from sinan.sensors.arrays import FloatArray
+
+N = 3000
+#: Logarithm of the p-value at which one of a hundred hypotheses passes at one per cent.
+NEEDED = float(np.log(1e-4))
+
+
+def noise(kind: str, rng: np.random.Generator) -> FloatArray:
+    """(N, 3) errors without a wrong reading."""
+    white = rng.standard_normal((N, 3))
+    if kind == "white":
+        return white
+    if kind == "slow besides":  # first-order Gauss-Markov, five times as large as the white part
+        return white + 5.0 * np.asarray(
+            lfilter([np.sqrt(1.0 - 0.99**2)], [1.0, -0.99], rng.standard_normal((N, 3)), axis=0)
+        )
+    if kind == "heavy tail":
+        return white / np.sqrt(rng.chisquare(4.0, (N, 1)) / 4.0)
+    if kind == "louder for a while":
+        return white * np.where((np.arange(N) > 1000) & (np.arange(N) < 1300), 8.0, 1.0)[:, None]
+    assert kind == "a step"
+    return white + np.where(np.arange(N) > 1500, 30.0, 0.0)[:, None]
+
+
+KINDS = ["white", "slow besides", "heavy tail", "louder for a while", "a step"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_none_is_said_of_noise_alone(kind: str, seed: int) -> None:
+    found = wrong_among(noise(kind, np.random.default_rng(seed)))
+    assert found is not None
+    assert found.log_p > NEEDED or len(found.row) < 3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_in_a_hundred_is_found_where_it_is(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    error, wrong = noise(kind, rng), rng.choice(N, N // 100, replace=False)
+    direction = rng.standard_normal((len(wrong), 3))
+    off = rng.uniform(12.0, 25.0, (len(wrong), 1)) * (8.0 if kind == "louder for a while" else 1.0)
+    error[wrong] += off * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    found = wrong_among(error)
+    assert found is not None
+    assert found.log_p < NEEDED
+    assert len(np.intersect1d(found.row, wrong)) > 0.75 * len(wrong)
+    assert len(np.setdiff1d(found.row, wrong)) <= 0.2 * len(wrong)
+    assert found.share == len(found.row) / N
+
+
+def test_a_disturbance_of_neighbours_is_none() -> None:
+    rng = np.random.default_rng(4)
+    error = rng.standard_normal((N, 1))
+    for first in rng.choice(np.arange(100, N - 100, 50), 10, replace=False):
+        error[first : first + 6] += 15.0
+    found = wrong_among(error)
+    assert found is not None
+    assert len(found.row) < 3
+
+
+def test_readings_that_are_held_are_counted_once() -> None:
+    """A stream logged four times as fast as it is measured: its wrong readings come four in a row."""
+    rng = np.random.default_rng(5)
+    error = rng.standard_normal((N, 1))
+    wrong = rng.choice(N, 30, replace=False)
+    error[wrong] += 20.0
+    found = wrong_among(np.repeat(error, 4, axis=0))
+    assert found is not None
+    assert len(np.intersect1d(found.row, 4 * wrong)) > 25
+
+
+@pytest.mark.parametrize("error", [np.zeros((200, 1)), np.arange(20.0)[:, None]])
+def test_nothing_is_said_of_too_few_or_of_equal_readings(error: FloatArray) -> None:
+    assert wrong_among(error) is None
