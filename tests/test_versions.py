@@ -60,7 +60,7 @@ def test_every_library_that_is_imported_is_named() -> None:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and node.level == 0 else []
             for name in {name.split(".")[0] for name in names} - {*sys.stdlib_module_names, *PACKAGES, ""}:
-                found = {distribution.lower() for distribution in distributions.get(name, [name])}
+                found = {distribution.lower().replace("_", "-") for distribution in distributions.get(name, [name])}
                 assert found & known, f"{path} imports {name}"
 
 
