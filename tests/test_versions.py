@@ -45,7 +45,7 @@ def test_the_test_of_the_lowest_versions_takes_every_floor() -> None:
         [str(ROOT / ".ci" / "lowest"), "--list"], capture_output=True, text=True, check=True,
         env={"PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
     ).stdout.split()  # fmt: skip
-    names = "camera", "dask", "docs", "gnss", "mavlink", "parquet", "ros", "test"
+    names = "camera", "dask", "docs", "gnss", "map", "mavlink", "parquet", "ros", "test"
     floors = named([*PROJECT["dependencies"], *(entry for name in names for entry in EXTRAS[name])])
     tools = {"ruff", "mypy", "import-linter", "nox", "pre-commit"}
     assert sorted(printed) == sorted(f"{name}=={floor}" for name, floor in floors.items() if name not in tools)
@@ -60,7 +60,7 @@ def test_every_library_that_is_imported_is_named() -> None:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and node.level == 0 else []
             for name in {name.split(".")[0] for name in names} - {*sys.stdlib_module_names, *PACKAGES, ""}:
-                found = {distribution.lower() for distribution in distributions.get(name, [name])}
+                found = {distribution.lower().replace("_", "-") for distribution in distributions.get(name, [name])}
                 assert found & known, f"{path} imports {name}"
 
 

@@ -707,6 +707,32 @@ def allan(
     _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
 
 
+@app.command("map")
+def map_command(
+    input: Input,
+    out: Annotated[Path, typer.Option("--out", help="folder for the cloud, the grids and the page")],
+    cell: Annotated[float, typer.Option(help="side of a cell of the grids, m", min=0.01, max=1000.0)] = 0.5,
+    declared: Annotated[
+        bool, typer.Option("--declared", help="the mounting as the recording declares it, not as the strips show it")
+    ] = False,
+    map: Map = None,
+    start: From = None,
+    stop: To = None,
+    imu: Imu = 0,
+    mag: Mag = 0,
+    baro: Baro = 0,
+    gps: Gps = 0,
+    raw: Raw = False,
+    json: Json = None,
+) -> None:
+    """A map from a flight with a scanning laser: point cloud, terrain, objects, error budget, strips compared."""
+    from sinan.experiments.commands.map import run
+
+    _require_place_for(out)
+    choice = _choice(imu, mag, baro, gps, raw)
+    _say(lambda: run(input, out, cell, not declared, map, json, (start, stop), choice), json, None)
+
+
 @app.command()
 def heights(
     input: Input,

@@ -29,6 +29,7 @@ LABS = {
     "sonar_height": "height from a sonar: time of flight, temperature, tilt, and how soft a ground may be",
     "codes": "C/A and P code: classes of receivers, and both codes of measured RINEX",
     "camera": "a camera calibrated as a pinhole, what its residual field shows, and what held-out pictures gain",
+    "laser_map": "laser, DGPS and IMU make a map; its strips show how the laser is mounted (7.15)",
     "scan_height": "height from a laser scan: the course's mean against the exact formula",
 }
 
