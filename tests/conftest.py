@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import os
+import signal
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,9 @@ import pytest
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # two workers share two cores
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # begun in the background, a shell has taken Ctrl-C away from the tests and from all that they start
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[1]
 NO_DATA = "no measured data: set SINAN_DATA to a folder that holds the data sets, as `sinan fetch` leaves them"

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -218,11 +219,14 @@ def test_ctrl_c_ends_it_well(loopback: Loopback) -> None:
     wait_for(lambda: rows_of(folder / "imu.csv") > 30, run)
     time.sleep(2.0)  # every stream has come, and the table was drawn since
     run.send_signal(signal.SIGINT)
+    too_long = threading.Timer(MOST, run.kill)
+    too_long.start()
     shown = b""
     with suppress(OSError):  # what a terminal says whose other side is closed
         while part := os.read(ours, 65536):
             shown += part
     os.close(ours)
+    too_long.cancel()
     assert ended(run) == ""
     said = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode())
     assert "Ctrl-C ends it well" in said
