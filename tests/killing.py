@@ -27,12 +27,14 @@ CHANGES = ("os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.link", "os.syml
 MOST = 300
 #: A file is cut off at so many bytes, four times as many, and so on.
 FIRST_CUT, LAST_CUT = 64, 2**24
+#: Python 3.11 takes a compiled module that was cut off in writing for a whole one: every later import of it fails.
+FOR_FULL_DISKS = {"PYTHONDONTWRITEBYTECODE": "1"}
 
 
 def killed(file: str, function: str, folder: Path) -> list[Path]:
     """The copies of `folder`/before in which the function was killed, and last the one in which it was not."""
     command = [sys.executable, __file__, file, function, str(folder)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**os.environ, **FOR_FULL_DISKS, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     return sorted(path for path in folder.iterdir() if path.name.isdigit())
@@ -41,11 +43,13 @@ def killed(file: str, function: str, folder: Path) -> list[Path]:
 @contextmanager
 def no_file_beyond(size: int) -> Iterator[None]:
     """As on a full disk: a write beyond so many bytes of a file fails."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before, compiled = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = compiled
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 

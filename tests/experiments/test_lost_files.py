@@ -18,7 +18,7 @@ from sinan.experiments.monte_carlo.study import run
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import read_recording
-from tests.killing import ROOT, is_write, killed, no_file_beyond
+from tests.killing import FOR_FULL_DISKS, ROOT, is_write, killed, no_file_beyond
 
 #: A moment of flight, with all its streams.
 SHORT = 'like = "hover"\n[[manoeuvre]]\nkind = "hold"\nduration = 4.0\n'
@@ -174,8 +174,8 @@ def test_a_full_disk_in_montecarlo_leaves_what_was_finished(flight: Path, tmp_pa
     command = ["montecarlo", str(flight / "short.toml"), "--workers", workers, "--resume", "kept", "--runs", "4"]
     done = subprocess.run(
         [sys.executable, "-m", "sinan", *command],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120,
-        check=False, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600)),
+        cwd=tmp_path, env={**os.environ, **FOR_FULL_DISKS, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+        timeout=120, check=False, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600)),
     )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.startswith("sinan: kept/run-00000")
