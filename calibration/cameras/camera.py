@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.calibration.cameras.damped import minimised
 from sinan.calibration.cameras.views import View
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
 from sinan.sensors.arrays import FloatArray
@@ -23,15 +24,11 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.lenses import LENSES
 from sinan.sensors.rotation import right_jacobian, rotation_exp, skew
 
-#: Levenberg-Marquardt: from a homography's start five to fifteen rounds do; a fit that takes so many never settles.
-_ROUNDS = 100
-#: Relative gain of a round at which the sum of squares is at its minimum to rounding.
-_SETTLED = 1e-9
 #: Plausible sizes of the parameters, by which the data's null directions are judged [pixels, 1]: lenses that are sold.
 _PLAUSIBLE = {"f": 100.0, "centre": 30.0, "k": 0.1}
 #: Angles seen by a lens that starts are made with [rad]: the diagonal's half, from a long lens to a fisheye.
 _HALF_ANGLES = np.deg2rad([15.0, 30.0, 50.0, 75.0, 95.0])
-#: Focal lengths beyond so many half pictures, 0.06 deg of view, are rounding.
+#: Focal lengths beyond so many half pictures are rounding, for atan(1 / 1000) is 0.06 deg: `bounds_of_work camera`.
 _LONGEST = 1e3
 #: A picture is set aside where its RMS is so many robust sigmas of the pictures' logarithms above their median: of
 #: pictures that scatter log-normally one in three million. No fewer pictures than this say what is usual.
@@ -338,54 +335,26 @@ def _cost(views: Sequence[View], camera: Intrinsics, poses: Sequence[Pose]) -> f
 def _minimise(
     views: Sequence[View], spread: FloatArray, camera: Intrinsics, poses: list[Pose]
 ) -> tuple[Intrinsics, list[Pose]]:
-    """Levenberg-Marquardt with the poses eliminated: (U - sum W V^-1 W') da = -(g - sum W V^-1 h)."""
-    damping = 1e-3
-    cost = _cost(views, camera, poses)
-    if not np.isfinite(cost):
-        raise np.linalg.LinAlgError("a corner that the start does not see")
-    for _ in range(_ROUNDS):
-        blocks = blocks_of(views, camera, poses, spread)
-        while True:
-            da, dp = damped_step(blocks, damping)
-            values = camera.values + spread @ da
-            there = bool(np.all(np.isfinite(values)) and np.all(values[:2] > 0.0))
-            tried = camera.with_values(values) if there else camera
-            moved = [Pose(p.r + d[:3], p.T + d[3:]) for p, d in zip(poses, dp, strict=True)]
-            new = _cost(views, tried, moved) if there else np.inf
-            if new <= cost:
-                break
-            damping *= 10.0
-            if damping > 1e12:
-                return camera, poses
-        gain, cost, camera, poses = cost - new, new, tried, [_wrapped(p) for p in moved]
-        damping = max(damping / 10.0, 1e-12)
-        if gain <= _SETTLED * max(cost, 1e-300):
-            return camera, poses
-    return camera, poses
+    """Intrinsics and poses of the least squares, the poses eliminated."""
+
+    def moved(
+        state: tuple[Intrinsics, list[Pose]], da: FloatArray, dp: Sequence[FloatArray]
+    ) -> tuple[Intrinsics, list[Pose]] | None:
+        camera, poses = state
+        values = camera.values + spread @ da
+        if not (np.all(np.isfinite(values)) and np.all(values[:2] > 0.0)):
+            return None
+        turned = [_wrapped(Pose(p.r + d[:3], p.T + d[3:])) for p, d in zip(poses, dp, strict=True)]
+        return camera.with_values(values), turned
+
+    start = (camera, poses)
+    return minimised(start, lambda s: _cost(views, *s), lambda s: blocks_of(views, *s, spread), moved)
 
 
 def _wrapped(pose: Pose) -> Pose:
     """The same rotation by the vector that is not longer than pi, where J_r is regular."""
     angle = float(np.linalg.norm(pose.r))
     return pose if angle <= np.pi else Pose(pose.r * (1.0 - 2.0 * np.pi / angle), pose.T)
-
-
-def damped_step(
-    blocks: Sequence[tuple[FloatArray, FloatArray, FloatArray]], damping: float
-) -> tuple[FloatArray, list[FloatArray]]:
-    """One damped Gauss-Newton step: of the intrinsics, and of each pose."""
-    U = sum(A.T @ A for _, A, _ in blocks)
-    left = U + damping * np.diag(np.diag(U))
-    right = sum(A.T @ r for r, A, _ in blocks)
-    kept = []
-    for r, A, B in blocks:
-        V, W, h = B.T @ B, A.T @ B, B.T @ r
-        V = V + damping * np.diag(np.diag(V))
-        VW, Vh = np.linalg.solve(V, W.T), np.linalg.solve(V, h)
-        left, right = left - W @ VW, right - W @ Vh
-        kept.append((VW, Vh))
-    da = np.asarray(-np.linalg.lstsq(left, right, rcond=None)[0], dtype=np.float64)
-    return da, [np.asarray(-Vh - VW @ da, dtype=np.float64) for VW, Vh in kept]
 
 
 def _result(views: tuple[View, ...], entry: Form, camera: Intrinsics, poses: Sequence[Pose]) -> CameraFit:

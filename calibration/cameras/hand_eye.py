@@ -10,8 +10,9 @@ as least squares over the poses themselves); from rates M. Li, A. I. Mourikis, I
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,6 +33,10 @@ from sinan.sensors.rotation import (
     skew,
     turned_since_start,
 )
+
+X = TypeVar("X")
+#: Rotation of the camera, its lateness [s] and the gyroscope's bias [rad/s].
+_Rates = tuple[FloatArray, float, FloatArray]
 
 #: Gauss-Newton from a closed form: each round doubles the digits.
 _ROUNDS = 20
@@ -179,14 +184,8 @@ class _Poses:
         return r, np.concatenate([J_R.reshape(-1, 12), J_T.reshape(-1, 12)])
 
     def settled(self, x: _Unknowns, sizes: Mapping[str, float]) -> _Unknowns:
-        """Gauss-Newton until the step is nothing."""
-        for _ in range(_ROUNDS):
-            r, J = self.parts(x, sizes)
-            step = np.asarray(-np.linalg.lstsq(J, r, rcond=None)[0], dtype=np.float64)
-            x = x.moved(step)
-            if np.linalg.norm(step) < _SETTLED:
-                break
-        return x
+        """At which the weighted squares are least."""
+        return _settled(x, lambda x: self.parts(x, sizes), _Unknowns.moved)
 
     def sizes_left(self, x: _Unknowns, sizes: Mapping[str, float]) -> dict[str, float]:
         """The noise of rotation and of place by what is left of each."""
@@ -298,15 +297,17 @@ def from_rates(
     def whiten(rows: FloatArray) -> FloatArray:
         return _white(sigma, density, between, rows.reshape(len(between), -1))[0].reshape(rows.shape)
 
+    def parts(x: _Rates) -> tuple[FloatArray, FloatArray]:
+        r, J = _rate_parts(_Turning.of(t, w_b, x[2]), t_seen, turned, *x[:2])
+        return whiten(r), whiten(J)
+
+    def moved(x: _Rates, step: FloatArray) -> _Rates:
+        if abs(x[1] + step[3]) > reach:
+            raise InputError("hand-eye", f"a lateness beyond {reach:g} s", "quicker turns, or nearer stamps")
+        return x[0] @ rotation_exp(step[:3]), float(x[1] + step[3]), x[2] + step[4:]
+
     for _ in range(3):
-        for _ in range(_ROUNDS):
-            r, J = _rate_parts(_Turning.of(t, w_b, bias), t_seen, turned, C_bc, delay)
-            step = np.asarray(-np.linalg.lstsq(whiten(J), whiten(r), rcond=None)[0], dtype=np.float64)
-            C_bc, delay, bias = C_bc @ rotation_exp(step[:3]), float(delay + step[3]), bias + step[4:]
-            if abs(delay) > reach:
-                raise InputError("hand-eye", f"a lateness beyond {reach:g} s", "quicker turns, or nearer stamps")
-            if np.linalg.norm(step) < _SETTLED:
-                break
+        C_bc, delay, bias = _settled((C_bc, delay, bias), parts, moved)
         r, J = _rate_parts(_Turning.of(t, w_b, bias), t_seen, turned, C_bc, delay)
         sigma, density = _noise(r.reshape(-1, 3), between)
     names = (*(f"rotation {a}" for a in "xyz"), "delay", *(f"gyro bias {a}" for a in "xyz"))
@@ -317,6 +318,17 @@ def from_rates(
     values = np.append(delay, bias)
     covariance = covariance_of(white, plausible, 1.0)
     return Mounting(C_bc, np.full(3, np.nan), delay, names, covariance, sentences, found, values)
+
+
+def _settled(x: X, parts: Callable[[X], tuple[FloatArray, FloatArray]], moved: Callable[[X, FloatArray], X]) -> X:
+    """Gauss-Newton until the step is nothing; `parts` gives the residual and its Jacobian."""
+    for _ in range(_ROUNDS):
+        r, J = parts(x)
+        step = np.asarray(-np.linalg.lstsq(J, r, rcond=None)[0], dtype=np.float64)
+        x = moved(x, step)
+        if np.linalg.norm(step) < _SETTLED:
+            break
+    return x
 
 
 def _rate_parts(

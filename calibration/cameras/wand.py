@@ -16,14 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinan.calibration.cameras.camera import Form, damped_step
+from sinan.calibration.cameras.camera import Form
+from sinan.calibration.cameras.damped import minimised
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
 from sinan.sensors.arrays import FloatArray, IntArray, as_floats
 from sinan.sensors.camera import Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.rotation import rotation_exp, skew
 
-_ROUNDS, _SETTLED = 100, 1e-10
 #: An essential matrix has eight unknowns up to scale; with fewer common markers there is no linear start.
 _LEAST_COMMON = 8
 _TURN, _PLACE = 0.1, 1.0  # rad, m: plausible sizes, by which null directions are judged
@@ -263,24 +263,10 @@ class _Problem:
         return _State(tuple(cameras), R, T, A, u / np.linalg.norm(u, axis=1, keepdims=True))
 
     def minimised(self, state: _State) -> _State:
-        """Levenberg-Marquardt, the wand of each instant eliminated."""
-        cost, damping = self.cost(state), 1e-3
-        if not np.isfinite(cost):
+        """Of the least squares, the wand of each instant eliminated."""
+        if not np.isfinite(self.cost(state)):
             raise InputError("wand", "no start from which all markers are seen", "intrinsics of these cameras")
-        for _ in range(_ROUNDS):
-            blocks = self.blocks(state)
-            while True:
-                tried = self.moved(state, *damped_step(blocks, damping))
-                new = self.cost(tried)
-                if new <= cost:
-                    break
-                damping *= 10.0
-                if damping > 1e12:
-                    return state
-            gain, cost, state, damping = cost - new, new, tried, max(damping / 10.0, 1e-12)
-            if gain <= _SETTLED * max(cost, 1e-300):
-                break
-        return state
+        return minimised(state, self.cost, self.blocks, self.moved)
 
     def result(self, state: _State) -> WandFit:
         """Covariance with the wand projected out."""

@@ -31,7 +31,7 @@ BLOCK, LEAST_BLOCKS = 30.0, 4
 #: A stretch is disturbed where the norm, averaged over `SMOOTH` seconds, is this many robust sigmas off; what is within
 #: `AROUND` seconds of it counts as disturbed as well.
 DISTURBED, SMOOTH, AROUND = 4.0, 0.5, 1.0
-#: Hard iron, norm and dip are five unknowns, and each reading gives two lines.
+#: Hard iron, norm and dip are five unknowns, and each reading gives two lines: 15 of the 20 lines are left to judge by.
 LEAST_READINGS = 10
 #: A direction in which vectors spread by less than this many of their white noises shows no turns: of noise alone the
 #: likeliest sphere is one of the noise's own size, about the mean reading. A spread of `CLEAR` of their length is turns
@@ -41,9 +41,9 @@ TURNED, CLEAR = 5.0, 0.25
 HARD_IRON = 0.5
 #: No line is believed to better than this share of the field: numbers that nobody measured have no noise at all.
 LEAST_ERROR = 1e-6
-#: The least norm that a pass may come to, over that of the readings.
+#: The least norm that a pass may come to, over that of the readings: bound of work (`bounds_of_work compass`).
 LEAST_NORM = 1e-3
-#: The passes end when no unknown moves by more, over the field.
+#: The passes end when no unknown moves by more, over the field: bound of work (`bounds_of_work compass`).
 SETTLED = 1e-6
 #: A norm within this share of the field is not called disturbed: scale and axes of a good compass do that.
 HARMLESS = 0.01

@@ -43,7 +43,7 @@ NO_NOISE = 1e-15
 BIAS_STD: Mapping[str, float] = BySensor(lambda entry: entry.believed_bias)
 #: The same for a magnetometer, over the median norm of its readings: hard iron of a mounted, calibrated compass.
 MAG_BIAS_STD = 0.15
-#: A hard iron that the log shows counts from so many of its sigmas on.
+#: A hard iron that the log shows counts from so many of its sigmas on: as often as 5 % by chance, as `FIELD_GAIN`.
 BEYOND_DOUBT = 2.0
 #: First guess of a bias walk: the noise density, or one reading's noise, times this a sqrt(s).
 WALK_START = 0.05
@@ -62,15 +62,18 @@ WALK_SLACK = 1.0
 OUTLIER_LEVEL = 1e-3
 #: A NIS off one by this factor, at levels that were found from the log, is said in the notes.
 FAR = 1.25
-#: The fit ends when an iteration gains less than this in log L over log L.
+#: The fit ends when an iteration gains less than this in log L over log L: half of it moves a level by up to 7 %
+#: (`bounds_of_work levels`), twice none.
 GAIN = 1e-7
+#: Iterations of the fit: bound of work (`bounds_of_work levels`).
 MOST_ITERATIONS = 40
 #: How far the field's declination and dip [rad] and the logarithm of its norm may be off what the compass alone shows,
 #: and the unit in which they are sought: a few sigmas of a flight.
 FIELD_RANGE, FIELD_UNIT = (0.6, 0.6, 0.3), 0.02
 #: What the three have to gain of 2 log L: the 5 % point of chi-square.
 FIELD_GAIN = 7.8
-#: Passes that bring the NIS of each stream to one, and how near.
+#: Passes that bring the NIS of each stream to one, and how near: bound of work; half and twice move a level by up to
+#: 1 % (`bounds_of_work levels`).
 POLISH_PASSES, POLISHED = 20, 0.02
 
 #: Walk of a consumer gyroscope's bias that nothing but a magnetometer or `level` watches [rad/s/sqrt(s)]: what its

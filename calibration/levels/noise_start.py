@@ -18,7 +18,7 @@ LEAST_STILL = 1.0
 #: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
 ROUNDING = 1.0 / np.sqrt(12.0)
 SAME, OFTEN = 1e-3, 0.05
-#: Median of the magnitude of a standard normal.
+#: Median of the magnitude of a standard normal: the 75 % point, norm.ppf(0.75).
 MEDIAN_NORMAL = 0.6745
 
 

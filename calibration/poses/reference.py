@@ -16,10 +16,12 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.rotation import rotate, rotate_back
 
 _AXIS = "xyz"
-_OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+_OFF_DIAGONAL = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 #: Rows of a log that are looked at, evenly over it: more say the same again.
 _MOST_ROWS = 800
-_SIZES = (0.05, 0.05, 0.05, 0.1)  # plausible scale, offset, entry of T [1] and angle of the field [rad]
+#: Plausible scale, offset, entry of T [1] and angle of the field [rad]: of an MPU-6050 +-3 %, +-50 to 80 mg and +-2 %
+#: (data sheet); the field as `levels.fields.FIELD_STD`.
+_SIZES = (0.05, 0.05, 0.05, 0.1)
 
 
 @dataclass(frozen=True)

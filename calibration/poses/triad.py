@@ -21,7 +21,7 @@ Axes = Literal["none", "triangular", "full"]
 AXES: tuple[Axes, ...] = ("none", "triangular", "full")
 
 #: Entries of T above the diagonal: non-orthogonality of the axes.
-UPPER = ((0, 1), (0, 2), (1, 2))
+UPPER = tuple((i, j) for i in range(3) for j in range(3) if i < j)
 _AXIS = "xyz"
 _SMALLEST = 1e-60  # of a reading: fourth powers of it and of its inverse are numbers
 _PLAUSIBLE_SCALE = 0.05  # 1, of K about its start: initial tolerance of consumer parts is +-3 % (MPU-6050 data sheet)

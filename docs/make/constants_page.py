@@ -2,8 +2,8 @@
 
 A comment belongs to a constant when it stands above it (`#:`) or behind it, or above the lines that it begins. What it
 says of the origin is told by its words: *cited* (an author and a year, a standard, a data sheet), *measured* (a note, a
-command, a simulation, a log), *derived* (a formula, or a reason in words); a comment that says only what the number is
-gives no origin.
+command, a simulation, a log), *derived* (a formula, or a reason in words), *stated risk* (a level of a test), *bound of
+work* (checked by halving and doubling); a comment that says only what the number is gives no origin.
 """
 
 from __future__ import annotations
@@ -17,8 +17,16 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = ("estimator", "calibration", "experiments/residual_loop")
 #: Modules whose numbers are bits and sizes of the machine, not of the question.
 _MACHINE = ("engine_numba.py", "smoother_numba.py", "kernel_cache.py")
-_CITED = re.compile(r"\b(19|20)\d\d\b|data ?sheet|standard|IS-GPS|WGS|RTCA|ISO|Welsch|Cauchy|Huber|Baarda|the course")
-_MEASURED = re.compile(r"docs/notes|python -m|simulat|measured|of \d[\d,]* |in logs|of the logs|cases at|docs/blind")
+_RISK = re.compile(r"\bstated\s+risk\b")
+_WORK = re.compile(r"\bbounds? of work\b|bounds_of_work")
+_CITED = re.compile(
+    r"\b(19|20)\d\d\b|data ?sheet|standard(?! deviation| normal)|IS-GPS|WGS|RTCA|ISO"
+    r"|Welsch|Cauchy|Huber|Baarda|the course"
+)
+_MEASURED = re.compile(
+    r"docs/notes|python -m|simulat|measured|of \d[\d,]* (?:logs|cases|minutes|messages)|in logs|of the logs|cases at"
+    r"|docs/blind"
+)
 _DERIVED = re.compile(
     r"[:;=<>]|\bbecause\b|\bso that\b|\bsince\b|\bof which\b|\bhas\b|sqrt|\bexact\b|\btimes\b|chi-square"
 )
@@ -31,6 +39,10 @@ the code is its reason; the last column says of what sort that is, by the words 
 - **cited**: an author and a year, a standard, a data sheet ({cited});
 - **measured**: a note, a named command, a simulation, a log ({measured});
 - **derived**: a formula, or a reason in words ({derived});
+- **stated risk**: the level of a test, the share of false alarms that is accepted: a choice by its nature ({stated});
+- **bound of work**: rounds, lengths of lists, steps of differences; `python -m
+  sinan.experiments.benchmarks.bounds_of_work` halves and doubles each and shows what an answer does ({bound}; figures:
+  [bounds of work](../notes/bounds_of_work.md));
 - **no origin**: the comment says what the number is and not why it is that one, or there is none ({none}). These are
   choices: they hold for what the benchmarks of [blind recordings](../blind.md) and of
   [measured minutes](../blind_measured.md) show, and for no more.
@@ -52,6 +64,10 @@ class Constant:
     @property
     def origin(self) -> str:
         """Of what sort its reason is."""
+        if _RISK.search(self.comment):
+            return "stated risk"
+        if _WORK.search(self.comment):
+            return "bound of work"
         if _CITED.search(self.comment):
             return "cited"
         if _MEASURED.search(self.comment):
@@ -113,9 +129,10 @@ def _comment(lines: list[str], first: int, end: int) -> str:
 def page() -> str:
     """The head with its counts, then a table a folder."""
     found = constants()
-    count = {kind: sum(c.origin == kind for c in found) for kind in ("cited", "measured", "derived", "no origin")}
+    kinds = ("cited", "measured", "derived", "stated risk", "bound of work", "no origin")
+    count = {kind.split()[0]: sum(c.origin == kind for c in found) for kind in kinds}
     folders = ", ".join(f"`{folder}`" for folder in FOLDERS)
-    lines = [HEAD.format(total=len(found), none=count["no origin"], folders=folders, **count)]
+    lines = [HEAD.format(total=len(found), none=count["no"], folders=folders, **count)]
     for module in dict.fromkeys(c.module for c in found):
         lines += [
             f"\n## `{module}.py`\n",

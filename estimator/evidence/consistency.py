@@ -14,7 +14,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import StateLayout, size_of
 from sinan.sensors.arrays import FloatArray
 
-LEVEL = 0.99  # probability of the intervals
+LEVEL = 0.99  # probability of the intervals: a stated risk of 1 % each, the `alpha` of a trace
 BLOCK_NAMES = {
     "position": "position", "velocity": "velocity", "attitude": "attitude",
     "b_accel": "accel bias", "b_gyro": "gyro bias",

@@ -22,7 +22,7 @@ from sinan.estimator.filter.layout import CAPACITY
 from sinan.estimator.filter.pieces import parts_of, recorded
 from sinan.sensors.arrays import FloatArray, IntArray
 
-PART = 4000  # IMU samples whose gains are in memory at one time
+PART = 4000  # IMU samples whose gains are in memory at one time: bound of work (`test_level_scores`)
 
 
 @dataclass(frozen=True)

@@ -42,13 +42,15 @@ from sinan.sensors.motion import Motion
 CELL = 0.2
 #: Cells at most; a longer flight has longer cells.
 MOST_CELLS = 4800
-#: Cells are halved until the process noise in half of one is at most this share of the variance of a reading.
+#: Cells are halved until the process noise in half of one is at most this share of the variance of a reading:
+#: bound of work (`bounds_of_work observability`).
 SHARED = 0.1
-#: Process noise below this share of a reading's variance is not added to it.
+#: Process noise below this share of a reading's variance is not added to it: sigma is off by half of that.
 SMALL = 1e-3
-#: Instants at which a flight is asked how much of its process noise its sensors see.
+#: Instants at which a flight is asked how much of its process noise its sensors see: bound of work (`bounds_of_work
+#: observability`).
 PROBES = 9
-#: Readings whose information is summed at a time, to bound the memory.
+#: Readings whose information is summed at a time: bound of work (`bounds_of_work observability`).
 BATCH = 4096
 #: Instants and weights inside a cell, from 0 to 1, at which noise enters (Gauss and Legendre, exact to degree 5).
 _NOISE_AT = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))

@@ -20,6 +20,8 @@ from scipy import special, stats
 
 from sinan.sensors.arrays import FloatArray
 
+#: Blocks of time over which evidence is summed: of twenty the scatter is known to sqrt(2 / 19), a third.
+BLOCKS = 20
 #: A direction of beta is dropped where the data, taken together, leave it wider than this many plausible sizes: a
 #: filter linearised at noisy points claims a little information on directions that it cannot see.
 WIDEST_DIRECTION = 30.0

@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.evidence.score import BLOCKS
 from sinan.estimator.filter.compiled import TILE, Columns, CompiledRun
 from sinan.estimator.filter.effect_forms import (
     Along,
@@ -51,10 +52,9 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import cross
 
-BLOCKS = 20
 #: Below this determinant of d e(f) / df an instrument counts as showing nothing there; of sound ones it is near one.
 _BLIND = 1e-3
-#: d e(f) / df is one, but for the rounding of its differences.
+#: d e(f) / df is one, but for the rounding of its differences: bound of work (`bounds_of_work flight`).
 _NO_GAIN = 1e-9
 
 

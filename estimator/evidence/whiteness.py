@@ -7,6 +7,7 @@ from scipy import stats
 
 from sinan.sensors.arrays import FloatArray
 
+#: Lags of the test of Ljung and Box: 20 at most (Box, Jenkins, Reinsel, Time Series Analysis, 3rd edition, 1994).
 MOST_LAGS = 20
 
 

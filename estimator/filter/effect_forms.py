@@ -38,7 +38,7 @@ from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_b
 STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
 #: Rounds of f <- u - b - c(f); each gains the size of the effect, a few per cent, so five reach rounding's reach.
 INVERSION_ROUNDS = 5
-#: A round that changes nothing by more than this was the last [m/s^2, rad/s].
+#: A round that changes nothing by more than this was the last: bound of work (`bounds_of_work flight`) [m/s^2, rad/s].
 INVERTED = 1e-9
 #: Rows on which it is found out by which states an effect changes, and those that are evaluated at once: few cost as
 #: much as the calls, and many more leave the processor's cache.

@@ -9,8 +9,9 @@ from sinan.estimator.filter.journal import Journal
 from sinan.sensors.arrays import FloatArray
 
 Engine = Literal["auto", "numba", "filterpy"]
-#: One IMU sample and its share of readings cost this long in the readable engine, compiling the other this long [s].
-READABLE_STEP, COMPILATION = 150e-6, 10.0
+#: One IMU sample and its share of readings cost this long in the readable engine (measured: docs/notes/speed.md),
+#: compiling the other this long [s]: bound of work, both give the same (`test_engines`).
+READABLE_STEP, COMPILATION = 500e-6, 10.0
 
 
 def choose_engine(engine: Engine, inputs: RunInputs) -> Literal["numba", "filterpy"]:

@@ -29,7 +29,7 @@ from sinan.sensors.rotation import (
     right_jacobian,
 )
 
-LOG_2_PI = 1.8378770664093453
+LOG_2_PI = float(np.log(2.0 * np.pi))  # = log(2 pi), of the normal density
 
 
 @dataclass(frozen=True)

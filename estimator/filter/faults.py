@@ -8,7 +8,7 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, edges_of_runs
 
-#: False-alarm rate per stream of calling a run of equal readings frozen.
+#: False-alarm rate per stream of calling a run of equal readings frozen: a stated risk.
 FROZEN_LEVEL = 1e-6
 #: A saturated stretch: at least this many readings in a row at the stream's own extreme.
 SATURATED_RUN = 3

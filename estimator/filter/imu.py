@@ -27,7 +27,8 @@ from sinan.sensors.recording import ACCEL, GYRO, Recording
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
 GAP = 2.5
-#: Windows from which the unseen motion inside a gap is estimated, at least this many.
+#: Windows from which the unseen motion inside a gap is estimated, at least this many: its sigma is known to
+#: 1 / sqrt(2 * 8), a quarter.
 GAP_WINDOWS = 8
 #: Turn that may have gone unseen, 1-sigma, beyond which nothing that was known is of use: a filter is linear no longer,
 #: and the first readings after the gap tell the attitude better [rad].

@@ -26,7 +26,7 @@ from sinan.sensors.motion import Motion
 
 #: Above this a rate or an acceleration is vibration, no motion of the vehicle [Hz].
 VEHICLE_BANDWIDTH = 10.0
-#: Frequencies over which power is averaged.
+#: Frequencies over which power is averaged: it is known to sqrt(2 / 65), a sixth.
 NEIGHBOURS = 65
 #: k above: the mean of so many frequencies of noise exceeds twice its own once in 300,000.
 SUBTRACTED = 2.0

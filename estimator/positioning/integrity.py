@@ -14,11 +14,11 @@ import pymap3d
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
-ALPHA = 1e-3  # false-alarm probability of one w-test
-CRITICAL = 3.2905  # |w| of a standard normal that is exceeded with probability ALPHA
+ALPHA = 1e-3  # false-alarm probability of one w-test (Baarda 1968)
+CRITICAL = 3.2905  # |w| that is exceeded with probability ALPHA: norm.isf(ALPHA / 2)
 NONCENTRALITY = 17.075  # lambda_0: a bias this strong is found with probability 0.8 at ALPHA (Baarda 1968, nomogram)
-COVERAGE = 3.2905  # sigmas of the noise part of a protection level, probability ALPHA to exceed
-LEAST_REDUNDANCY = 1e-6  # redundancy number below which a row checks nothing
+COVERAGE = CRITICAL  # sigmas of the noise part of a protection level, probability ALPHA to exceed
+LEAST_REDUNDANCY = 1e-6  # redundancy number that is rounding: bound of work (`bounds_of_work ranges`)
 
 UNCHECKED = "four satellites for four unknowns: nothing can be checked"
 DETECTION = "one satellite more than unknowns: an error can be seen, but not ascribed to a satellite"

@@ -24,9 +24,11 @@ from sinan.sensors.pseudorange import (
 )
 from sinan.sensors.range_noise import RangeNoise
 
-MOST_PASSES = 8  # of mask, weights and modelled effects
+MOST_PASSES = 8  # of mask, weights and modelled effects: bound of work (`bounds_of_work ranges`)
 MOST_EXCLUDED = 6  # satellites of one epoch
-COARSE = 30.0  # m, 1-sigma of a pseudorange before any effect but the satellite clocks is modelled
+#: 1-sigma of a pseudorange before any effect but the satellite clocks is modelled [m]: all rows have the same, so that
+#: the weights say nothing (`bounds_of_work ranges`).
+COARSE = 30.0
 IONOSPHERE, CLOCK = "pseudorange.ionosphere", "pseudorange.satellite_clock"
 
 

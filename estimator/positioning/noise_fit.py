@@ -34,7 +34,7 @@ MOST_EPOCHS = 40  # of a log, evenly spread: neighbours repeat each other
 PRIOR_SPREAD = (
     0.5  # 1-sigma of the logarithm of a size: between the five sites of docs/notes/range_noise.md it is 0.24 to 0.66
 )
-NEAREST, FARTHEST = 0.01, 30.0  # bounds of a size over its prior
+NEAREST, FARTHEST = 0.01, 30.0  # bounds of a size over its prior: bound of work (`bounds_of_work ranges`)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from sinan.estimator.positioning.small_systems import cholesky, inverse, substit
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.errors import InputError
 
-EARTH_RADIUS = 6371.0e3  # m, mean
+EARTH_RADIUS = 6371.0e3  # m, mean radius R_1 of GRS 80 (Moritz, Journal of Geodesy 74, 2000) to a kilometre
 CONVERGED = 1e-4  # m: the last step's error is the square of this over the distance
 MOST_ITERATIONS = 30
 

@@ -26,7 +26,7 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.range_noise import RangeNoise
 
 SIZES = (3.0, 10.0, 30.0)  # m, of tau: each as likely
-SHORTLIST = 3  # satellites whose evidence is computed anew with sizes of its own
+SHORTLIST = 3  # satellites whose evidence has sizes of its own: bound of work (`bounds_of_work ranges`)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.whiteness import whiteness
 from sinan.estimator.filter.events import readings
@@ -76,9 +76,9 @@ from sinan.sensors.recording import Recording
 #: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared: instruments that
 #: are sold have one, and nothing but the prior holds what the motion hardly shows.
 SOLD = 2.0
-_BLOCKS = 20
 _LEAST_OUTLIERS = 3
-#: Level of the test of whiteness from which on a slow error of the GPS is looked for.
+#: Level of the test of whiteness from which on a slow error of the GPS is looked for: a stated risk, the `alpha` of a
+#: trace; whether there is one is not decided by it.
 _COLOURED = 0.01
 #: Motion is near what it is said to be where the NIS of `level` is no larger: twice what its sigma allows for.
 _NEAR = 4.0
@@ -277,7 +277,7 @@ class FlightSource:
         own, rows = _state(fit).effects, self._own_rows(fit)
         W, white = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])]), rows.white
         share = (rows.t - self._passes.start) / (self._passes.end - self._passes.start)
-        block = np.minimum((_BLOCKS * share).astype(int), _BLOCKS - 1)
+        block = np.minimum((BLOCKS * share).astype(int), BLOCKS - 1)
         count = int(block.max()) + 1
         information, score = np.zeros((count, W.shape[1], W.shape[1])), np.zeros((count, W.shape[1]))
         for k in range(count):

@@ -31,6 +31,7 @@ from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 
 #: The last third of the samples is held out.
 _FITTING_SHARE = 2.0 / 3.0
+#: Steps, and halvings of them, at most: bound of work (`bounds_of_work flight`).
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
 _SETTLED = 0.05
@@ -47,7 +48,7 @@ _HARDLY = 9.0
 _LARGER = 1.5
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
-#: Sets of readings whose slow error is kept.
+#: Sets of readings whose slow error is kept and not found anew: bound of work (`bounds_of_work flight`).
 _MOST_DRIFTS = 3
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
 _TIMES_KNOWN = 5.0

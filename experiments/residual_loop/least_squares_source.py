@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from sinan.estimator.evidence.score import Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
 from sinan.experiments.residual_loop import onsets
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.gauss_newton import minimise
@@ -37,7 +37,7 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.errors import InputError
 
-_BLOCKS = 20
+#: Rows of a block at the least, where there are fewer than `BLOCKS` of that: bound of work (`bounds_of_work poses`).
 _ROWS_A_BLOCK = 8
 #: A single reading so many sigma off is kept out of the search for intervals.
 _SUSPECT = 4.0
@@ -45,7 +45,8 @@ _SUSPECT = 4.0
 _ENDS_WITHIN = 3
 #: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
 _PROBE_SHARE = 0.4
-#: A probe less likely to be chance than this is asked what it predicts.
+#: A probe less likely to be chance than this is asked what it predicts: bound of work, far above what is called an
+#: effect (`bounds_of_work poses`).
 _WORTH_LEAVING_OUT = 0.05
 #: Rows of the shortest disturbance of turns and rests: a turn has two.
 _SHORTEST_OF_SUMS = 2
@@ -215,7 +216,7 @@ class LeastSquaresSource:
         """Block of time of each active row, blocks of equal numbers of rows."""
         t = self._problem.t[active]
         order = np.argsort(np.argsort(t, kind="stable"), kind="stable")
-        blocks = int(np.clip(len(t) // _ROWS_A_BLOCK, 1, _BLOCKS))
+        blocks = int(np.clip(len(t) // _ROWS_A_BLOCK, 1, BLOCKS))
         return np.asarray(order * blocks // len(t), dtype=np.int64)
 
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:

@@ -9,6 +9,7 @@ import numpy as np
 from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
 from sinan.sensors.bounds import ASSUMED
 
+#: Lags of the correlation that is summed until it is nothing: bound of work (`bounds_of_work flight`).
 _LAGS = 500
 #: A residual is slow where its sum over long times varies this many times as much as that of white noise.
 _SLOW = 1.1

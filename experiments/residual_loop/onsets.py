@@ -21,6 +21,8 @@ from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect, effect
 
+#: Onsets that are tried, and how much finer they are tried about the best: bound of work; half and twice move an
+#: interval by 1 % of its length at most (`bounds_of_work flight`).
 _ONSETS = 25
 _FINER = 5
 #: By how much `refined` knows an end of an interval better than it was told: two grids.
@@ -32,9 +34,10 @@ _WORTH_REFINING = 0.05
 #: same but for what each receiver has alone.
 DRIFTING = ("gps", "base")
 _SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
-#: An offset direction is seen where its information exceeds this share of that of the best seen one.
+#: An offset direction is seen where its information exceeds this share of that of the best seen one: its sigma is
+#: 1 / sqrt(0.001) = 32 times as large.
 _FLOOR = 1e-3
-#: An onset this long before a reading includes it [s].
+#: An onset this long before a reading includes it [s]: the step of the finest stamps, of a ULog.
 _JUST_BEFORE = 1e-6
 #: Intervals whose gains differ by less than this are not told apart: of those the smallest offset is taken.
 _ALIKE = 1.0
@@ -42,9 +45,9 @@ _ALIKE = 1.0
 _DEPENDENT = 1e-12
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
-#: Logarithm of the p-value above which intervals explain what they would of white innovations.
+#: Logarithm of the p-value above which intervals explain what they would of white innovations: a stated risk.
 _AS_WHITE = np.log(1e-3)
-#: Further intervals that may be effects too.
+#: Further intervals that may be effects too: bound of work (`bounds_of_work flight`).
 _FURTHER = 3
 
 

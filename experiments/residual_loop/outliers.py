@@ -25,7 +25,7 @@ _LEAST_USUAL = 0.5
 #: A wrong reading is alone: from the neighbours of either side it is off by this share of its distance. What moves them
 #: too, a step or a disturbance, is not.
 _ALONE = 0.5
-#: Of a normal law, its standard deviation over its median absolute value.
+#: Of a normal law, its standard deviation over its median absolute value: 1 / norm.ppf(0.75).
 _OF_MEDIAN = 1.4826
 #: Bounds of how much wider wrong readings scatter than the others.
 _FACTOR = (5.0, 1e3)

@@ -12,9 +12,11 @@ from sinan.sensors.arrays import BoolArray, FloatArray, runs_of
 from sinan.sensors.errors import InputError
 
 Fault = tuple[str, str, float, float]
-#: How likely equal readings at the extreme may be by chance, as often as readings are equal elsewhere.
+#: How likely equal readings at the extreme may be by chance, as often as readings are equal elsewhere: a
+#: stated risk.
 _TIE_LEVEL = 0.02
-#: Readings that must be left beyond the parameters of the plain model, to judge the others by.
+#: Readings that must be left beyond the parameters of the plain model, to judge the others by: of ten
+#: the sigma is known to 1 / sqrt(20), a fifth.
 _LEAST_LEFT = 10
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian
 from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
+from sinan.experiments.residual_loop.inversion import inverted
 from sinan.experiments.residual_loop.linear_problem import Rows
 from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
 from sinan.experiments.residual_loop.source import NO_UNIT, FieldUnit
@@ -29,9 +30,6 @@ from sinan.experiments.residual_loop.term import (
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion
-
-_MOST_PASSES = 25
-_EPSILON = 1e-5  # of the norm, for the derivative of the effects by the true reading
 
 
 class NormPoses:
@@ -142,21 +140,10 @@ class NormPoses:
         for term, beta in model.items():
             if term.probe is not None:  # offsets that do not depend on u
                 y = y - term.probe.regressor(self._motion(y)) @ beta
-        u = y / scale
-        B = np.broadcast_to(np.diag(scale), (len(u), 3, 3)).copy()
         pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
-            return u, B
-        slope = self._slope(u, pairs)
-        back = np.linalg.inv(np.diag(scale) + slope)
-        for _ in range(_MOST_PASSES):
-            step = np.einsum("nij,nj->ni", back, scale * u + self._added(u, pairs) - y)
-            u = u - step
-            if not np.max(np.abs(step)) > 1e-12 * self.norm:
-                break
-        slope = self._slope(u, pairs)
-        B = np.diag(scale) + slope
-        return u, B
+            return y / scale, np.broadcast_to(np.diag(scale), (len(y), 3, 3)).copy()
+        return inverted(y, scale, self.norm, lambda u: self._added(u, pairs))
 
     def rows(
         self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
@@ -192,13 +179,6 @@ class NormPoses:
         """What the effects add to the reading at u."""
         motion = self._motion(u)
         return np.asarray(np.sum([entry.change(u, beta, motion) for entry, beta in pairs], axis=0))
-
-    def _slope(self, u: FloatArray, pairs: list[tuple[Effect, FloatArray]]) -> FloatArray:
-        """(n, 3, 3) its derivative by u, by central differences."""
-        h = _EPSILON * self.norm
-        return np.stack(
-            [(self._added(u + h * d, pairs) - self._added(u - h * d, pairs)) / (2 * h) for d in np.eye(3)], axis=-1
-        )
 
     def _motion(self, u: FloatArray) -> Motion:
         return motion_seen(self.stream, self._t, u, self._covariates)

@@ -27,7 +27,7 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 WINDOW, EVERY = 5.0, 7.5
 #: An interval that is shorter lies in one or two windows: the readings around them do not tell its size [s].
 SHORTEST_ASKED = 2.0 * EVERY
-#: Level at which a model counts as the better one.
+#: Level at which a model counts as the better one: a stated risk.
 LEVEL = 0.05
 #: Parts of a log, each predicted by what the others say of the effects.
 FOLDS = 4

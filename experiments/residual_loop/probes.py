@@ -22,11 +22,12 @@ from sinan.sensors.rotation import matrix_from_quaternion, rotate_back
 
 #: Names of probes begin so: no effect of the catalogue does.
 PREFIX = "unexplained"
-#: Bumps over the horizontal track.
+#: Bumps over the horizontal track: bound of work (`bounds_of_work flight`).
 _PLACES = 10
-#: Rows on which it is found out how an effect follows a covariate, and the correlation with the time from which on a
-#: covariate is told from a drift by a seventh of its size or less.
-_FEW, _AS_TIME = 20, 0.99
+#: Rows on which it is found out how an effect follows a covariate: bound of work (`bounds_of_work flight`).
+_FEW = 20
+#: Correlation with the time from which on sqrt(1 - 0.99^2), a seventh of a covariate, tells it from a drift.
+_AS_TIME = 0.99
 #: Half widths of the play of a sticking instrument: shares of the range of what it measures.
 _PLAYS = (0.05, 0.15, 0.4)
 

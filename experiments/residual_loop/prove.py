@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, predicted_lambda, project_out
+from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, predicted_lambda, project_out
 from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams
 from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.select import Selection
@@ -18,8 +18,8 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.errors import InputError
 
+#: Draws of the bootstrap: its 2.5 % points are known to sqrt(0.025 * 0.975 / 1000) = 0.5 % of probability.
 _RESAMPLES = 1000
-_BOOTSTRAP_BLOCKS = 20
 #: An effect that changes the squares of the held-out residuals by less than this times the noise is not seen there.
 _NOTHING = 1.0
 
@@ -180,7 +180,7 @@ def errors_of(residuals: Sequence[StreamResidual], stream: str, rng: np.random.G
 
 def rms_interval(squares: FloatArray, rng: np.random.Generator) -> tuple[float, float]:
     """95 % interval of the root mean of `squares` (n,) in time order, by resampling contiguous blocks."""
-    blocks = np.array_split(squares, min(_BOOTSTRAP_BLOCKS, len(squares)))
+    blocks = np.array_split(squares, min(BLOCKS, len(squares)))
     sums, counts = np.array([b.sum() for b in blocks]), np.array([len(b) for b in blocks])
     draw = rng.integers(0, len(blocks), (_RESAMPLES, len(blocks)))
     rms = np.sqrt(sums[draw].sum(axis=1) / counts[draw].sum(axis=1))

@@ -22,6 +22,7 @@ from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, ne
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.pseudorange import Pseudoranges
 
+#: Faults that are looked for: bound of work (`bounds_of_work ranges`).
 MOST_FAULTS = 4
 
 

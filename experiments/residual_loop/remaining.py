@@ -26,9 +26,9 @@ GROSS = 4.0
 #: the usual energy: twice the size.
 _BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
 _LEAST_BLOCKS, _LAGS = 5, 50
-#: An interval this long after a reading includes it [s, or readings].
+#: An interval this long after a reading includes it [s, or readings]: the step of the finest stamps, of a ULog.
 _JUST_AFTER = 1e-6
-#: Readings from which the normal approximation of skewness and kurtosis holds (SciPy's `normaltest`).
+#: Readings from which the normal approximation of kurtosis holds (Anscombe and Glynn 1983; SciPy's `normaltest`).
 _LEAST_OF_A_LAW = 20
 #: Largest distance from the law of noise that tails and coarse counts make: a twentieth of the readings on either side.
 _MIXED = 0.1

@@ -35,7 +35,7 @@ from sinan.sensors.arrays import FloatArray
 
 #: Effects beyond this number are not looked for: what then remains is reported as unexplained.
 MOST_EFFECTS = 6
-#: The same given an error that is in no catalogue.
+#: The same given an error that is in no catalogue: bound of work (`bounds_of_work flight`).
 MOST_GIVEN_ERROR = 3
 #: Length of the shortlist given an error that is in no catalogue, in whose model a pass costs several times as much.
 SHORTLIST_GIVEN_ERROR = 3
@@ -43,7 +43,7 @@ SHORTLIST_GIVEN_ERROR = 3
 MOST_LOCAL = 3
 
 #: Times that readings are set aside for what would have been a disturbance of one or two, and that the selection begins
-#: again with other noise.
+#: again with other noise: bound of work (`bounds_of_work poses`, `flight`).
 _MOST_ROUNDS, _MOST_NOISES = 3, 2
 #: Share of what the information predicts that the loss of an effect costs at least, whatever its form.
 _PREDICTED = 0.1

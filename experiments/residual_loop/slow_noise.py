@@ -14,8 +14,10 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Time constants of the noise that are tried: cells of the grid.
 _TIME_CONSTANTS = (0.5, 1.0, 2.0, 4.0, 16.0, 64.0)
-#: Variances that are tried, in units of one over the largest information of a cell.
+#: Variances that are tried, in units of one over the largest information of a cell: bound of work (`bounds_of_work
+#: flight`).
 _VARIANCES = np.logspace(-1.0, 6.0, 15)
+#: Rounds in which law and white noise are found: bound of work (`bounds_of_work flight`).
 _ROUNDS = 2
 #: The noise is there where it gains more than this of 2 log L: the 5 % point of chi-square for its two parameters.
 _NEEDED = 6.0

@@ -12,9 +12,11 @@ from scipy import stats
 from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import FloatArray
 
-#: Jumps of a stream that are looked at, and the logarithm of the p-value above which none is.
-_MOST, _NOTABLE = 6, -3.0
-#: The answer is followed for so many readings at least.
+#: Jumps of a stream that are looked at: bound of work (`bounds_of_work flight`).
+_MOST = 6
+#: Logarithm of the p-value above which none is: a stated risk of 5 %.
+_NOTABLE = -3.0
+#: The answer is followed for so many readings at least: bound of work (`bounds_of_work flight`).
 _SHORTEST_ANSWER = 3
 
 

@@ -21,7 +21,8 @@ from sinan.sensors.errors import InputError
 
 #: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
 MOST_SUSPECTS, OBVIOUS = 3, 2.0
-#: Times that the selection goes on, at most, without what withheld readings have spoken against.
+#: Times that the selection goes on, at most, without what withheld readings have spoken against: bound of work
+#: (`bounds_of_work flight`).
 _MOST_FALLS = 3
 
 

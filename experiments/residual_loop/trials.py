@@ -31,13 +31,14 @@ from sinan.sensors.errors import InputError
 #: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
 #: it.
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
-#: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit.
+#: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit:
+#: bound of work (`bounds_of_work turns`, `flight`).
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
 #: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction.
 _COMPARABLE = 0.5
-#: A localised effect is looked for again about its own fit, so often at most.
+#: A localised effect is looked for again about its own fit, so often at most: bound of work (`bounds_of_work flight`).
 _RELOCATIONS = 3
 #: Why an option did not stand: slow noise of a stream explains it, or acceleration in step with the turning does; the
 #: refit left no evidence; nor did it where the blocks had scattered too much before; chance would not do it, but an

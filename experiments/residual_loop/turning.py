@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from sinan.estimator.evidence.score import block_scatter, log_p_of_divided
+from sinan.estimator.evidence.score import BLOCKS, block_scatter, log_p_of_divided
 from sinan.estimator.evidence.sensitivity import driver_regressors
 from sinan.estimator.filter.effect_forms import Along, Terms
 from sinan.estimator.filter.events import window_means
@@ -41,8 +41,8 @@ from sinan.sensors.recording import Recording
 _SQUARES = np.triu_indices(3)
 #: Directions of an effect that are seen: share of the information of the best.
 _FLOOR = 1e-6
-#: Blocks of time whose scatter says how well r is known; and of fewer readings each, nothing is said.
-_BLOCKS, _LEAST = 20, 5
+#: Readings of each block of time, at the least, from whose scatter it is said how well r is known.
+_LEAST = 5
 
 
 def in_step(motion: Motion) -> FloatArray:
@@ -85,7 +85,7 @@ def log_p_given_turning(rows: Rows, turning: FloatArray) -> float:
     W = W @ (vectors[:, seen] / np.sqrt(values[seen]))
     beta = W.T @ z
     share = (rows.t - rows.t[0]) / max(float(np.ptp(rows.t)), 1e-300)
-    inside = [np.minimum((_BLOCKS * share).astype(int), _BLOCKS - 1) == k for k in range(_BLOCKS)]
+    inside = [np.minimum((BLOCKS * share).astype(int), BLOCKS - 1) == k for k in range(BLOCKS)]
     of_blocks = np.stack([W[block].T @ W[block] for block in inside])
     scatter = block_scatter(of_blocks, np.stack([W[block].T @ z[block] for block in inside]), beta)
     return log_p_of_divided(float(beta @ beta), int(np.sum(seen)), *scatter)
@@ -132,7 +132,7 @@ def turning_point(G: FloatArray, residual: FloatArray, row: IntArray) -> Turning
     G : from `turning_regressor`
     residual, row : (n, 3) [m/s^2], and (n,) the reading of each
     """
-    if len(row) < _LEAST * _BLOCKS or not np.any(residual):
+    if len(row) < _LEAST * BLOCKS or not np.any(residual):
         return None
     G = G[row]
     information, score = np.einsum("nji,njk->nik", G, G), np.einsum("nji,nj->ni", G, residual)
@@ -141,11 +141,11 @@ def turning_point(G: FloatArray, residual: FloatArray, row: IntArray) -> Turning
         return None
     arm = np.linalg.solve(L, score.sum(axis=0))
     left = score - information @ arm
-    blocks = np.array([part.sum(axis=0) for part in np.array_split(left, _BLOCKS)])
+    blocks = np.array([part.sum(axis=0) for part in np.array_split(left, BLOCKS)])
     inverse = np.linalg.inv(L)
-    covariance = inverse @ (blocks.T @ blocks) @ inverse * (_BLOCKS / (_BLOCKS - 1.0))
+    covariance = inverse @ (blocks.T @ blocks) @ inverse * (BLOCKS / (BLOCKS - 1.0))
     total = float(arm @ np.linalg.solve(covariance, arm))
-    freedom = _BLOCKS - len(arm)
-    p = float(stats.f.sf(total * freedom / (len(arm) * (_BLOCKS - 1.0)), len(arm), freedom))
+    freedom = BLOCKS - len(arm)
+    p = float(stats.f.sf(total * freedom / (len(arm) * (BLOCKS - 1.0)), len(arm), freedom))
     share = 1.0 - float(np.sum((residual - np.einsum("nij,j->ni", G, arm)) ** 2) / np.sum(residual**2))
     return TurningPoint(arm, np.sqrt(np.diag(covariance)), share, p)

@@ -16,6 +16,7 @@ import numpy as np
 from sinan.calibration.poses.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
 from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
 from sinan.experiments.residual_loop.directions import direction_covariance
+from sinan.experiments.residual_loop.inversion import inverse, inverted
 from sinan.experiments.residual_loop.linear_problem import Rows
 from sinan.experiments.residual_loop.pose_probes import probes_of_turns
 from sinan.experiments.residual_loop.source import NO_UNIT
@@ -32,9 +33,6 @@ from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import cross
 
-_MOST_PASSES = 25
-_EPSILON = 1e-4  # rad/s, for the derivative of the effects by the true rate
-_CONVERGED = 1e-12  # rad/s
 #: Parts of a rest whose means are kept: what begins within a rest enters its mean by its share.
 _PARTS = 16
 
@@ -181,18 +179,7 @@ class GyroTurns:
         pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
         if not pairs:
             return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
-        w, slope, back = y, np.zeros((len(y), 3, 3)), np.zeros((len(y), 3, 3))
-        for k in range(_MOST_PASSES):
-            added = self._added(w, pairs)
-            if k == 0:
-                shifted = [(self._added(w + _EPSILON * d, pairs) - added) / _EPSILON for d in np.eye(3)]
-                slope = np.stack(shifted, axis=-1)
-                back = inverse(np.eye(3) + slope)
-            step = np.einsum("nij,nj->ni", back, w + added - y)
-            w = w - step
-            if not np.max(np.abs(step)) > _CONVERGED:
-                break
-        return w, np.eye(3) + slope
+        return inverted(y, np.ones(3), 1.0, lambda w: self._added(w, pairs))
 
     def rows(
         self, nuisance: FloatArray, model: Mapping[Term, FloatArray], wanted: Sequence[Effect], known: bool = False
@@ -307,12 +294,6 @@ def _ends(log: GyroLog) -> FloatArray:
     """(2 poses,) beginning and end of each rest [s]."""
     ends = np.stack([log.t[log.poses.start], log.t[log.poses.stop - 1]], axis=1)
     return np.asarray(ends.ravel())
-
-
-def inverse(B: FloatArray) -> FloatArray:
-    """(n, 3, 3) inverse of each matrix by its cofactors."""
-    rows = cross(B[:, [1, 2, 0]], B[:, [2, 0, 1]])
-    return np.swapaxes(rows, 1, 2) / np.einsum("ni,ni->n", B[:, 0], rows[:, 0])[:, None, None]
 
 
 def _tangents(direction: FloatArray) -> FloatArray:

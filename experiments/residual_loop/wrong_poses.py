@@ -21,7 +21,7 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 WRONG = 6.0
 #: At most so many of the readings are wrong singly; every pair is tried where there are no more readings than this.
 _MOST_SHARE, _ALL_PAIRS = 0.1, 200
-#: Readings that the rest must have beyond its parameters.
+#: Readings that the rest must have beyond its parameters: of five the sigma is known to 1 / sqrt(10), a third.
 _LEAST_FREEDOM = 5
 #: One reading that the others hardly predict cannot be called wrong: share of itself that its own residual keeps.
 _LEAST_OWN_SHARE = 0.05

@@ -17,6 +17,9 @@ import commands_page  # noqa: E402
 import constants_page  # noqa: E402
 import effect_figures  # noqa: E402
 
+from sinan.experiments.benchmarks import bounds_of_work  # noqa: E402
+from sinan.experiments.benchmarks.bounds_of_work import BOUNDS  # noqa: E402
+
 
 def test_every_effect_that_a_flight_shows_has_its_figure() -> None:
     numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
@@ -55,7 +58,33 @@ def test_a_constant_is_read_with_its_comment(tmp_path: Path, monkeypatch: pytest
 def test_constants_without_an_origin_do_not_become_more() -> None:
     found = constants_page.constants()
     assert len(found) > 200
-    assert sum(c.origin == "no origin" for c in found) <= 120
+    assert sum(c.origin == "no origin" for c in found) <= 35
+
+
+def test_a_bound_of_work_is_one_that_was_halved_and_doubled() -> None:
+    """By the command, in a case that the comment names, or by a test that it names."""
+    tried = {
+        (f"{module.removeprefix('sinan.')}.{name}", case)
+        for case, constants in BOUNDS.items()
+        for module, names in constants.items()
+        for name in names
+    }
+    tests = {path.stem for path in (constants_page.ROOT / "tests").rglob("test_*.py")}
+    for c in constants_page.constants():
+        if c.origin != "bound of work":
+            continue
+        said = set(re.findall(r"`(?:bounds_of_work )?(\w+)`", c.comment))
+        where = c.module.replace("/", ".")
+        for name in c.name.split(", "):
+            assert said & tests or any((f"{where}.{name}", case) in tried for case in said), (where, name, said)
+
+
+def test_half_and_twice_of_a_bound_are_given_and_taken_back(capsys: pytest.CaptureFixture[str]) -> None:
+    found = bounds_of_work.main(["camera"])
+    assert max(max(moves) for moves in found.values()) < 1e-3
+    usual = bounds_of_work.CASES["camera"]()
+    assert bounds_of_work.moved("camera", "sinan.calibration.cameras.damped", "_ROUNDS", 0.01, usual) > 1e-3
+    assert bounds_of_work.moved("camera", "sinan.calibration.cameras.damped", "_ROUNDS", 1.0, usual) == 0.0
 
 
 def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:

@@ -1,0 +1,217 @@
+"""Whether answers depend on what only bounds the work: numbers of rounds, lengths of lists, steps of differences.
+
+    python -m sinan.experiments.benchmarks.bounds_of_work [CASE ...]
+
+Each constant is halved and doubled by itself, its case is answered again, and the two answers are set beside the first:
+whether the words are the same, and by how much a number has moved, in its own sigma where it has one, else relative
+to itself. A list of numbers is halved and doubled as a whole. What one small case shows it shows of that case.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from sinan.calibration.cameras.camera import fit, form
+from sinan.calibration.cameras.views import read_corners
+from sinan.calibration.levels.compass import compass_of
+from sinan.calibration.levels.noise_levels import fit_noise_levels
+from sinan.experiments.bias_observability.case import case_of_recording
+from sinan.experiments.bias_observability.study import study
+from sinan.experiments.gnss.simulated import load
+from sinan.experiments.gnss.simulated import simulate as ranges_of
+from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.errors import InputError
+from sinan.sensors.pseudorange import pseudoranges
+from sinan.sensors.recording import Recording, SensorSpec
+from sinan.sensors.simulate import simulate
+
+_LOOP = "sinan.experiments.residual_loop."
+_LEVELS = "sinan.calibration.levels."
+_RANGES = "sinan.estimator.positioning."
+#: What is halved and doubled, by case: a module and its names.
+BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
+    "poses": {
+        _LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),
+        _LOOP + "bias_walk": ("_MOST_KNOTS",),
+        _LOOP + "least_squares_source": ("_ROWS_A_BLOCK", "_WORTH_LEAVING_OUT"),
+        _LOOP + "select": ("_MOST_ROUNDS", "_MOST_NOISES"),
+        _LOOP + "trials": ("_RELOCATIONS",),
+    },
+    "turns": {_LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},
+    "flight": {
+        _LOOP + "flight_passes": ("_MOST_STEPS", "_MOST_HALVINGS", "_MOST_DRIFTS"),
+        _LOOP + "noise_left": ("_LAGS",),
+        _LOOP + "onsets": ("_ONSETS", "_FINER", "_FURTHER"),
+        _LOOP + "probes": ("_PLACES", "_FEW"),
+        _LOOP + "slow_noise": ("_ROUNDS", "_VARIANCES"),
+        _LOOP + "sudden": ("_MOST", "_SHORTEST_ANSWER"),
+        _LOOP + "trace": ("_MOST_FALLS",),
+        _LOOP + "trials": ("_AHEAD", "_RELOCATIONS"),
+        _LOOP + "select": ("MOST_GIVEN_ERROR", "_MOST_ROUNDS", "_MOST_NOISES"),
+        "sinan.estimator.evidence.sensitivity": ("_NO_GAIN",),
+        "sinan.estimator.filter.effect_forms": ("INVERTED",),
+    },
+    "camera": {
+        "sinan.calibration.cameras.camera": ("_LONGEST",),
+        "sinan.calibration.cameras.damped": ("_ROUNDS", "_SETTLED", "_DAMPING", "_LEAST", "_MOST"),
+    },
+    "compass": {_LEVELS + "compass": ("LEAST_NORM", "SETTLED")},
+    "ranges": {
+        _LOOP + "pseudorange_trace": ("MOST_FAULTS",),
+        _LOOP + "pseudoranges": ("SHORTLIST",),
+        _RANGES + "location": ("MOST_PASSES", "COARSE"),
+        _RANGES + "noise_fit": ("NEAREST", "FARTHEST"),
+        _RANGES + "integrity": ("LEAST_REDUNDANCY",),
+        _RANGES + "steady_fault": ("SHORTLIST",),
+    },
+    "observability": {"sinan.estimator.evidence.observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
+    "levels": {_LEVELS + "noise_levels": ("GAIN", "MOST_ITERATIONS", "POLISH_PASSES", "POLISHED")},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a case says: its words; its numbers, each with the size by which it is known."""
+
+    words: tuple[str, ...]
+    values: np.ndarray
+    sizes: np.ndarray
+
+    def apart(self, other: Answer) -> float:
+        """Largest move of a number in its own size; infinite where the words are others."""
+        if self.words != other.words or self.values.shape != other.values.shape:
+            return np.inf
+        return float(np.max(np.abs(other.values - self.values) / self.sizes, initial=0.0))
+
+
+@cache
+def _recording(scenario: str, *effects: str, seed: int = 1) -> Recording:
+    return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])[0]
+
+
+def _of_trace(recording: Recording, sensor: str | None = None) -> Answer:
+    found = trace_recording(recording, sensor)
+    words, values, sizes = [found.verdict.word], list[float](), list[float]()
+    for part in found.parts:
+        final = part.trace.final
+        for term in final.terms:
+            words.append(term.name)
+            values += [*final.beta[term], *(term.interval or ())]
+            sizes += [*final.std[term], *np.diff(term.interval or ()).repeat(2)]
+    return Answer(tuple(words), np.array(values), np.array(sizes))
+
+
+def _bare(recording: Recording) -> Recording:
+    return recording.replace(
+        sensors={n: SensorSpec(angles=s.angles, base_position=s.base_position) for n, s in recording.sensors.items()}
+    )
+
+
+def _relative(values: Sequence[float] | np.ndarray, words: Sequence[str] = ()) -> Answer:
+    array = np.array(values, dtype=np.float64)
+    return Answer(tuple(words), array, np.maximum(np.abs(array), np.finfo(float).tiny))
+
+
+def _camera() -> Answer:
+    seen = read_corners(Path(__file__).parents[1] / "camera" / "opencv_left.csv")
+    found = fit(seen.views, form("k1 k2 p1 p2"), seen.size)
+    std = np.sqrt(np.diag(found.covariance))
+    values = (found.form.spread.T @ found.intrinsics.values)[: len(std)]
+    return Answer(found.form.names, values, std[: len(values)])
+
+
+def _compass() -> Answer:
+    found = compass_of(_bare(_recording("figure_eight", seed=5)))
+    return Answer((), np.asarray(found.offset), np.asarray(found.std) * np.ones(3))
+
+
+def _ranges() -> Answer:
+    """A satellite walks off by half a metre a second from 300 s on."""
+    simulated = ranges_of(load("static_ca"), 1)
+    ranges = pseudoranges(simulated.rover, simulated.navigation)
+    away = 0.5 * np.maximum(ranges.time - ranges.t[0] - 300.0, 0.0) * (ranges.satellite == "G06")
+    found = trace_ranges(replace(ranges, value=ranges.value + away), np.deg2rad(10.0))
+    words = tuple(f"{one.name} {one.satellite or ''}".strip() for one in found.called)
+    return _relative(np.concatenate([one.full for one in found.called]), words)
+
+
+def _observability() -> Answer:
+    """1-sigma of each state at the end of a hover."""
+    return _relative([one.posterior for one in study(case_of_recording(_recording("hover")), False).states])
+
+
+def _levels() -> Answer:
+    specs = fit_noise_levels(_bare(_recording("hover", seed=5))).specs
+    named = {f"{name} {key}": getattr(specs[name], key) for name in sorted(specs) for key in ("noise_std", "bias_walk")}
+    known = {name: float(np.max(value)) for name, value in named.items() if value is not None and np.max(value) > 0.0}
+    return _relative(list(known.values()), tuple(known))
+
+
+CASES: Mapping[str, Callable[[], Answer]] = {
+    "poses": lambda: _of_trace(
+        _recording("accel_poses", "accel.scale_nonlinearity=0.002,0.002,0.002", "accel.transient=0.2,0,0@150:330")
+    ),
+    "turns": lambda: _of_trace(_recording("gyro_poses", "gyro.g_sensitivity=" + ",".join(["0.0005"] * 9)), "gyro"),
+    "flight": lambda: _of_trace(_recording("hover", "gps.transient=4,0,0@20:30")),
+    "camera": _camera,
+    "compass": _compass,
+    "ranges": _ranges,
+    "observability": _observability,
+    "levels": _levels,
+}
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """A number or a tuple of numbers times a factor; a count stays a count, of one at least."""
+    if isinstance(value, tuple):
+        return tuple(scaled(one, factor) for one in value)
+    return max(round(value * factor), 1) if isinstance(value, int) else value * factor
+
+
+def moved(case: str, module: str, name: str, factor: float, usual: Answer) -> float:
+    """How far an answer moves with one constant scaled; NaN: none could be given."""
+    place = import_module(module)
+    value = getattr(place, name)
+    setattr(place, name, scaled(value, factor))
+    try:
+        return usual.apart(CASES[case]())
+    except (InputError, IndexError, ValueError):
+        return np.nan
+    finally:
+        setattr(place, name, value)
+
+
+def main(cases: Sequence[str] = ()) -> dict[tuple[str, str, str], tuple[float, float]]:
+    """Print a line a constant; returns the moves at half and at twice the value."""
+    found = {}
+    for case in cases or CASES:
+        CASES[case]()  # compiles
+        start = process_time()
+        usual = CASES[case]()
+        print(
+            f"{case}: {', '.join(usual.words)}; {len(usual.values)} numbers, {process_time() - start:.1f} s", flush=True
+        )
+        for module, names in BOUNDS[case].items():
+            for name in names:
+                moves = moved(case, module, name, 0.5, usual), moved(case, module, name, 2.0, usual)
+                found[case, module, name] = moves
+                at = f"{module.removeprefix('sinan.')}.{name}"
+                print(f"    {at:60} halved {moves[0]:.1e}, doubled {moves[1]:.1e}", flush=True)
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", choices=[[], *CASES])
+    main(parser.parse_args().cases)
