@@ -12,13 +12,13 @@ C. R. Rao, "Large sample tests of statistical hypotheses" (1948) (the score test
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special, stats
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, IntArray
 
 #: Blocks of time over which evidence is summed: of twenty the scatter is known to sqrt(2 / 19), a third.
 BLOCKS = 20
@@ -124,6 +124,27 @@ DETECTABLE_LAMBDA = 30.0
 _QUADRATURE = tuple(
     0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(16), (1.0, 0.0), strict=True)
 )
+
+
+def gain_of(
+    information: FloatArray, score: FloatArray, floor: Callable[[FloatArray], FloatArray | float]
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """By how much the weighted sum of squares drops with each of m sets of k parameters, along what is seen of them.
+
+    Parameters
+    ----------
+    information, score : (m, k, k), (m, k)
+    floor : of the (m, k) eigenvalues of the information, rising: above which a direction counts as seen, (m, 1) or all
+
+    Returns
+    -------
+    (m,) gain b' L^-1 b, (m,) directions seen, (m, k) estimate
+    """
+    values, vectors = np.linalg.eigh(information)
+    seen = values > floor(values)
+    along = np.einsum("mij,mi->mj", vectors, score)
+    inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
+    return np.sum(along**2 * inverse, axis=1), seen.sum(axis=1), np.einsum("mij,mj->mi", vectors, along * inverse)
 
 
 def log_p_value(gain: float, dof: int, noise_dof: float = np.inf, scatter: float = 1.0) -> float:
@@ -295,14 +316,9 @@ def block_scatter(information: FloatArray, score: FloatArray, beta: FloatArray) 
     score : (blocks, size)
     beta : (size,)
     """
-    total, dof = 0.0, -len(beta)
     floor = 1e-4 * np.trace(information.sum(axis=0)) / max(len(information), 1)
-    for L, b in zip(information, score, strict=True):
-        values, vectors = np.linalg.eigh(L)
-        seen = values > floor
-        e = vectors[:, seen].T @ (b - L @ beta)
-        total += float(np.sum(e**2 / values[seen]))
-        dof += int(np.sum(seen))
+    gain, seen, _ = gain_of(information, score - information @ beta, lambda _: floor)
+    total, dof = float(np.sum(gain)), int(np.sum(seen)) - len(beta)
     return (total / dof, dof) if dof > 0 else (1.0, 0)
 
 

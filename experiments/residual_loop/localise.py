@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from sinan.estimator.evidence.score import likelihood_ratio, log_p_value
+from sinan.estimator.evidence.score import gain_of, likelihood_ratio, log_p_value
 from sinan.estimator.evidence.whiteness import whiteness
 from sinan.sensors.arrays import FloatArray, IntArray
 
@@ -73,13 +73,7 @@ class OffsetScan:
         qa = self._QA[last] - self._QA[first]
         L = self._AA[last] - self._AA[first] - np.einsum("mqi,mqj->mij", qa, qa)
         b = self._Ar[last] - self._Ar[first]
-        values, vectors = np.linalg.eigh(L)
-        seen = values > np.maximum(1e-2 * np.max(values, axis=1, keepdims=True), self._floor)
-        projected = np.einsum("mij,mi->mj", vectors, b)
-        inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
-        gain = np.sum(projected**2 * inverse, axis=1)
-        beta = np.einsum("mij,mj->mi", vectors, projected * inverse)
-        return gain, seen.sum(axis=1), beta
+        return gain_of(L, b, lambda values: np.maximum(1e-2 * values[:, -1:], self._floor))
 
     def is_coloured(self, rows: int) -> bool:
         """Whether the first `rows` rows of the residual fail the test of whiteness (at one in a thousand)."""

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from sinan.estimator.evidence.score import CONFUSED, log_p_among, log_p_value
+from sinan.estimator.evidence.score import CONFUSED, gain_of, log_p_among, log_p_value
 from sinan.experiments.residual_loop.slow_noise import SlowNoise
 from sinan.experiments.residual_loop.source import LocalFinding
 from sinan.experiments.residual_loop.sudden import jumps
@@ -382,16 +382,7 @@ class _Joint:
         cross = self.L[i, k]
         L += np.where(ends[:, None, None], self.L[k, k] - cross - np.swapaxes(cross, 1, 2), 0.0)
         b -= np.where(ends[:, None], self.b[k], 0.0)
-        values, vectors = np.linalg.eigh(L)
-        floor = _FLOOR * np.max(values)
-        seen = values > floor
-        projected = np.einsum("mij,mi->mj", vectors, b)
-        inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
-        return (
-            np.sum(projected**2 * inverse, axis=1),
-            seen.sum(axis=1),
-            np.einsum("mij,mj->mi", vectors, projected * inverse),
-        )
+        return gain_of(L, b, lambda values: float(_FLOOR * np.max(values)))
 
 
 def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
