@@ -17,7 +17,7 @@ from sinan.experiments.workers.cluster import cluster
 from sinan.experiments.workers.stopping import going_on
 from sinan.sensors.files import write_text
 
-_LOADED = "sinan.experiments.fleet.warm"
+_LOADED = f"{__package__}.warm"
 
 Done = Callable[[Log, Answer], None]
 

@@ -33,6 +33,8 @@ FAMILY_LEVEL = 0.99  # of all the averages' wider intervals together
 BATCHES_PER_WORKER = 4  # tasks a worker gets: few enough to cost nothing, enough to even out the end
 LARGEST_BATCH = 16  # runs of a cluster between two signs of progress and two files
 
+_LOADED = f"{__package__}.warm"
+
 Progress = Callable[[int, int], None]
 Take = Callable[[Iterable[Flight]], None]
 
@@ -241,7 +243,9 @@ def _fly_all(plan: Plan, missing: list[int], workers: int | None, dask: str | No
             take(fly_batch(plan, [k]))
     else:
         take(fly_batch(plan, missing[:1]))  # compiles what is not compiled: the workers find it in the cache
-        in_processes(partial(fly_batch, plan), [[k] for k in missing[1:]], count, lambda _, flights: take(flights))
+        in_processes(
+            partial(fly_batch, plan), [[k] for k in missing[1:]], count, lambda _, flights: take(flights), _LOADED
+        )
 
 
 def _on_cluster(plan: Plan, missing: list[int], address: str, take: Take) -> None:

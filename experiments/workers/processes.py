@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.context import ForkServerContext, SpawnContext
 from threading import Thread
 from typing import TypeVar
@@ -24,10 +25,15 @@ Context = ForkServerContext | SpawnContext
 MOST_RESTARTS = 3  # of a pool whose worker was killed
 #: A process that was killed is waited for so long [s]: it takes milliseconds.
 PATIENCE = 0.3
+_LEADER = f"{__package__}.leader"
 
 
 def in_processes(
-    work: Callable[[Task], Result], tasks: Sequence[Task], workers: int, done: Callable[[Task, Result], None]
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    workers: int,
+    done: Callable[[Task, Result], None],
+    loaded: str = "",
 ) -> None:
     """Do tasks in worker processes; a pool that loses one is started again with what is not done.
 
@@ -36,6 +42,7 @@ def in_processes(
     work : done in a worker, of one task
     workers : processes
     done : called here with each task and its result, in the order in which they get done
+    loaded : module that is loaded once, for all processes; default that of `work`
 
     Raises
     ------
@@ -43,7 +50,7 @@ def in_processes(
     """
     left = dict(enumerate(tasks))
     for _ in range(1 + MOST_RESTARTS):
-        with suppress(BrokenProcessPool), _pool(workers) as pool:
+        with suppress(BrokenProcessPool), _pool(workers, loaded or module_of(work)) as pool:
             jobs = {pool.submit(work, task): number for number, task in left.items()}
             for job in as_completed(jobs):
                 result = job.result()
@@ -54,11 +61,11 @@ def in_processes(
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+def _pool(workers: int, loaded: str) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are killed unless all goes well: they may be in the middle of a long task."""
     others, pool = multiprocessing.active_children(), None
     try:
-        pool = ProcessPoolExecutor(workers, mp_context=context(), initializer=begin)
+        pool = ProcessPoolExecutor(workers, mp_context=context(loaded), initializer=begin)
         yield pool
     except BaseException as error:
         ours = [process for process in multiprocessing.active_children() if process not in others]
@@ -74,7 +81,14 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def context(loaded: str = "sinan.experiments.monte_carlo.warm") -> Context:
+def module_of(work: Callable[..., object]) -> str:
+    """Where a function is from; of a partial one, the function in it."""
+    while isinstance(work, partial):
+        work = work.func
+    return work.__module__
+
+
+def context(loaded: str) -> Context:
     """How processes are started: by a fork server that has loaded what they need, where the system has one.
 
     Parameters
@@ -86,7 +100,7 @@ def context(loaded: str = "sinan.experiments.monte_carlo.warm") -> Context:
     from multiprocessing import forkserver, resource_tracker
 
     server = multiprocessing.get_context("forkserver")
-    server.set_forkserver_preload([loaded])
+    server.set_forkserver_preload([_LEADER, loaded])
     if end_fork_server not in AT_ONCE:
         AT_ONCE.append(end_fork_server)
     # Ctrl-C goes to every process of a terminal. The server and all that it forks inherit that it is blocked, from
