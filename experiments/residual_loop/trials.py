@@ -185,9 +185,7 @@ def _why(option: Option, tried: Trial | None, threshold: float) -> str:
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
 
 
-def best_pair(
-    source: Source, fit: Fit, evidence: Evidence, threshold: float
-) -> tuple[Fit, list[Trial]] | None:
+def best_pair(source: Source, fit: Fit, evidence: Evidence, threshold: float) -> tuple[Fit, list[Trial]] | None:
     """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
     the noise. The pair has to pass among all pairs, and in the refit each of them given the other.
 
