@@ -19,6 +19,7 @@ Source of the correction message, its fields and their steps: RTCM 10402.3 (2001
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,7 @@ def parse_link(text: str) -> DataLink:
     """
     known = {"content": str, "interval": float, "delay": float, "loss": float, "run": float}
     known |= {"window": float, "seed": int}
-    found: dict[str, object] = {}
+    found: dict[str, Any] = {}
     for part in filter(None, text.replace(" ", "").split(",")):
         key, _, value = part.partition("=")
         if key == "rate" and value in ("yes", "no"):
@@ -120,7 +121,7 @@ def parse_link(text: str) -> DataLink:
         except (KeyError, ValueError):
             expected = "content=corrections|raw, interval=S, delay=S, loss=SHARE, run=N, rate=yes|no, window=S"
             raise InputError("--link", f"`{part}`", expected) from None
-    return DataLink(**found)  # type: ignore[arg-type]
+    return DataLink(**found)
 
 
 def received(

@@ -94,7 +94,7 @@ def aged_variance(
 
 
 def line_weights(back: FloatArray, age: float, rate: bool = True) -> FloatArray:
-    """(n,) weights by which a straight line through the measurements foretells what comes `age` later.
+    """(n,) weights by which a straight line through the measurements predicts what comes `age` later.
 
     With fewer than three, or without the rate, the line's value at the correction's own time is held.
     """

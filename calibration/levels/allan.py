@@ -95,7 +95,7 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
     tau, deviation, error = allan_deviation(values, rate)
     error = np.hypot(error, floor * deviation)
     last = max(len(tau) - LEAST_TIMES, 0) if floor > 0.0 else 0
-    first = next((k for k in range(last) if _foretold(tau[k:], deviation[k:], error[k:], ramp)), last)
+    first = next((k for k in range(last) if _predicted(tau[k:], deviation[k:], error[k:], ramp)), last)
     root, std = _fit_terms(tau[first:], deviation[first:], error[first:], ramp)
     N, B, w, R = (float(value) for value in root)
     return AllanFit(tau, deviation, error, N, B, w, std, R, first)
@@ -105,7 +105,7 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
 LEAST_TIMES, FORETOLD = 6, 2.0
 
 
-def _foretold(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> bool:
+def _predicted(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> bool:
     """Whether the two shortest times lie on the curve of the rest."""
     root, _ = _fit_terms(tau[2:], deviation[2:], error[2:], ramp)
     expected = np.sqrt(_basis(tau[:2]) @ root**2)

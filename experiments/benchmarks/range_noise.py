@@ -76,8 +76,8 @@ class Judged:
     """NIS a degree of freedom and RMS position error [m] of one log by: fixed, others, own; and the last third."""
 
     name: str
-    nis: tuple[float, float, float, float]
-    rms: tuple[float | None, float | None, float | None]
+    nis: tuple[float, ...]
+    rms: tuple[float | None, ...]
     law: RangeNoise
 
 
@@ -123,7 +123,7 @@ def judge(logs: Sequence[Log]) -> list[Judged]:
         rms = tuple(None if error is None else float(str(error["rms"])) for error in errors)
         everywhere = np.ones(len(t), dtype=bool)
         values = tuple(nis(one, everywhere) for one in solved)
-        found.append(Judged(log.name, (*values, late), rms, own))  # type: ignore[arg-type]
+        found.append(Judged(log.name, (*values, late), rms, own))
     return found
 
 

@@ -91,10 +91,8 @@ class SimulatedRanges:
 
     def ranges(self) -> tuple[Pseudoranges, Pseudoranges]:
         """Of rover and base, with the satellites' states."""
-        return tuple(  # type: ignore[return-value]
-            pseudoranges(one, self.navigation, "G", code_of(receiver))
-            for one, receiver in ((self.rover, self.scenario.rover), (self.base, self.scenario.base))
-        )
+        rover = pseudoranges(self.rover, self.navigation, "G", code_of(self.scenario.rover))
+        return rover, pseudoranges(self.base, self.navigation, "G", code_of(self.scenario.base))
 
 
 def code_of(receiver: CodeReceiver) -> str:

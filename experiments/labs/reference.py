@@ -85,8 +85,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
             )
         page.heading(name)
         page.table(["", "x", "y", "z"], _rows(fit), (1, 2, 3))
-        foretold = f"Second half, calibrated by the first: scatter of the field {raw:.3f} → {mended:.3f}. "
-        page.text((foretold if worst < KNOWN else "T is not known. ") + f"{_upper(alone)}.")
+        predicted = f"Second half, calibrated by the first: scatter of the field {raw:.3f} → {mended:.3f}. "
+        page.text((predicted if worst < KNOWN else "T is not known. ") + f"{_upper(alone)}.")
         field, better = rotate(q, reading), rotate(q, fit.apply(reading, current))
         n = slice(None, None, max(len(reading) // 600, 1))
         shown.append(

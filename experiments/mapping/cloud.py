@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.constants import WGS84_A
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import write_bytes
 from sinan.sensors.motion import Motion
@@ -132,10 +133,7 @@ def east_north_up(p_n: FloatArray, origin: tuple[float, float, float] | None) ->
     from pymap3d import ned2geodetic
 
     _, _, height = ned2geodetic(*p_n.T, *origin)
-    return np.column_stack([east_north * EARTH_RADIUS / (EARTH_RADIUS + origin[2]), np.asarray(height)])
-
-
-EARTH_RADIUS = 6_378_137.0  # m, WGS-84, semi-major axis
+    return np.column_stack([east_north * WGS84_A / (WGS84_A + origin[2]), np.asarray(height)])
 
 
 def write_las(path: Path, cloud: Cloud, ground: BoolArray, origin: tuple[float, float, float] | None) -> None:

@@ -375,8 +375,11 @@ class FlightSource:
 
         All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
         effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
-        it follows it; but not where its slow error is part of the noise already.
+        it follows it; but not where its slow error is part of the noise already. Where
+        withheld readings can be asked, what is slow is a state of the filter, and none of this is asked.
         """
+        if self.is_predicting:
+            return [-np.inf] * len(terms)
         slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
         found = dict.fromkeys(terms, -np.inf)
         drifting = [stream for stream in DRIFTING if stream in self._local_streams][:1]  # with those that share it
@@ -476,14 +479,18 @@ class FlightSource:
 
     def _outliers(self, state: Fitted) -> list[LocalFinding]:
         """Streams whose readings as recorded are wrong more often than the noise allows, with the fit's effects in."""
+        if self._logged is None:
+            return self._wrong_about_the_filter(state)
+        return [
+            LocalFinding(Term(f"{stream}.outliers"), one.gain, WRONG_DOF, one.log_p, np.array([one.share]))
+            for stream, one in self._wrong_among_logged.items()
+            if len(one.row) >= _LEAST_OUTLIERS
+        ]
+
+    def _wrong_about_the_filter(self, state: Fitted) -> list[LocalFinding]:
+        """Wrong readings where the noise is declared: those that the filter would not expect in as many."""
         from scipy import stats
 
-        if self._logged is not None:
-            return [
-                LocalFinding(Term(f"{stream}.outliers"), one.gain, WRONG_DOF, one.log_p, np.array([one.share]))
-                for stream, one in self._wrong_among_logged.items()
-                if len(one.row) >= _LEAST_OUTLIERS
-            ]
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
         along = self._passes.along(state.effects, state.beta, state.motion, self._as_recorded)
@@ -514,10 +521,10 @@ class FlightSource:
 
     def _outlier_share(self, term: Term) -> tuple[FloatArray, FloatArray]:
         stream = term.name.split(".")[0]
-        if self._logged is None:
-            wrong, count = self.wrong[stream]
-        else:
-            wrong, count = len(self._wrong_among_logged[stream].row), self._wrong_among_logged[stream].readings
+        wrong, count = self.wrong[stream]
+        if self._logged is not None:
+            one = self._wrong_among_logged[stream]
+            wrong, count = len(one.row), one.readings
         share = wrong / count
         return np.array([share]), np.array([np.sqrt(max(share * (1 - share), 1e-12) / count)])
 

@@ -26,6 +26,7 @@ from sinan.experiments.residual_loop.trials import (
     SHORTLIST,
     UNTRIED,
     Finding,
+    Trial,
     best_of,
     best_pair,
     fit_without,
@@ -224,7 +225,7 @@ class _Path:
                 self.add(*best)
         return self.selection()
 
-    def best(self, shortlist: int) -> tuple[Fit, Finding] | None:
+    def best(self, shortlist: int) -> Trial | None:
         """The best that stands of what is offered, with its fit; where nothing does the intervals are searched too."""
         full = sum(finding.term.interval is not None for finding in self.findings) >= MOST_LOCAL
         options = self._offered.open_to(full)
@@ -234,7 +235,7 @@ class _Path:
             return self.best(shortlist)
         return found
 
-    def best_pair(self) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
+    def best_pair(self) -> tuple[Fit, list[Trial]] | None:
         """See `trials.best_pair`."""
         return best_pair(self._source, self._fit, self._offered.evidence, self._threshold)
 
@@ -265,7 +266,7 @@ class _Path:
             self._steps.append(Step(one.without, one.finding.term))
             self.findings = [one.finding if f is one.parts[0] else f for f in self.findings if f is not one.parts[1]]
 
-    def add_pair(self, fit: Fit, both: Sequence[tuple[Fit, Finding]]) -> None:
+    def add_pair(self, fit: Fit, both: Sequence[Trial]) -> None:
         """Take two effects, each with the fit without it."""
         self._fit = fit
         self._steps += [Step(before, finding.term) for before, finding in both]

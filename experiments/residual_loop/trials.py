@@ -177,7 +177,7 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
     return first[0], replace(first[1], rivals=tuple(finding for _, finding in rivals))
 
 
-def _why(option: Option, tried: tuple[Fit, Finding] | None, threshold: float) -> str:
+def _why(option: Option, tried: Trial | None, threshold: float) -> str:
     """Why an option that was tried did not stand."""
     if tried is None:
         return IMPOSSIBLE
@@ -186,9 +186,7 @@ def _why(option: Option, tried: tuple[Fit, Finding] | None, threshold: float) ->
     return SCATTERED if option.log_p >= threshold else NO_EVIDENCE
 
 
-def best_pair(
-    source: Source, fit: Fit, evidence: Evidence, threshold: float
-) -> tuple[Fit, list[tuple[Fit, Finding]]] | None:
+def best_pair(source: Source, fit: Fit, evidence: Evidence, threshold: float) -> tuple[Fit, list[Trial]] | None:
     """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
     the noise. The pair has to pass among all pairs, and in the refit each of them given the other.
 
@@ -226,7 +224,7 @@ def best_pair(
     return both, found
 
 
-def trial(source: Source, fit: Fit, option: Option) -> tuple[Fit, Finding] | None:
+def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
     outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
     """

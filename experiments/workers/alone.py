@@ -15,6 +15,7 @@ from threading import Lock
 from typing import TypeVar, cast
 
 from sinan.experiments.workers.processes import PATIENCE, begin, context, end_fork_server
+from sinan.experiments.workers.stopping import in_whole
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -121,7 +122,7 @@ def _start(
     task: Task,
 ) -> None:
     here, there = multiprocessing.Pipe(duplex=False)
-    with _tables, _no_demon():
+    with _tables, _no_demon(), in_whole():
         process = context(loaded).Process(target=_one, args=(there, work, task, limits.memory))
         running[here] = _Running(number, process, float("inf"))
         process.start()

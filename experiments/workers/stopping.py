@@ -20,6 +20,8 @@ _PATIENCE = 0.7
 AT_ONCE: list[Callable[[], None]] = []
 #: The signal that asked.
 _asked: int | None = None
+#: Whether it waits, since something is done that is done in whole.
+_waits = False
 
 
 class Stopped(BaseException):
@@ -74,6 +76,19 @@ def going_on(how: Callable[[], str]) -> Iterator[None]:
         raise Stopped(number, how()) from None
 
 
+@contextmanager
+def in_whole() -> Iterator[None]:
+    """A moment that is not interrupted: a process of which half is started leaves words of Python's own behind."""
+    global _waits
+    _waits = True
+    try:
+        yield
+    finally:
+        _waits = False
+        if _asked is not None:
+            raise Stopped(_asked)
+
+
 def _stop(number: int, frame: FrameType | None) -> None:
     global _asked
     if _asked is not None:
@@ -85,7 +100,8 @@ def _stop(number: int, frame: FrameType | None) -> None:
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _stop_again)
         signal.setitimer(signal.ITIMER_REAL, _AGAIN, _AGAIN)
-    raise Stopped(number)
+    if not _waits:
+        raise Stopped(number)
 
 
 def _stop_again(number: int, frame: FrameType | None) -> None:
@@ -95,7 +111,7 @@ def _stop_again(number: int, frame: FrameType | None) -> None:
         if isinstance(error, Stopped):
             return
         error = error.__context__
-    if _asked is not None:
+    if _asked is not None and not _waits:
         raise Stopped(_asked)
 
 

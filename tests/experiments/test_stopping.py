@@ -360,3 +360,21 @@ def test_ctrl_c_while_the_command_is_loaded(way: str, module: str) -> None:
     call = [sys.executable, "-c", LOADING, way, module]
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False)
     assert (done.returncode, done.stderr) == (130, "sinan: stopped\n")
+
+
+def test_what_is_done_in_whole_is_not_interrupted() -> None:
+    program = """
+import os, signal, time
+from sinan.experiments.workers.stopping import in_whole, listening
+with listening():
+    with in_whole():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.6)  # longer than until it is raised again
+        print("whole", flush=True)
+    print("more", flush=True)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "whole\n", "sinan: stopped\n")

@@ -87,7 +87,7 @@ def test_draws_have_the_autocovariance_that_is_stated(order: int) -> None:
 
 
 def test_the_variance_of_an_aged_correction_by_hand() -> None:
-    """One measurement, first order: 2 s^2 (1 - exp(-a / T)) + noise; a line through a straight line foretells it."""
+    """One measurement, first order: 2 s^2 (1 - exp(-a / T)) + noise; a line through a straight line predicts it."""
     one = aged_variance((RangeError(3.0, 40.0),), 0.25, np.zeros(1), np.ones(1), 10.0)
     assert one == pytest.approx(2.0 * 9.0 * (1.0 - np.exp(-0.25)) + 0.25)
     back = np.arange(11.0)
