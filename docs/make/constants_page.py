@@ -41,7 +41,8 @@ the code is its reason; the last column says of what sort that is, by the words 
 - **derived**: a formula, or a reason in words ({derived});
 - **stated risk**: the level of a test, the share of false alarms that is accepted: a choice by its nature ({stated});
 - **bound of work**: rounds, lengths of lists, steps of differences; `python -m
-  sinan.experiments.benchmarks.bounds_of_work` halves and doubles each and shows what an answer does ({bound}; figures:
+  sinan.experiments.benchmarks.bounds_of_work` halves and doubles each and shows what an answer does, where its
+  case reaches it ({bound}; figures:
   [bounds of work](../notes/bounds_of_work.md));
 - **no origin**: the comment says what the number is and not why it is that one, or there is none ({none}). These are
   choices: they hold for what the benchmarks of [blind recordings](../blind.md) and of

@@ -123,6 +123,14 @@ def _relative(values: Sequence[float] | np.ndarray, words: Sequence[str] = ()) -
     return Answer(tuple(words), array, np.maximum(np.abs(array), np.finfo(float).tiny))
 
 
+def _poses() -> Answer:
+    """Of an accelerometer whose bias is declared to wander."""
+    effects = "accel.scale_nonlinearity=0.002,0.002,0.002", "accel.transient=0.2,0,0@150:330"
+    recording = _recording("accel_poses", *effects)
+    spec = replace(recording.spec("accel"), bias_walk=1e-4)
+    return _of_trace(recording.replace(sensors={**recording.sensors, "accel": spec}))
+
+
 def _camera() -> Answer:
     seen = read_corners(Path(__file__).parents[1] / "camera" / "opencv_left.csv")
     found = fit(seen.views, form("k1 k2 p1 p2"), seen.size)
@@ -159,9 +167,7 @@ def _levels() -> Answer:
 
 
 CASES: Mapping[str, Callable[[], Answer]] = {
-    "poses": lambda: _of_trace(
-        _recording("accel_poses", "accel.scale_nonlinearity=0.002,0.002,0.002", "accel.transient=0.2,0,0@150:330")
-    ),
+    "poses": _poses,
     "turns": lambda: _of_trace(_recording("gyro_poses", "gyro.g_sensitivity=" + ",".join(["0.0005"] * 9)), "gyro"),
     "flight": lambda: _of_trace(_recording("hover", "gps.transient=4,0,0@20:30")),
     "camera": _camera,
