@@ -75,7 +75,7 @@ def new_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
     InputError : it cannot be written; it is to be replaced, and cannot be in one step
     """
     with _in_words(folder, "a folder that can be written"):
-        new = _NewFolder(folder.resolve(), ours)
+        new = _NewFolder(resolved(folder), ours)
         new.place.parent.mkdir(parents=True, exist_ok=True)
         with _moved_when_whole(new) as beside:
             beside.mkdir()
@@ -210,11 +210,24 @@ def _moved_when_whole(new: _New) -> Iterator[Path]:
         waiting[:] = [*(other for other in waiting if other.place != new.place), new]
 
 
+def resolved(path: Path) -> Path:
+    """The path without links.
+
+    Raises
+    ------
+    InputError : a link that leads back to itself
+    """
+    try:
+        return path.resolve()
+    except RuntimeError:  # what Python says of it until 3.12
+        raise InputError(path, "a link that leads to itself", "a file or a folder") from None
+
+
 def can_be_replaced(folder: Path) -> bool:
     """Whether another folder can be put in the place of this one: not of the current one, of a mounted disk, or in a
     folder that cannot be written.
     """
-    folder = folder.resolve()
+    folder = resolved(folder)
     current = Path.cwd()
     return not (folder in (current, *current.parents) or folder.is_mount()) and os.access(folder.parent, os.W_OK)
 

@@ -18,6 +18,7 @@ from sinan.experiments.capture.poses import PoseWatch
 from sinan.experiments.capture.streams import WHY, LiveStreams
 from sinan.experiments.capture.vehicle import Vehicle
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.formats.growing import GrowingRecording
 from sinan.sensors.formats.mavlink_streams import AUTOPILOTS
@@ -230,6 +231,10 @@ class Session:
     def _finish(self) -> None:
         self._ready += self.clock.settle()
         self._write(time.monotonic(), last=True)
+        if not self.recording.rows:
+            why = "; ".join(self.missing(time.monotonic())) or "what came holds none"
+            expected = f"readings: a vehicle that is on and sends to {self.link.name}, and time for it to be heard"
+            raise InputError(self.asked.out, f"not one reading ({why})", expected)
         self.recording.finish()
 
     def missing(self, now: float) -> list[str]:

@@ -146,7 +146,21 @@ Relinearise = Annotated[
     bool, typer.Option("--relinearise", help="readings linear about the smoothed motion: for a coarse first attitude")
 ]
 Html = Annotated[Path | None, typer.Option("--html", help="file for a self-contained page", metavar="FILE")]
-Gravity = Annotated[float | None, typer.Option(help="norm of gravity, m/s^2; else as declared, else 9.80665")]
+
+
+def _gravity(value: float | None) -> float | None:
+    """What is no norm is said before the work, also where nothing would have asked for it."""
+    if value is not None and not 0.0 < value < float("inf"):
+        from sinan.sensors.errors import InputError
+
+        raise InputError("--gravity", f"{value}", "a number above 0 [m/s^2]")
+    return value
+
+
+Gravity = Annotated[
+    float | None,
+    typer.Option(help="norm of gravity, m/s^2; else as declared, else 9.80665", callback=_gravity),
+]
 From = Annotated[
     float | None,
     typer.Option("--from", help="leave out what is before: s after the first IMU sample (of poses: pose)", metavar="S"),
@@ -208,10 +222,15 @@ def _choice(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
 def _require_place_for(folder: Path | None) -> None:
     """A folder that is written to lies in one that is there, or in one that is made with it."""
     from sinan.experiments.report.files import require_parent
+    from sinan.sensors.errors import InputError
 
     if folder is not None:
         require_parent(folder.parent)
-        folder.exists()  # a name that no folder can have is an error before the work
+        if folder.exists() and not folder.is_dir():  # a name that no folder can have is an error here, too
+            raise InputError(folder, "a file", "a folder: a new one, or one that is there")
+        folder.parent.mkdir(exist_ok=True)
+        if not os.access(folder if folder.is_dir() else folder.parent, os.W_OK):
+            raise InputError(folder, "no permission to write there", "a folder that can be written")
 
 
 def _version(wanted: bool) -> None:

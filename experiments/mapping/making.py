@@ -62,7 +62,7 @@ def mapped(recording: Recording, cell: float, adjust: bool = True) -> Map:
 
     Raises
     ------
-    InputError : no laser, or no scan during the flight
+    InputError : no laser, no scan during the flight, or points that cover no area
     """
     scans, declared = scans_of(recording), declared_mounting(recording)
     motion, sigmas = trajectory(recording)
@@ -77,6 +77,9 @@ def mapped(recording: Recording, cell: float, adjust: bool = True) -> Map:
     points = east_north_up(cloud.p_n, recording.origin)
     ground = ground_of(points)
     terrain, surface, objects = grids_of(points, ground, cell)
+    if min(terrain.height.shape) < 2:
+        found = "points over {} x {} cells of {:g} m".format(*terrain.height.shape, cell)
+        raise InputError(recording.where, found, "a flight over ground, 2 cells wide and long or more; a smaller --cell")
     parts = budget(scans, motion, with_fit(sigmas, fit if adjust else None), mounting)
     found = obstacles_of(objects)
     return Map(motion, cloud, points, ground, terrain, surface, objects, found, mounting, fit, parts)

@@ -129,6 +129,8 @@ def fit_strips(
     Source: C. K. Toth, Strip adjustment, in: J. Shan, C. Toth, Topographic Laser Ranging and Scanning, 2nd ed.
     Neglects boresight yaw, and how the error of the trajectory changes within `PIECE`.
     """
+    if not np.any(np.isfinite(scans.ranges[strip >= 0])):
+        return None
     start, drift = start or Mounting(), drift or Drift()
     plausible = np.array([entry[2] for entry in SOUGHT])
     first = np.array([*start.boresight, *start.lever_arm[:2], start.time_offset])

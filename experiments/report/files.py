@@ -36,8 +36,10 @@ def require_parent(folder: Path) -> None:
 
     Raises
     ------
-    InputError : it would be the second that is made
+    InputError : it is a file, or would be the second that is made
     """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(folder, "a file", "a folder")
     if not folder.is_dir() and not folder.absolute().parent.is_dir():
         raise InputError(folder, f"no folder {folder.parent}", "a folder that is there, or one in such a folder")
 

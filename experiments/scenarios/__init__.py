@@ -15,7 +15,7 @@ from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.effects import CATALOGUE, Effect, effect
 from sinan.sensors.effects.declaration import IMPLAUSIBLE
 from sinan.sensors.errors import InputError
-from sinan.sensors.files import together, write_text
+from sinan.sensors.files import resolved, together, write_text
 from sinan.sensors.recording import Recording
 from sinan.sensors.scenario import Scenario
 from sinan.sensors.simulate import Present, simulate
@@ -246,7 +246,7 @@ def simulate_to_folder(
 
 def answer_file(out: Path) -> Path:
     """Where the answer of a recording is: beside its folder."""
-    out = out if out.name.strip(".") else out.resolve()
+    out = out if out.name.strip(".") else resolved(out)
     return out.with_name(out.name + ".answer.json")
 
 

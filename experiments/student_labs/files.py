@@ -28,7 +28,7 @@ from sinan.experiments.student_labs.lab import (
 )
 from sinan.experiments.student_labs.seals import Seal
 from sinan.sensors.errors import InputError
-from sinan.sensors.files import together, write_text
+from sinan.sensors.files import resolved, together, write_text
 
 DATA, ANSWER, SEALS = "data.csv", "answer.json", "seals.json"
 #: A secret that is shorter is guessed sooner or later.
@@ -76,7 +76,7 @@ def begin(name: str, student: str, out: Path, kind: Kind, secret: str = "", key:
     """
     if not student.strip():
         raise InputError("--student", "no name", "the student's number or name")
-    if key is not None and out.resolve() in key.resolve().parents:
+    if key is not None and resolved(out) in resolved(key).parents:
         raise InputError(key, "in the student's folder", "a place apart from it")
     _require_long(secret)
     data, hidden = drawn(name, student, secret)

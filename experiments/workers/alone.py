@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Lock
 from typing import TypeVar, cast
 
-from sinan.experiments.workers.processes import PATIENCE, begin, context, end_fork_server
+from sinan.experiments.workers.processes import PATIENCE, begin, context, end_fork_server, own_files
 from sinan.experiments.workers.stopping import in_whole
 
 Task = TypeVar("Task")
@@ -123,11 +123,10 @@ def _start(
 ) -> None:
     here, there = multiprocessing.Pipe(duplex=False)
     with _tables, _no_demon(), in_whole():
-        process = context(loaded).Process(target=_one, args=(there, work, task, limits.memory))
-        running[here] = _Running(number, process, float("inf"))
+        process = context(loaded).Process(target=_one, args=(there, work, task, limits.memory, own_files()))
         process.start()
+        running[here] = _Running(number, process, time.monotonic() + _LOADING + limits.seconds)
     there.close()
-    running[here].until = time.monotonic() + _LOADING + limits.seconds
 
 
 @contextmanager
@@ -143,9 +142,9 @@ def _no_demon() -> Iterator[None]:
         own._config["daemon"] = demon  # type: ignore[attr-defined]
 
 
-def _one(end: Connection, work: Callable[[Task], Result], task: Task, memory: int) -> None:
+def _one(end: Connection, work: Callable[[Task], Result], task: Task, memory: int, own: str) -> None:
     """What the process does."""
-    begin()
+    begin(own)
     end.send(_BEGINS)
     limit_memory(memory)
     try:

@@ -25,6 +25,8 @@ Context = ForkServerContext | SpawnContext
 MOST_RESTARTS = 3  # of a pool whose worker was killed
 #: A process that was killed is waited for so long [s]: it takes milliseconds.
 PATIENCE = 0.3
+#: `sinan.sensors.effects.own.VARIABLE`, without loading what that module needs.
+_OWN_FILES = "SINAN_EFFECTS"
 _LEADER = f"{__package__}.leader"
 
 
@@ -65,7 +67,7 @@ def _pool(workers: int, loaded: str) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are killed unless all goes well: they may be in the middle of a long task."""
     others, pool = multiprocessing.active_children(), None
     try:
-        pool = ProcessPoolExecutor(workers, mp_context=context(loaded), initializer=begin)
+        pool = ProcessPoolExecutor(workers, mp_context=context(loaded), initializer=begin, initargs=(own_files(),))
         yield pool
     except BaseException as error:
         ours = [process for process in multiprocessing.active_children() if process not in others]
@@ -128,8 +130,19 @@ def end_fork_server() -> None:
             kill(number, signal.SIGKILL)
 
 
-def begin() -> None:
-    """What a worker begins with: it leaves Ctrl-C to the process that started it, and ends when that one is gone."""
+def own_files() -> str:
+    """Files of effects of the user's own, which a fork server that was started before they were read does not know."""
+    return os.environ.get(_OWN_FILES, "")
+
+
+def begin(own: str) -> None:
+    """What a worker begins with: it leaves Ctrl-C to the process that started it, and ends when that one is gone.
+
+    Parameters
+    ----------
+    own : `own_files` of the process that started it
+    """
+    os.environ[_OWN_FILES] = own
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
 

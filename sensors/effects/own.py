@@ -19,6 +19,7 @@ from pathlib import Path
 from sinan.sensors.effects.declaration import Effect, Exact, Parameter, Regressor
 from sinan.sensors.effects.shipped import is_shipped
 from sinan.sensors.errors import InputError
+from sinan.sensors.files import resolved
 
 #: Files of effects, separated as the system separates paths.
 VARIABLE = "SINAN_EFFECTS"
@@ -180,7 +181,7 @@ def read_file(path: Path) -> tuple[str, ...]:
     ------
     InputError : no such file; an error in it; no effect in it
     """
-    whole = path.resolve()
+    whole = resolved(path)
     before = set(_OWN)
     _read(whole)
     known = os.environ.get(VARIABLE, "")
@@ -212,8 +213,8 @@ def _read(path: Path) -> None:
                     add(entry)
     except InputError as error:
         raise InputError(path, f"{error}", "effects that can be declared") from None
-    except Exception as error:
-        raise InputError(path, f"{type(error).__name__}: {error}", "a file that runs") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(path, f"{type(error).__name__}: {error}", "a file that runs to its end") from error
     if known == _OWN:
         raise InputError(path, "no effect", "at least one call of `sinan.effect`, or an `Effect`")
     _READ[path] = content

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sinan.sensors.errors import InputError
-from sinan.sensors.files import cannot_write, write_text
+from sinan.sensors.files import cannot_write, resolved, write_text
 from sinan.sensors.formats.plain import COVARIATES, HEADER_FILE, require_free
 from sinan.sensors.formats.plain_text import growing_header
 from sinan.sensors.recording import REQUIRED_COLUMNS, Environment, Kind, Stream
@@ -97,7 +97,7 @@ class GrowingRecording:
 
     def _say(self, rows: Mapping[str, int] | None) -> None:
         reference = self.reference if rows is None or "truth" in rows else ""
-        text = growing_header(self.folder.resolve().name, self.kind, self.environment, reference, rows)
+        text = growing_header(resolved(self.folder).name, self.kind, self.environment, reference, rows)
         write_text(self.folder / HEADER_FILE, text)
 
     def finish(self) -> None:

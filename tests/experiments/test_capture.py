@@ -249,7 +249,8 @@ def test_nobody_there(loopback: Loopback) -> None:
     run = loopback.capture("--for", "0.8")
     _, error = run.communicate(timeout=MOST)
     assert run.returncode == 1
-    assert "not one reading; expected readings" in error
+    assert "not one reading (no vehicle has been heard on tcp:127.0.0.1:" in error
+    assert "refused); expected readings: a vehicle that is on" in error
     assert error.count("\n") == 1
 
 
