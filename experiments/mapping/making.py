@@ -78,8 +78,8 @@ def mapped(recording: Recording, cell: float, adjust: bool = True) -> Map:
     ground = ground_of(points)
     terrain, surface, objects = grids_of(points, ground, cell)
     if min(terrain.height.shape) < 2:
-        found = "points over {} x {} cells of {:g} m".format(*terrain.height.shape, cell)
-        raise InputError(recording.where, found, "a flight over ground, 2 cells wide and long or more; a smaller --cell")
+        cells = "points over {} x {} cells of {:g} m".format(*terrain.height.shape, cell)
+        raise InputError(recording.where, cells, "a flight over ground, two cells wide or more; a smaller --cell")
     parts = budget(scans, motion, with_fit(sigmas, fit if adjust else None), mounting)
     found = obstacles_of(objects)
     return Map(motion, cloud, points, ground, terrain, surface, objects, found, mounting, fit, parts)

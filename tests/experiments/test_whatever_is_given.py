@@ -333,9 +333,7 @@ def test_what_is_no_value(sinan: Sinan, row: str) -> None:
 
 @pytest.mark.parametrize("content", [with_one(0.0), table([*ROWS][:1]), table([*ROWS][:2])], ids=["back", "one", "two"])
 @pytest.mark.parametrize("row", [row for row in READ if row.endswith((" input", " inputs"))])
-def test_a_clock_that_goes_back_and_hardly_any_sample(
-    sinan: Sinan, tmp_path: Path, row: str, content: bytes
-) -> None:
+def test_a_clock_that_goes_back_and_hardly_any_sample(sinan: Sinan, tmp_path: Path, row: str, content: bytes) -> None:
     """There may be something to say of it, or nothing."""
     (tmp_path / "log.csv").write_bytes(content)
     status, out, err = said = sinan(READ[row], tmp_path / "log.csv")
