@@ -10,7 +10,7 @@ from typing import Any
 
 from sinan.experiments.fleet.logs import Log
 from sinan.experiments.report.made import sinan_version
-from sinan.experiments.workers.alone import Limits
+from sinan.experiments.workers.alone import Limits, end_memory_limit
 
 FORMAT = 1
 
@@ -42,6 +42,7 @@ def answer(log: Log, path: str, limits: Limits, tell: Callable[[str], None] = la
     try:
         return _traced(log, path, tell)
     except Exception as error:  # of whatever a damaged log makes of a reader
+        end_memory_limit()
         if _for_want_of_memory(error):
             most = limits.memory // 2**20
             return failed(log, f"it needs more than {most} MB of memory, the most that a log may take (--memory)",

@@ -172,7 +172,10 @@ def _end(running: dict[Connection, _Running], end: Connection) -> int:
 
 
 def limit_memory(more: int) -> None:
-    """From here on this process may ask for so much more memory [bytes]; beyond it there is a `MemoryError`."""
+    """From here on this process may ask for so much more memory [bytes]; beyond it there is a `MemoryError`.
+
+    Until `end_memory_limit`, which whoever tells of that error needs: what it holds is still taken.
+    """
     try:
         import resource
 
@@ -184,3 +187,13 @@ def limit_memory(more: int) -> None:
     if hard != resource.RLIM_INFINITY:
         most = min(most, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+def end_memory_limit() -> None:
+    """From here on this process may ask for as much memory as before `limit_memory`."""
+    try:
+        import resource
+    except ImportError:
+        return
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))

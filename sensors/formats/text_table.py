@@ -103,7 +103,9 @@ class TextTable:
             return parts[0]
         except InputError:
             raise
-        except (ValueError, OverflowError, OSError, Warning):
+        except (ValueError, OverflowError, OSError, Warning) as error:
+            if isinstance(error, pd.errors.ParserError) and "out of memory" in str(error):
+                raise MemoryError(str(error)) from error
             return None
         return {name: np.concatenate([part[name] for part in parts]) for name in wanted}
 

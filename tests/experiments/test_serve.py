@@ -79,7 +79,7 @@ def test_job_that_takes_too_long_is_ended(queue: Queue, short_jobs: Callable[[st
 
 def test_job_that_takes_too_much_memory_is_ended_and_the_next_goes_on(tmp_path: Path) -> None:
     """By the very process that traces: a table of 57 MB of text, under a limit that its columns alone nearly reach."""
-    queue = Queue(tmp_path / "jobs", Limits(seconds=LIMIT, memory=128 * 2**20))
+    queue = Queue(tmp_path / "jobs", Limits(seconds=LIMIT, memory=192 * 2**20))
     try:
         head, row = b"t,ax,ay,az,gx,gy,gz\n", b"%.2f,0.1,0.2,-9.8,0.01,0.0,0.1\n"
         large, small = queue.new("large.csv", 1), queue.new("small.csv", 1)
@@ -93,7 +93,7 @@ def test_job_that_takes_too_much_memory_is_ended_and_the_next_goes_on(tmp_path: 
         waited(lambda: large.state == small.state == FAILED)
     finally:
         queue.close()
-    assert large.said["why"] == "it needs more than 128 MB of memory, the most that a log may take (--memory)"
+    assert large.said["why"] == "it needs more than 192 MB of memory, the most that a log may take (--memory)"
     assert "1 row; expected at least 2 IMU samples" in small.said["why"]
     assert large.process is not None
     assert is_gone(large.process.pid)
