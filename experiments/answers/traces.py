@@ -13,7 +13,7 @@ from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused
-from sinan.experiments.report.verdict_words import Log, trace_summary, worded
+from sinan.experiments.report.verdict_words import Log, next_with_parameters, trace_summary, worded
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
@@ -223,9 +223,25 @@ def in_its_terms(
     for one in terms.settings:
         if any(own is None or own.parameters.get(one.name) != one.was for own in facts[1:]):
             return None, [f"  the logs were flown with different {one.name}: trace one for its parameters"]
-    file = f"sinan params {shlex.quote(inputs[0])} --out FILE"
-    how = [f"  `{file}` writes them for the ground station"] if terms.settings and len(inputs) == 1 else []
-    return terms.as_table(), [*(f"  {line}" for line in lines_of(terms)), *how]
+    return terms.as_table(), [f"  {line}" for line in lines_of(terms)]
+
+
+def tell_in_its_terms(
+    document: dict[str, Any], recording: Recording, inputs: Sequence[str], called: str = ""
+) -> list[str]:
+    """Put the autopilot's parameters into the report, and into what to do next; lines that say so.
+
+    Parameters
+    ----------
+    called : how the user calls the log, where it lies elsewhere
+    """
+    from sinan.experiments.autopilots.files import FILES
+
+    document["autopilot"], lines = in_its_terms(document, recording, inputs)
+    name = document["autopilot"]["autopilot"] if document["autopilot"] else ""
+    call = f"sinan params {shlex.quote(called or inputs[0])} --out {FILES[name]}" if name and len(inputs) == 1 else ""
+    document["next"] = next_with_parameters(document, call)
+    return lines
 
 
 def _not_believed(source: Source) -> list[str]:

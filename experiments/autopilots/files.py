@@ -10,6 +10,8 @@ from sinan.experiments.autopilots.terms import Setting, Terms
 from sinan.sensors.errors import printable
 
 _WIDTH = 100
+#: What its ground station expects a file to be called.
+FILES = {"px4": "flight.params", "ardupilot": "flight.param"}
 #: MAV_PARAM_TYPE of a whole number (INT32) and of another (REAL32).
 _INT32, _REAL32 = 6, 9
 

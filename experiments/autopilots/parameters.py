@@ -61,8 +61,13 @@ def lines_of(terms: Terms) -> list[str]:
 
 def setting_line(one: Setting) -> str:
     """A parameter, what it is to be and what it was."""
-    was = "" if one.was is None else f" (was {one.was:.6g})"
-    return f"{one.name} {one.value:.6g}{was}, for {', '.join(one.effects)}"
+    was = "" if one.was is None else f" (was {parameter_value(one.was, one.whole)})"
+    return f"{one.name} {parameter_value(one.value, one.whole)}{was}, for {', '.join(one.effects)}"
+
+
+def parameter_value(value: float, whole: bool) -> str:
+    """A parameter as one types it in: whole, or to five digits, which is finer than any trace knows it."""
+    return f"{round(value)}" if whole else f"{value:.5g}"
 
 
 def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Recording, log: Path) -> Terms:

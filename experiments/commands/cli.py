@@ -24,11 +24,11 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 app = typer.Typer(
     name="sinan",
-    help="Multi-sensor state estimation that traces a residual to the effect a model lacks.",
+    help="Find what is wrong with a vehicle's sensors from its log, prove it on withheld data, and say what to set.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
-    epilog="Begin with `sinan demo`; `sinan COMMAND --help` says more.",
+    epilog="With a log: `sinan trace LOG --html page.html`. Without one: `sinan demo`. More: `sinan COMMAND --help`.",
 )
 
 
@@ -254,7 +254,7 @@ def sinan(
 def demo(
     out: Annotated[Path, typer.Argument(help="folder for the page and the figures")] = Path("sinan-demo"),
 ) -> None:
-    """The whole loop on an embedded recording with an effect that it does not declare; writes a page."""
+    """A demonstration: hides effects in a recording, finds them, and writes a page (about a minute)."""
     from sinan.experiments.commands.demo import run
 
     _require_place_for(out)
@@ -267,7 +267,7 @@ def fetch(
         list[str] | None, typer.Argument(help="data sets; all if none is named", metavar="[NAME]...")
     ] = None,
 ) -> None:
-    """Get measured data sets into the cache, checksummed; with SINAN_DATA=DIR, check a local mirror of them."""
+    """Download measured data sets and check their checksums; with SINAN_DATA=DIR, check a local mirror of them."""
     from sinan.experiments.datasets.fetch import fetch as fetch_sets
     from sinan.experiments.report.console import progress
 
@@ -298,7 +298,7 @@ def simulate(
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
-    """Simulate a scenario into a plain recording with truth; the answer, what is hidden in it, lies beside it."""
+    """Simulate a flight or poses into a recording with its truth; what is hidden in it is written beside it."""
     _know(own_effects)
     from sinan.experiments.report.console import note, working
     from sinan.experiments.scenarios import simulate_to_folder
@@ -324,7 +324,7 @@ def info(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """What is in a log: streams, rates, gaps, units, firmware, parameters, and what a trace could see in it."""
+    """Say what is in a log: sensors, rates, gaps, units, firmware, parameters, and what a trace could find in it."""
     from sinan.experiments.commands.info import run
 
     span, choice = (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -345,7 +345,7 @@ def convert(
     raw: Raw = False,
     force: Force = False,
 ) -> None:
-    """Any readable log, or a part of it -> plain recording."""
+    """Convert a log, or a part of it, to the plain format: a folder of CSV files."""
     from sinan.experiments.datasets import convert as convert_log
     from sinan.experiments.report.console import working
     from sinan.experiments.report.words import reference_words
@@ -411,7 +411,7 @@ def estimate(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Run the filter on a flight: states, biases with their uncertainty, consistency, errors against a reference."""
+    """Run the filter on a flight: motion, biases with their uncertainty, consistency, errors against a reference."""
     _know(own_effects)
     from sinan.experiments.commands.estimate import run
 
@@ -440,7 +440,7 @@ def trace(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after."""
+    """Find what is wrong with the sensors of a log: each effect with its size, and the error with and without it."""
     _know(own_effects)
     from sinan.experiments.commands.trace import run
 
@@ -469,7 +469,7 @@ def params(
     gps: Gps = 0,
     raw: Raw = False,
 ) -> None:
-    """What a trace finds, as the flight controller's parameters: for QGroundControl (PX4) or Mission Planner."""
+    """Write what a trace finds as parameters to load into the flight controller (PX4, ArduPilot)."""
     from sinan.experiments.commands.params import run
 
     name, span, choice = autopilot.value if autopilot else None, (start, stop), _choice(imu, mag, baro, gps, raw)
@@ -504,7 +504,7 @@ def gnss(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Positions from pseudoranges, and which effects the ranges call for."""
+    """Compute positions from pseudoranges (RINEX), and find which effects the ranges call for."""
     from sinan.experiments.commands.gnss import run
 
     places = position, reference, base, base_position
@@ -545,7 +545,7 @@ def observability(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Which biases the motion and the sensors can tell, and which manoeuvre would help."""
+    """Say which biases a flight's motion and sensors can determine, and which manoeuvre would help."""
     from sinan.experiments.commands.observability import run
 
     _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
@@ -580,7 +580,7 @@ def batch(
     time: LongestWork = 900.0,
     memory: MostMemory = 4096.0,
 ) -> None:
-    """Trace many logs: a page each, and one that ranks vehicles by effect, with what changed since the last time."""
+    """Trace many logs: a page for each, and one that ranks the vehicles by effect and shows what changed."""
     _know(own_effects)
     from sinan.experiments.commands.batch import run
     from sinan.experiments.workers.alone import Limits
@@ -598,7 +598,7 @@ def serve(
     time: LongestWork = 900.0,
     memory: MostMemory = 4096.0,
 ) -> None:
-    """A page on this machine alone: drop logs into it, watch the progress, read the verdicts."""
+    """Trace in the browser: drop logs into a page that only this machine can reach, and read the verdicts."""
     from sinan.experiments.commands.serve import run
     from sinan.experiments.serve.jobs import Limits
 
@@ -639,7 +639,7 @@ def capture(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Readings of a vehicle that is there now, over MAVLink: a recording as it goes, or a calibration by poses."""
+    """Record a live vehicle over MAVLink, or calibrate its accelerometer or compass by poses."""
     from sinan.experiments.capture.session import Asked
     from sinan.experiments.commands.capture import Results, run
     from sinan.sensors.errors import InputError
@@ -720,7 +720,7 @@ def allan(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Noise of every sensor from the part of a log at rest: Allan deviation, its terms, the keys to declare."""
+    """Measure the noise of every sensor from a log at rest: Allan deviation, its terms, the keys to declare."""
     from sinan.experiments.commands.allan import run
 
     _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
@@ -744,7 +744,7 @@ def map_command(
     raw: Raw = False,
     json: Json = None,
 ) -> None:
-    """A map from a flight with a scanning laser: point cloud, terrain, objects, error budget, strips compared."""
+    """Make a map from a flight with a scanning laser: point cloud, terrain, objects, error budget, strips compared."""
     from sinan.experiments.commands.map import run
 
     _require_place_for(out)
@@ -766,7 +766,7 @@ def heights(
     json: Json = None,
     html: Html = None,
 ) -> None:
-    """Heights of sonar, laser, barometer and GPS against each other and the filter; where the sonar has no echo."""
+    """Compare heights of sonar, laser, barometer and GPS with each other and the filter; missing sonar echoes."""
     from sinan.experiments.commands.heights import run
 
     _say(lambda: run(input, map, json, html, (start, stop), _choice(imu, mag, baro, gps, raw)), json, html)
@@ -793,7 +793,7 @@ def lab(
     seals: Annotated[bool, typer.Option(help="begin: so that the student can check too")] = True,
     language: Annotated[Language, typer.Option(help="begin, check: en or zh")] = Language.en,
 ) -> None:
-    """The course's experiments; labs for students, with data of their own: begin LAB, check LAB ANSWER."""
+    """Run the course's experiments, or a lab with data of your own: begin LAB, check LAB ANSWER."""
     if name in ("begin", "check"):
         from sinan.experiments.commands.lab import begin, check
         from sinan.experiments.student_labs.files import Kind
@@ -821,7 +821,7 @@ def effects(
     ] = None,
     own_effects: OwnEffects = None,
 ) -> None:
-    """What a plain sensor model may lack: the catalogue, or one effect of it."""
+    """List the effects that can be found, or explain one of them."""
     from sinan.experiments.commands.effects import run
 
     _know(own_effects)
@@ -842,7 +842,7 @@ def blind(
     ] = None,
     table: Annotated[Path | None, typer.Option(help="measured: file for the page, Markdown", metavar="FILE")] = None,
 ) -> None:
-    """Trace recordings whose effects are sealed, then open the answers: rates with their intervals."""
+    """Measure how often traces are right: recordings with hidden effects, answers opened afterwards."""
     _require_place_for(out)
     if measured:
         from sinan.experiments.blind.measured.command import run as run_measured

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sinan.experiments.answers.asked import Asked
-from sinan.experiments.answers.traces import Trace, in_its_terms, trace, what_is_done
+from sinan.experiments.answers.traces import Trace, tell_in_its_terms, trace, what_is_done
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import note, tell_notes, working
 from sinan.experiments.report.made import checksums
@@ -34,7 +34,7 @@ def run(
     InputError : logs that cannot be of one vehicle (`sensors.joining.joined`)
     """
     answer = trace_log(inputs, sensor, alpha, gravity, map_file, span, choice)
-    answer.document["autopilot"], said_of_autopilot = in_its_terms(answer.document, answer.recording, inputs)
+    said_of_autopilot = tell_in_its_terms(answer.document, answer.recording, inputs)
     answer.document["logs"] = checksums(inputs) if json is not None or html is not None else []
     if json is not None:
         answer.to_json(json)

@@ -38,6 +38,7 @@ p.note, figcaption { color: var(--soft); font-size: .92rem; }
 .number b { display: block; font-size: 1.25rem; }
 .number span { color: var(--soft); font-size: .88rem; }
 figure { margin: 1rem 0; } figure img { width: 100%; height: auto; }
+nav { font-size: .95rem; margin: 1rem 0; } nav a { color: var(--accent); margin-right: 1.1rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; min-width: 50%; font-size: .92rem; }
 ul.plain { margin: .3rem 0; padding-left: 1.2rem; }
@@ -58,13 +59,15 @@ code { background: #eef2f5; padding: .1rem .3rem; border-radius: .25rem; overflo
 h1, p, li, figcaption, footer { overflow-wrap: anywhere; }
 @media (max-width: 600px) {
   body { padding: 1.2rem .8rem 3rem; } h1 { font-size: 1.35rem; }
-  figure .wide img { width: 40rem; } td:first-child { min-width: 8rem; } .number { flex: 1 1 100%; }
+  figure .wide img { width: 40rem; } td:first-child { min-width: 6rem; } th, td { padding-right: .7rem; }
+  .number { flex: 1 1 100%; }
   dl.facts { grid-template-columns: minmax(0, 1fr); } dl.facts dd { margin-bottom: .3rem; }
 }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; background: #fff; }
   figure, tr, .number, dl.facts { break-inside: avoid; } h2, h3 { break-after: avoid; }
-  .wide { overflow: visible; } details::details-content { content-visibility: visible; display: block; }
+  nav { display: none; } .wide { overflow: visible; }
+  details::details-content { content-visibility: visible; display: block; }
 }
 """
 
@@ -95,6 +98,8 @@ class Page:
 
     def __init__(self, title: str, lead: str = "") -> None:
         self._title = title
+        self._sections: list[str] = []
+        self._contents: int | None = None  # where the links go
         self._parts = [f"<h1>{_marked(title)}</h1>"]
         self._style, self._script = _STYLE, ""
         if lead:
@@ -133,7 +138,14 @@ class Page:
 
     def heading(self, text: str) -> None:
         """A section."""
-        self._parts.append(f"<h2>{_marked(text)}</h2>")
+        self._sections.append(text)
+        place = "" if self._contents is None else f' id="section-{len(self._sections)}"'
+        self._parts.append(f"<h2{place}>{_marked(text)}</h2>")
+
+    def contents(self) -> None:
+        """Links to the sections that follow, once all are there; a page has one such place."""
+        self._contents, self._sections = len(self._parts), []
+        self._parts.append("")
 
     def subheading(self, text: str) -> None:
         """A part of a section."""
@@ -198,6 +210,9 @@ class Page:
         made = f"sinan {sinan_version()}, `{command()}`, {now()}"
         foot = f"<footer>{_marked(made)}</footer>"
         script = f"<script>{self._script}</script>" if self._script else ""
+        if self._contents is not None:
+            links = (f'<a href="#section-{k}">{_marked(one)}</a>' for k, one in enumerate(self._sections, 1))
+            self._parts[self._contents] = f"<nav>{' '.join(links)}</nav>"
         write_text(
             path,
             '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sinan.experiments.autopilots.files import FILES
+from sinan.experiments.autopilots.parameters import parameter_value
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
 from sinan.experiments.report.assumption_table import assumption_table
@@ -74,7 +76,7 @@ def trace_page(
         page.heading("What was found")
         for k, named in enumerate(traced.verdict.effects):
             _effect_section(page, traced, document, named, k, made.get(f"effect_{k + 1}"), hidden or {})
-    page.heading("Error before and after" if verdict_words.told(document) else "What the plain model leaves")
+    page.heading("Error before and after" if verdict_words.told(document) else "Residual of the plain model")
     for name in [n for n in made if n.startswith(("residuals", "errors"))]:
         page.figure(*made[name])
     _budget_table(page, document)
@@ -94,16 +96,18 @@ def trace_page(
 def _head(document: Mapping[str, Any]) -> Page:
     """A page that begins with the verdict, what to do next, what the log was, and what it could not tell."""
     page = Page(document["headline"], f"{verdict_words.name_of(document)}. {verdict_words.lead(document)}")
-    page.verdict(document["verdict"].replace("_", " "), document["verdict"])
+    page.verdict(_in_a_word(document), document["verdict"])
+    _found_table(page, document)
     page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
     page.text(f"What to do next: {document['next']}.")
     if document.get("autopilot"):
-        _autopilot(page, document["autopilot"], document.get("logs", []))
+        _autopilot(page, document)
     for warning in document.get("warnings", []):
-        page.text(f"{warning[0].upper()}{warning[1:]}.")
-    page.rests_on(document.get("logs", []), [("family-wise error", f"{document['alpha']:g}")])
+        page.text(f"Warning: {warning}.")
+    page.contents()
+    page.rests_on(document.get("logs", []), [("risk of a false finding", f"{document['alpha']:g}")])
     if document.get("notes"):
-        with page.folded("Not declared, and taken from the log"):
+        with page.folded("What the log does not declare, and was estimated from it"):
             page.items([str(note) for note in document["notes"]])
     if document.get("not_seen"):
         with page.folded("What this log could not show"):
@@ -111,22 +115,53 @@ def _head(document: Mapping[str, Any]) -> Page:
     return page
 
 
-def _autopilot(page: Page, terms: Mapping[str, Any], logs: Sequence[Mapping[str, str]]) -> None:
+def _in_a_word(document: Mapping[str, Any]) -> str:
+    """The verdict in a word or two, for the coloured mark."""
+    if document["verdict"] == "effects":
+        return f"{words.counted(len(verdict_words.told(document)), 'effect')} found"
+    return "no effect found" if document["verdict"] == "no_effect" else str(document["verdict"])
+
+
+def _found_table(page: Page, document: Mapping[str, Any]) -> None:
+    """What was found, how large, how sure: a row an effect."""
+    if not document["effects"]:
+        return
+    rows = [
+        [one["name"], trace_words.size_and_sigma(one), words.p_value_words(one["log10_p_value"]), _check(one)]
+        for one in document["effects"]
+    ]
+    page.table(["effect", "size", "by chance", f"check on the {document['error']['held_out_part']}"], rows)
+
+
+def _check(effect: Mapping[str, Any]) -> str:
+    """What held-out data say of an effect, for a cell of a table."""
+    held = effect.get("held_out")
+    if effect["predicts"] is None or not held:
+        return "cannot be checked"
+    failed = "" if effect["predicts"] else f" ({trace_words.NOT_PREDICTING})"
+    return f"{words.SENSORS.get(held['stream'], held['stream'])} residual {verdict_words.sizes(held)}{failed}"
+
+
+def _autopilot(page: Page, document: Mapping[str, Any]) -> None:
     """The parameters to type in, and what has none."""
-    page.subheading("In the flight controller's parameters")
+    terms, logs = document["autopilot"], document.get("logs", [])
+    page.subheading("Parameters to set in the flight controller")
     if terms["parameters"]:
-        log = f" {shlex.quote(logs[0]['log'])} --out FILE" if len(logs) == 1 else ""
-        page.text(f"Set these, or load the file that `sinan params{log}` writes; then fly and trace again.")
+        page.text("Type these in at the ground station, or load the file. Then fly again, and trace the new log.")
+        if len(logs) == 1 and "sinan params" not in document["next"]:
+            page.text(
+                f"`sinan params {shlex.quote(logs[0]['log'])} --out {FILES[terms['autopilot']]}` writes the file."
+            )
         rows = [
             [
                 one["name"],
-                f"{one['value']:.6g}",
-                "-" if one["was"] is None else f"{one['was']:.6g}",
+                parameter_value(one["value"], one["whole"]),
+                "-" if one["was"] is None else parameter_value(one["was"], one["whole"]),
                 ", ".join(one["effects"]),
             ]
             for one in terms["parameters"]
         ]
-        page.table(["parameter", "set to", "in the log", "takes out"], rows, numeric=(1, 2))
+        page.table(["parameter", "set to", "was", "corrects"], rows, numeric=(1, 2))
     for one in terms["without"]:
         page.text(f"No parameter for {one['effect']}: {one['why']}.")
     for remark in terms["notes"]:
@@ -143,7 +178,7 @@ def _noise_figure(part: Part) -> tuple[Figure, str]:
     sigma = "what the declared noise predicts" if known else "its own spread, since no noise is declared"
     return (
         figures.residuals_like_noise(streams, scale),
-        f"Residuals divided by σ, {sigma}. Pure noise scatters evenly about zero, with the black curve's shape.",
+        f"Residuals divided by σ, {sigma}. Pure noise scatters evenly about zero and follows the black curve.",
     )
 
 
@@ -159,16 +194,17 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
         terms = [f.term for f, s in zip(verdict.told, streams, strict=True) if s == stream]
         intervals = [term.interval for term in terms if term.interval is not None]
         name = "residuals" if stream == verdict.proof.stream else f"residuals_{stream}"
-        caption = f"Residual of the {words.SENSORS.get(stream, stream)}, each model fitted to all data." + (
-            " Yellow: when the time-localised effect acts." if intervals else ""
+        caption = (
+            f"Residual (reading minus prediction) of the {words.SENSORS.get(stream, stream)}, fitted to all data."
+            + (" Yellow: while the effect acts." if intervals else "")
         )
         made[name] = figures.residuals_over_time(before[stream], after[stream], shaded, intervals), caption
     proof = verdict.proof
     of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
-    caption = "The proof: the models of the upper pair never saw the data they are counted on. Black: 95 % interval."
+    caption = "The proof is the upper pair: errors on data to which these models were not fitted. Black: 95 % interval."
     twins = {twin.named.finding.term.name for twin in verdict.twins}
     caption += "".join(
-        f" Of those that these data cannot tell apart, the model has {finding.term.name}."
+        f" Of the effects that these data cannot tell apart, the model has {finding.term.name}."
         for finding in verdict.told
         if finding.term.name in twins
     )
@@ -210,8 +246,8 @@ def _effect_figure(part: Part, finding: Finding) -> tuple[Figure, str] | None:
         return figure, f"{_local_caption(before, after, finding.term, is_last)}{where}"
     return (
         figures.residual_against_effect(signature, name),
-        f"The residual just before {name} was added, against what {name} says it should be: points along the line "
-        f"are explained, a round cloud would be noise.{where}",
+        f"Each dot is a reading: its residual before {name} was added, against what {name} predicts for it. Dots along "
+        f"the line are explained by it; a round cloud would be noise.{where}",
     )
 
 
@@ -231,11 +267,11 @@ def _local_caption(before: StreamResidual, after: StreamResidual, term: Term, is
     }
     unit = words.stream_unit(before.stream, before.unit)
     sizes = " and ".join(f"{f'{words.change(*pair)} {unit}'.strip()} in {part}" for part, pair in rms.items())
-    text = f"The residual around the interval, just before {term.name} was added and in the end: RMS {sizes}."
+    text = f"The residual around the interval, before {term.name} was added and in the final model: RMS {sizes}."
     if is_last and len(rms) == 2 and rms["all the rest"][1] < rms["all the rest"][0]:
         text += (
-            f" Without {term.name} the whole model bends towards the yellow readings, and the others pay for it: some "
-            "of them, here perhaps those beside the yellow part, may get worse, but all together they get better."
+            f" Without {term.name} the whole model is pulled towards the yellow readings, at the cost of the others: "
+            "single ones may get worse with it, perhaps those beside the yellow part, but together they get better."
         )
     return text
 
@@ -274,23 +310,23 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
     shown = [*found, *others[: max(_SHOWN - len(found), 3)]]
     if found:
         caption = (
-            "Blue: what was found, at the step at which it was chosen. Grey: all else, once that is in the model: "
-            "nothing that passes is left."
+            "Blue: what was found, with the step of the search. Grey: every other effect, tested once those are in the "
+            "model: none of them passes the dashed line."
         )
     else:
         beside = " beside the error that none of them explains" if document["verdict"] == "unexplained" else ""
         caption = f"Every candidate{beside}: none reaches the dashed line."
     if any(bar.kind == "left" for bar in others):
-        caption = caption.split(": nothing")[0].split(": none")[0].rstrip(".") + (
-            ". Orange: passes the line, but was not accepted, for the reason in brackets: "
+        caption = caption.split(": none")[0].rstrip(".") + (
+            ". Orange: passes the line but was not accepted, for the reason in brackets: "
             f"{'; '.join(_reasons(others))}."
         )
     for effect in document["effects"]:
         if effect["confused_with"]:
-            caption += f" {', '.join(effect['confused_with'])} would have done as well in place of {effect['name']}."
+            caption += f" {', '.join(effect['confused_with'])} would explain the data as well as {effect['name']}."
     hidden = len(bars) - len(shown)
     if hidden:
-        caption += f" The {hidden} weakest are in the list below."
+        caption += f" The {hidden} weakest are listed below."
     return figures.evidence_bars(shown, -float(np.log10(document["p_value_needed"]))), caption
 
 
@@ -308,8 +344,9 @@ def _numbers(page: Page, document: Mapping[str, Any]) -> None:
     for error, _ in verdict_words.errors(document):
         part, sensor = error["held_out_part"], words.SENSORS.get(error["stream"], error["stream"])
         cards.append((verdict_words.residual_change(error), f"RMS of the {sensor} residual, {part}"))
-        held = verdict_words.reference_changes(error.get("truth_held_out"))
-        cards += [(change, f"{name}, {part}") for name, change in held.items()]
+        held = verdict_words.errors_against_a_truth(error)
+        asked = verdict_words.part_of_reference(error)
+        cards += [(change, f"{name}, {asked}") for name, change in held.items()]
     page.numbers(cards)
 
 
@@ -331,8 +368,8 @@ def _effect_section(
         rows = [[*row, f"{value:g}"] for row, value in zip(rows, hidden[effect["name"]], strict=True)]
     page.table(head, rows, numeric=(1, 3))
     step = step_of(traced.part_of(named), named.finding)
-    text = f"Chosen at step {step}, {words.p_value_words(effect['log10_p_value'])} about the model before it"
-    text += f" (needed: p < {document['p_value_needed']:.2g})."
+    text = f"Evidence: {words.p_value_words(effect['log10_p_value'])}, how often chance alone would show as much "
+    text += f"(needed: p < {document['p_value_needed']:.2g}); found at step {step} of the search."
     if effect.get("interval"):
         from_0 = " (counted from 0)" if effect["interval_unit"] == "reading" else ""
         text += f" It acts {trace_words.interval_words(effect)}{from_0}."
@@ -344,11 +381,11 @@ def _effect_section(
         text += f" {verdict_words.not_predicting_sentence(document, effect)}"
     elif effect["predicts"]:
         held_out = verdict_words.stream_change(effect["held_out"])
-        text += f" Without and with it, beside all else that is told, the held-out {held_out}."
+        text += f" Check on held-out data: added to everything else that was found, the {held_out}."
     elif effect["name"].endswith(".outliers"):
-        text += " Such readings are left out of the errors: nothing predicts them."
+        text += " Such readings are left out of the errors: nothing can predict them."
     else:
-        text += " It acts on no held-out reading: only this evidence speaks for it, not the held-out error."
+        text += " It acts on no held-out reading, so only this evidence speaks for it, not a held-out error."
     page.text(text)
     if figure is not None:
         page.figure(*figure)
@@ -356,7 +393,7 @@ def _effect_section(
 
 def _twin_table(page: Page, document: Mapping[str, Any]) -> None:
     """Every effect that explains the data equally well, with the errors of the model that has it."""
-    page.heading("Which of them, these data cannot tell")
+    page.heading("Effects that these data cannot tell apart")
     page.text(f"Errors on the {document['error']['held_out_part']} of the data, without and with each of them:")
     errors = [verdict_words.twin_errors(twin) for twin in document["twins"]]
     head = list(dict.fromkeys(name for one in errors for name in one))
@@ -372,11 +409,11 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
     """Where the plain model's error goes, by stream."""
     if not document.get("budget"):
         return
-    page.heading("Where the error of the plain model goes")
+    page.heading("What the error of the plain model consists of")
     page.text(
-        "Share of the mean square of the plain model's innovations: taken off by the effects; predicted as noise of "
-        "the reading, as its colour, as what the states are not known to; and what has no name, which is negative "
-        "where the error is less than expected."
+        "Shares of the mean square of the plain model's residual: removed by the effects that were found; white noise "
+        "of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained rest, which is "
+        "negative where the error is smaller than these predict."
     )
     keys = ("effects", "white", "colour", "motion", "unnamed")
     rows = [
@@ -387,7 +424,7 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
         ]
         for one in document["budget"]
     ]
-    head = ["sensor", "RMS before", "effects", "white noise", "colour", "states", "no name"]
+    head = ["sensor", "RMS before", "effects", "white noise", "slow noise", "motion", "unexplained"]
     page.table(head, rows, numeric=tuple(range(1, 7)))
 
 
@@ -396,7 +433,9 @@ def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
     if not whole or document["twins"] or not verdict_words.told(document):
         return
     held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
-    page.text(f"Against {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has seen:")
+    page.text(
+        f"Compared with {words.reference_words(document['error']['truth'].get('kind'))}, which nothing above has used:"
+    )
     asked = verdict_words.part_of_reference(document["error"])
     head = ["", "all data, before → after", f"{asked}, before → after"]
     page.table(head, [[name, change, held.get(name, "-")] for name, change in whole.items()], (1, 2))
@@ -408,7 +447,7 @@ def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
 def _candidate_tables(page: Page, traced: Traced, document: Mapping[str, Any]) -> None:
     known = {c["name"]: c for c in document["candidates"]}
     found = [
-        [e["name"], f"chosen: {_p(e['log10_p_value'])}", "found" if e["predicts"] is not False else "does not predict"]
+        [e["name"], f"found: {_p(e['log10_p_value'])}", "found" if e["predicts"] is not False else "does not predict"]
         for e in document["effects"]
     ]
     rows = []
@@ -425,7 +464,7 @@ def _candidate_tables(page: Page, traced: Traced, document: Mapping[str, Any]) -
     rows += [[name, "-", "not visible in these data"] for name in unseen]
     head = ["effect", "p-value", "would be found from"]
     if not found:
-        page.text("From these sizes on each effect would have been found in these data:")
+        page.text("What would have been seen: the size from which on each effect would have been found in these data.")
         page.table(head, rows[:_SHOWN], numeric=(1,))
         rows = rows[_SHOWN:]
     if found or rows:
@@ -443,14 +482,14 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     page.heading("What remains")
     error = document["error"]
     if document["effects"]:
-        same = "chooses the same effects" if error["same_names_on_fitting_part"] else "chooses other effects"
-        page.text(f"The part of the data that was used for fitting, taken alone, {same}.")
+        same = "the same" if error["same_names_on_fitting_part"] else "other"
+        page.text(f"Fitted to one part of the data alone, the search chooses {same} effects.")
     for name in document["rolled_back"]:
-        page.text(f"{name} passed the test on all data, but the held-out part speaks against it.")
+        page.text(f"{name} passed the test on all data, but does not reduce the error on held-out data.")
     for item in document["remaining"]:
         sentence = trace_words.remaining_sentence(item)
         page.text(f"{sentence[0].upper()}{sentence[1:]}.")
     if not document["remaining"]:
-        page.text("The remaining residual is white and as large as the noise.")
+        page.text("Nothing: the remaining residual is white, and as large as the noise.")
     for one in document["left_out"]:
         page.text(f"The {words.SENSORS[one['sensor']]} was not traced: {one['why']}.")

@@ -28,18 +28,18 @@ _ALONE = 3.0
 REFUSED = {
     SLOW_NOISE: (
         "slow noise",
-        "slow noise of a sensor, or an acceleration in step with the turning, explains it as well",
+        "slow noise of a sensor, or an acceleration in step with the turning, explains the data as well",
     ),
     SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
-    UNLIKELY: ("odds", "chance would hardly make it, yet no offset at all is likelier"),
+    UNLIKELY: ("odds", "chance is unlikely to produce it, but no offset at all is likelier still"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),
-    IMPOSSIBLE: ("size", "no effect of that name and a plausible size explains it"),
+    IMPOSSIBLE: ("size", "only an implausible size of it would explain the data"),
     UNTRIED: (
         "not tried",
         "it was not tried: stronger ones came first, or enough effects were found",
     ),
     GIVEN_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
-    ROLLED_BACK: ("held out", "the held-out part of the data speaks against it"),
+    ROLLED_BACK: ("held out", "it does not reduce the error on held-out data"),
 }
 #: The mark of an effect that passes its test on all data but does not predict the held-out part.
 NOT_PREDICTING = "does not predict"
@@ -56,6 +56,14 @@ def size_words(effect: Mapping[str, Any]) -> str:
     value = abs(effect["beta"][k]) if several else effect["beta"][k]
     bound = "at least " if effect.get("at_least") else "up to " if several else ""
     return bound + per_unit(value, effect["unit"][k], effect["name"])
+
+
+def size_and_sigma(effect: Mapping[str, Any]) -> str:
+    """The size of an effect with its 1-sigma where it is one number, else in a few words."""
+    if effect.get("interval") or effect["name"].endswith(".outliers") or len(effect["beta"]) > 1:
+        return size_words(effect)
+    (_, value, unit), *_ = parameter_rows(effect)
+    return f"{value} {unit}"
 
 
 def interval_words(effect: Mapping[str, Any]) -> str:
@@ -108,8 +116,8 @@ def known_together(effect: Mapping[str, Any]) -> str:
     if len(pairs) < 2 or any(abs(b) > _ALONE * s for b, s in pairs):
         return ""
     return (
-        f"Its components are known only together: p is that of all {len(pairs)} at once, which are surely not all "
-        f"zero; of the single ones, whose errors go together, each is within {_ALONE:g} sigma of zero."
+        f"Its components are known only together: p tests all {len(pairs)} at once, and they are not all zero; "
+        f"taken singly, each lies within {_ALONE:g} sigma of zero, because their errors are correlated."
     )
 
 

@@ -44,6 +44,8 @@ _SPOILED = BySensor(lambda entry: entry.spoils, after={"level": "attitude_rms"})
 #: A change of that error by less than this share is no headline: the residual's is, then.
 _TELLING = 0.1
 _MOST_IN_TITLE = 2
+#: Parameters of a flight controller that are named in a sentence.
+_MOST_NAMES = 4
 
 
 def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None) -> dict[str, Any]:
@@ -84,11 +86,13 @@ def title(document: Mapping[str, Any]) -> str:
     effects = told(document)
     if not effects:
         return _title_without_names(document)
-    rest = ["something without a name"] if document["verdict"] == "unexplained" else []
+    rest = ["something that no known effect explains"] if document["verdict"] == "unexplained" else []
     if len(effects) == 1:
         first = sentence(effects[0]["summary"])
         if _named_together(document, effects[0]):
-            return f"{first}, or {_rivals(document, effects[0])}: these data cannot tell; {headline_error(document)}"
+            return (
+                f"{first}, or {_rivals(document, effects[0])}: these data cannot tell which; {headline_error(document)}"
+            )
         also = "".join(f", and {one}" for one in rest)
         return f"{first}: {size_words(effects[0])}{also}; {headline_error(document)}"
     parts = [_part(document, effect) for effect in effects[:_MOST_IN_TITLE]]
@@ -101,12 +105,12 @@ def title(document: Mapping[str, Any]) -> str:
 
 def _title_without_names(document: Mapping[str, Any]) -> str:
     if not_predicting(document):
-        return "Something is missing, and no effect of the catalogue predicts it"
+        return "The model misses something, and no effect of the catalogue predicts it"
     if document["verdict"] != "no_effect":
-        return "Something is missing that no effect of the catalogue explains"
+        return "The model misses something that no effect of the catalogue explains"
     if document["remaining"]:
-        return "No effect of the catalogue is seen, but the residual is not what the noise would leave"
-    return "Nothing missing was found: what the model leaves looks like noise"
+        return "No effect of the catalogue was found, but the residual is not pure noise"
+    return "Nothing wrong was found: the residual looks like pure noise"
 
 
 def _part(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
@@ -129,36 +133,39 @@ def says(document: Mapping[str, Any]) -> str:
     """The verdict in a sentence."""
     known = told(document)
     if document["verdict"] == "ambiguous":
-        text = "an effect is there, but these data cannot tell which of those named it is"
+        text = "an effect is present, but these data cannot tell which of the named ones it is"
         return text if known else f"{text}, and none of them predicts the {_part_of_data(document)}"
     if document["verdict"] == "unexplained":
-        names = "; the names beside it are doubtful" if document["effects"] else ""
+        names = "; the effects that are named are doubtful" if document["effects"] else ""
         if not_predicting(document) and not document["remaining"]:
-            return f"what passes the test on all data does not predict the {_part_of_data(document)}"
+            return f"an effect passes the test on all data, but does not predict the {_part_of_data(document)}"
         return f"the residual has structure that no effect of the catalogue explains{names}"
     if document["verdict"] == "no_effect":
-        return "nothing passes the test"
+        return "no effect passes the test"
     if _cannot_tell(known):
-        return "what is named passes the test on all data; nothing in the held-out part can tell"
+        return "what is named passes the test on all data; the held-out part holds nothing that could confirm it"
     return f"what is named passes the test on all data, and predicts the {_part_of_data(document)}"
 
 
 def what_next(document: Mapping[str, Any], log: Log) -> str:
     """What to do, a sentence or two."""
     if document["verdict"] == "no_effect":
-        return '"What would have been seen" says how small an effect could have hidden'
+        return 'nothing needs correcting; "What would have been seen" lists how large each effect would have to be'
     if document["verdict"] == "ambiguous":
-        return (
-            f"{document['separates']}; or declare the one that you can measure, such as a lever arm with a ruler"
-            if document["separates"]
-            else "declare the one that you can measure, such as a lever arm with a ruler"
-        )
+        measure = "measure one of them yourself, such as a lever arm with a ruler, and declare it"
+        return f"{document['separates']}; or {measure}" if document["separates"] else measure
     if worse := _worse_reference(document):
-        return f"the {worse} grows with it: check axes, units and clocks of log and reference before the effect is used"
+        return f"the {worse} grows with it: check axes, units and clocks of log and reference before you use the effect"
     if document["verdict"] == "unexplained":
-        longer = [f"record longer, and see whether {e['name']} predicts then" for e in not_predicting(document)[:1]]
-        remains = ["read what remains, cut out what is stuck or saturated"] if document["remaining"] else []
-        return "; ".join([*longer, *remains, "check axes, units and clocks, declare the noise"])
+        longer = [
+            f"record a longer log, and see whether {e['name']} then predicts" for e in not_predicting(document)[:1]
+        ]
+        remains = (
+            ["read what remains, and cut out stretches with a stuck or saturated sensor (`--from`, `--to`)"]
+            if document["remaining"]
+            else []
+        )
+        return "; ".join([*longer, *remains, "check axes, units and clocks; declare the noise of the sensors"])
     return "; ".join(_use(effect, log) for effect in _kinds(told(document)))
 
 
@@ -171,15 +178,32 @@ def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 def _use(effect: Mapping[str, Any], log: Log) -> str:
     """How an effect that was found is used from now on."""
     if effect.get("interval"):
-        return f"{effect['name']}: look for what disturbed the instrument {interval_words(effect)}, or leave that out"
+        return f"{effect['name']}: look for what disturbed the sensor {interval_words(effect)}, or cut that part out"
     if effect["name"].endswith(".outliers"):
-        return f"{effect['name']}: look for what makes single readings wrong"
-    then = "`estimate` and `trace` use what is written there"
+        return f"{effect['name']}: look for the cause of single wrong readings"
+    then = "`estimate` and `trace` then correct for it"
     if Path(log.input).is_dir():
         return f"write what was found into `[effects]` of `{Path(log.input) / 'recording.toml'}`: {then}"
     map_file = ["--map", str(log.map_file)] if log.map_file else []
     convert = shlex.join(["sinan", "convert", log.input, "run", *map_file, *log.choice.words])
     return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"
+
+
+def next_with_parameters(document: Mapping[str, Any], call: str) -> str:
+    """What to do where the flight controller has parameters that correct what was found.
+
+    Parameters
+    ----------
+    call : the command that writes them to a file; empty: there is none
+    """
+    terms = document["autopilot"]
+    if document["verdict"] != "effects" or not terms or not terms["parameters"]:
+        return str(document["next"])
+    names = ", ".join(one["name"] for one in terms["parameters"][:_MOST_NAMES])
+    more = " and others" if len(terms["parameters"]) > _MOST_NAMES else ""
+    return (
+        f"set {names}{more} as listed{f' (`{call}` writes a file)' if call else ''}, fly again, and trace the new log"
+    )
 
 
 def name_of(document: Mapping[str, Any]) -> str:
@@ -228,7 +252,7 @@ def _error_of_twins(document: Mapping[str, Any]) -> str:
 def _without_proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
     """The end of a head line of which the held-out part can tell nothing."""
     wrong = all(effect["name"].endswith(".outliers") for effect in effects)
-    return "left out of every figure" if wrong else f"nothing in the {error['held_out_part']} of the data can tell"
+    return "left out of every number" if wrong else f"not confirmed: the {error['held_out_part']} cannot show it"
 
 
 def _state_change(error: Mapping[str, Any]) -> tuple[str, float, float] | None:
@@ -274,10 +298,11 @@ def residual_change(error: Mapping[str, Any]) -> str:
 
 def stream_change(error: Mapping[str, Any]) -> str:
     """RMS of one stream's residual before and after, with sensor and unit, as a clause."""
-    return f"{_sensor(error['stream'])} residual goes {_sizes(error)}"
+    return f"{_sensor(error['stream'])} residual goes {sizes(error)}"
 
 
-def _sizes(error: Mapping[str, Any]) -> str:
+def sizes(error: Mapping[str, Any]) -> str:
+    """RMS of a residual before and after, with its unit."""
     return f"{change(error['before'], error['after'])} {stream_unit(error['stream'], error['unit'])}".strip()
 
 
@@ -288,16 +313,14 @@ def lead(document: Mapping[str, Any]) -> str:
     sentences += [not_predicting_sentence(document, effect) for effect in not_predicting(document)]
     if document["twins"] and told(document):
         first, *others = [twin["name"] for twin in document["twins"]]
-        sentences.append(
-            f"That is with {first} in the model; with {' or '.join(others)} the errors are others: see below."
-        )
+        sentences.append(f"These numbers are with {first} in the model; those with {' or '.join(others)} are below.")
     if not document["twins"] and (worse := _worse_reference(document)):
-        sentences.append(f"The {worse} grows: take the names with care.")
+        sentences.append(f"The {worse} grows: treat the named effects with caution.")
     if document["verdict"] == "unexplained" and document["remaining"]:
-        sentences.append("Something remains that no effect of the catalogue explains: see the end.")
+        sentences.append('Something remains that no effect of the catalogue explains: see "What remains".')
     if document["effects"] and not document["error"]["same_names_on_fitting_part"]:
         sentences.append(
-            "The part that was used for fitting, taken alone, chooses other effects: take the names with care."
+            "Fitted to one part of the data alone, the search chooses other effects: treat the names with caution."
         )
     return " ".join(sentences)
 
@@ -324,20 +347,20 @@ def _cannot_tell(effects: Sequence[Mapping[str, Any]]) -> bool:
 def _proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
     if _cannot_tell(effects):
         if all(effect["name"].endswith(".outliers") for effect in effects):
-            return "Wrong readings are left out of every figure: nothing predicts them."
+            return "Wrong readings are left out of every number here: nothing can predict them."
         unit = stream_unit(error["stream"], error["before"]["unit"])
         whole = change(*(error["in_sample"][key]["rms"] for key in ("before", "after")))
         return (
-            f"Nothing in the {error['held_out_part']} of the data can tell: only the evidence speaks for it. On all "
-            f"data the RMS of the {_sensor(error['stream'])} residual goes {f'{whole} {unit}'.strip()}."
+            f"The {error['held_out_part']} of the data holds nothing that could confirm it: only the evidence speaks "
+            f"for it. On all data the RMS of the {_sensor(error['stream'])} residual goes {f'{whole} {unit}'.strip()}."
         )
     share = 100.0 * (1.0 - error["after"]["rms"] / error["before"]["rms"])
     low, high = error["after"]["interval"]
     return (
         f"On the {error['held_out_part']} of the data, which took no part in the fit, the RMS of the "
-        f"{_sensor(error['stream'])} residual goes {residual_change(error)}: "
-        f"{f'{share:.0f}' if share >= 2.0 else f'{share:.1g}'} % less (95 % interval of the second {number(low)} to "
-        f"{number(high)})."
+        f"{_sensor(error['stream'])} residual (reading minus prediction) goes {residual_change(error)}: "
+        f"{f'{share:.0f}' if share >= 2.0 else f'{share:.1g}'} % less (95 % interval of the second value: "
+        f"{number(low)} to {number(high)})."
     )
 
 
@@ -352,13 +375,13 @@ def not_predicting_sentence(document: Mapping[str, Any], effect: Mapping[str, An
 def twin_words(twin: Mapping[str, Any]) -> str:
     """One of the effects that explain the data equally well: its size, and what the held-out errors are with it."""
     held = twin["truth_held_out"] or {"before": {}, "after": {}}
-    sizes = [f"{_sensor(error['stream'])} residual {_sizes(error)}" for error in twin["errors"]]
+    residuals = [f"{_sensor(error['stream'])} residual {sizes(error)}" for error in twin["errors"]]
     against = [
         f"{name.removesuffix('_rms')} {reference_change(name, before, held['after'][name])}"
         for name, before in held["before"].items()
         if name in held["after"]
     ]
-    text = ", ".join(sizes)
+    text = ", ".join(residuals)
     text += f"; against {reference_words(held.get('kind'))}: {', '.join(against)}" if against else ""
     failed = f"; {NOT_PREDICTING}" if twin["predicts"] is False else ""
     return f"with {twin['name']} ({size_words(twin)}), held out: {text}{failed}"
@@ -366,7 +389,7 @@ def twin_words(twin: Mapping[str, Any]) -> str:
 
 def twin_errors(twin: Mapping[str, Any]) -> dict[str, str]:
     """The held-out errors, and those against a reference, without and with one of several effects in the model."""
-    found = {f"{_sensor(error['stream'])} residual": _sizes(error) for error in twin["errors"]}
+    found = {f"{_sensor(error['stream'])} residual": sizes(error) for error in twin["errors"]}
     return found | reference_changes(twin["truth_held_out"])
 
 
@@ -378,6 +401,12 @@ def reference_changes(errors: Mapping[str, Any] | None) -> dict[str, str]:
         for name, before in known["before"].items()
         if name in known["after"]
     }
+
+
+def errors_against_a_truth(error: Mapping[str, Any]) -> dict[str, str]:
+    """The held-out errors against a reference that is a truth; none against an autopilot's own estimate."""
+    held = error.get("truth_held_out")
+    return reference_changes(held) if held and is_truth(held.get("kind")) else {}
 
 
 def _strongest(document: Mapping[str, Any]) -> str:
@@ -398,7 +427,7 @@ def _strongest(document: Mapping[str, Any]) -> str:
     sizes = [(s, unit) for s, unit in zip(best["detectable_from"], best.get("unit", []), strict=False) if s is not None]
     if sizes:
         size, unit = min(sizes)
-        text += f" It would have been seen from {per_unit(size, unit, best['name'])} on."
+        text += f" It would have been found from {per_unit(size, unit, best['name'])} upwards."
     if unseen:
         text += f" {counted(unseen, 'other effect')} cannot be seen in these data at any size."
     return text
@@ -420,7 +449,7 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     lines += [f"  {document['headline']}.", f"  {lead(document)}"]
     lines += [f"  {effect_line(effect)}" for effect in document["effects"]]
     if document["effects"] and document["error"]["same_names_on_fitting_part"]:
-        lines.append("  The part that was used for fitting, taken alone, chooses the same effects.")
+        lines.append("  Fitted to one part of the data alone, the search chooses the same effects.")
     lines += [f"  {twin_words(twin)}" for twin in document["twins"]]
     if told(document) and not document["twins"]:
         changes = reference_changes(document["error"].get("truth"))

@@ -168,7 +168,7 @@ _REFERENCE_UNITS = {
 #: What a recording is scored against, by the kind of its reference.
 _REFERENCES = {
     "simulation": "the simulation", "cameras": "the cameras", "robot": "the robot", "rtk": "RTK",
-    "autopilot": "the autopilot's own estimate", "other": "a reference of no named kind",
+    "autopilot": "the autopilot's own estimate", "other": "a reference of unknown kind",
 }  # fmt: skip
 
 
@@ -198,7 +198,7 @@ def reference_name(name: str, kind: str | None) -> str:
     """What an error against a reference is, and what the reference is."""
     quantity, whose = name.removesuffix("_rms"), reference_words(kind)
     if not is_truth(kind):
-        return f"{quantity} difference (RMS) from {whose}, which is no truth"
+        return f"{quantity} difference (RMS) from {whose}, which is not a truth"
     return f"{quantity} error (RMS) against {whose}"
 
 
@@ -223,13 +223,13 @@ def reference_note(reference: Mapping[str, Any], errors: Mapping[str, Any]) -> s
     """What was done to a reference before it scored, or why there are no errors; else empty."""
     whose = reference_words(reference.get("kind"))
     if not any(name.endswith("_rms") for name in errors):
-        return f"no error: of what is estimated, {whose} knows nothing at any instant of the flight"
+        return f"no error: {whose} knows nothing of what is estimated at any instant of the flight"
     if "delay" not in reference:
         return ""
     angle = 2.0 * degrees(acos(min(abs(reference["mounting"][0]), 1.0)))
     found = f"its mounting ({number(angle)} deg), its delay ({reference['delay']:.2f} s) and "
     found = "" if reference.get("aligned") else found
-    return f"taken off before the comparison with {whose}: {found}one constant heading"
+    return f"removed before the comparison with {whose}: {found}one constant heading"
 
 
 _BIAS_UNITS = {"accel": "m/s²", "gyro": "rad/s"}

@@ -60,7 +60,7 @@ def flight_review(flown: Flown) -> Review:
         Section(
             "Innovations: reading minus prediction",
             tuple(_innovations(flown.journal)),
-            "Between the thin lines lie 95 of 100 readings if the filter's model is right. Readings that were refused "
+            "If the filter's model is right, 95 of 100 readings lie between the thin lines. Readings that it refused "
             "are among the events.",
         ),
     ]
@@ -72,7 +72,7 @@ def _reference_note(flown: Flown) -> str:
     if flown.target is None or flown.recording.truth is None:
         return ""
     which = reference_words(flown.recording.truth.kind)
-    return f"The reference is {which}{', no truth' if flown.recording.truth.kind == 'autopilot' else ''}."
+    return f"The reference is {which}{', which is not a truth' if flown.recording.truth.kind == 'autopilot' else ''}."
 
 
 def _compared(flown: Flown, columns: Sequence[str]) -> tuple[FloatArray, FloatArray] | None:
@@ -102,7 +102,7 @@ def _plan(flown: Flown) -> Plan | None:
 def _motion(flown: Flown) -> Iterator[Panel]:
     if not flown.translation:
         return
-    note = "Above the origin of the recording. Barometer and ranges are shifted to the filter's median."
+    note = "Above the recording's origin. Barometer and ranges are shifted to match the filter's median."
     yield Panel("Height", "m", tuple(_heights(flown)), note=note)
     velocity = vector(flown.t, flown.x[:, 3:6], _NED)
     gps = flown.recording.streams.get("gps")

@@ -47,9 +47,7 @@ def readings_review(recording: Recording) -> Review:
 
 def readings_section(recording: Recording) -> Section:
     """Readings as they are in the log."""
-    return Section(
-        "What the instruments read", tuple(_panels(recording)), "As it is in the log, without any correction."
-    )
+    return Section("What the instruments read", tuple(_panels(recording)), "As logged, without any correction.")
 
 
 def _panels(recording: Recording) -> Iterator[Panel]:
@@ -99,7 +97,9 @@ def vibration_section(recording: Recording) -> Section:
             curves = tuple(Curve(name, decades, np.log10(row), colour=k) for k, (name, row) in parts)
             panels.append(Panel(title, unit, curves, "frequency", logarithmic=True))
     if any(panel.logarithmic for panel in panels):
-        notes.append("A spectrum ends at half the rate of the log; what shakes faster appears folded into it.")
+        notes.append(
+            "A spectrum ends at half the logging rate; faster vibration appears in it at a lower frequency (aliasing)."
+        )
     return Section("Vibration and spectrum", tuple(panels), " ".join(notes))
 
 
@@ -107,5 +107,5 @@ def _vibration(imu: Stream) -> Iterator[Panel]:
     power = vibration_power(imu.t, imu.array(ACCEL), noise_std=0.0)
     if np.any(power > 0.0):
         rms = np.sqrt(np.maximum(power, 0.0))
-        note = f"RMS over {WINDOW:g} s of what the accelerometer reads above {CORNER:g} Hz, its noise included."
+        note = f"RMS over {WINDOW:g} s of the accelerometer above {CORNER:g} Hz, its noise included."
         yield Panel("Vibration", "m/s²", vector_curves(imu.t, rms, _XYZ), note=note)

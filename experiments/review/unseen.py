@@ -92,7 +92,7 @@ def not_seen(recording: Recording, document: Mapping[str, Any] | None = None) ->
         return found
     blind = [one["name"] for one in document["candidates"] if one["dof"] == 0]
     if blind:
-        found.append(f"{_listed(blind)}: at no size visible in this motion")
+        found.append(f"{_listed(blind)}: not visible in this motion at any size")
     return found + [f"the {SENSORS.get(one['sensor'], one['sensor'])} was not traced: {one['why']}"
                     for one in document["left_out"]]  # fmt: skip
 

@@ -72,7 +72,7 @@ def test_two_logs_at_once_from_upload_to_verdict(browser: Browser, server: Serve
     assert browser.said() == []
     browser.driver.get(browser.ask("[...document.querySelectorAll('#jobs li')].find(e => "
                                    "e.textContent.includes('onerror')).querySelector('a').href"))  # fmt: skip
-    assert browser.ask("document.querySelector('.verdict').textContent") == "effects"
+    assert browser.ask("document.querySelector('.verdict').textContent") == "1 effect found"
     assert HOSTILE in browser.ask("document.querySelector('dl.facts').textContent")
     assert browser.ask("document.querySelector('.review').classList.contains('live')")
     assert browser.ask("window.hit === undefined")

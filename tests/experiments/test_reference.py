@@ -37,7 +37,7 @@ from sinan.sensors.rotation import quaternion_log
 ROOT = Path(__file__).resolve().parents[2]
 DEGREE = np.deg2rad(1.0)
 PX4 = "px4_esc_lidar_flight/esc_status_log.ulg"
-NO_TRUTH = "which is no truth"
+NO_TRUTH = "which is not a truth"
 
 
 def estimated(log: Path | str, tmp_path: Path, page: bool = False) -> tuple[dict[str, Any], str]:
@@ -121,7 +121,7 @@ def test_a_reference_of_another_time_scores_nothing(hover: Path, tmp_path: Path)
     write_recording(recording.replace(truth=Truth(later, "simulation")), tmp_path / "later")
     document, text = estimated(tmp_path / "later", tmp_path)
     assert document["truth"] == {"kind": "simulation", "known": ["position", "velocity", "attitude"]}
-    assert "no error: of what is estimated, the simulation knows nothing at any instant of the flight" in text
+    assert "no error: the simulation knows nothing of what is estimated at any instant of the flight" in text
 
 
 def swinging(stamps: np.ndarray) -> Recording:
@@ -180,7 +180,7 @@ def test_of_a_ulog_only_the_attitude_is_scored_and_is_no_truth(measured_data: Pa
     assert not {"position_rms", "velocity_rms", "height_rms"} & document["truth"].keys()
     assert "position" not in text
     assert f"attitude difference (RMS) from the autopilot's own estimate, {NO_TRUTH}: " in text
-    assert "taken off before the comparison with the autopilot's own estimate: one constant heading" in text
+    assert "removed before the comparison with the autopilot's own estimate: one constant heading" in text
 
 
 @pytest.mark.measured

@@ -229,7 +229,7 @@ def test_page_of_nothing_shows_how_far_the_strongest_candidate_is_from_the_line(
     page = (tmp_path / "page.html").read_text()
     assert page.count("<img") == 2
     assert "would be needed" in page
-    assert "From these sizes on" in page
+    assert "What would have been seen" in page
 
 
 def test_demonstration_sets_what_was_hidden_beside_what_was_found(two_effects: Report) -> None:
@@ -337,7 +337,7 @@ def test_figure_of_a_bias_holds_truth_and_band() -> None:
 
 def test_components_that_are_known_only_together_are_said_to_be() -> None:
     effect = {"beta": [-0.35, -0.37, -0.0003], "std": [0.70, 0.17, 0.059]}
-    assert "p is that of all 3 at once" in known_together(effect)
+    assert "p tests all 3 at once" in known_together(effect)
     assert known_together({**effect, "std": [0.70, 0.05, 0.059]}) == ""
     assert known_together({"beta": [0.1], "std": [0.2]}) == ""
 
@@ -444,9 +444,9 @@ def test_title_of_what_cannot_be_told_apart_names_every_candidate() -> None:
 
 def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:
     document = a_document()
-    assert "with care" not in lead(document)
+    assert "with caution" not in lead(document)
     document["error"]["same_names_on_fitting_part"] = False
-    assert "with care" in lead(document)
+    assert "with caution" in lead(document)
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_one_report_has_what_every_sensor_lacks(document: Mapping[str, Any], fol
     assert document["error"]["stream"] == first
     page = (folder.parent / "trace.html").read_text()
     assert page.count("<h1>") == 1
-    assert page.count("Evidence for every candidate") == 1
+    assert page.count("Evidence for every candidate</h2>") == 1
     for effect in ("gyro.cross_axis", "mag.cross_axis"):
         assert f"<h3>{effect}: " in page
 

@@ -15,7 +15,16 @@ import pytest
 from scipy.optimize import least_squares
 
 from sinan.experiments.report.trace_page import trace_page
-from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
+from sinan.experiments.report.verdict_words import (
+    Log,
+    errors_against_a_truth,
+    lead,
+    next_with_parameters,
+    title,
+    trace_summary,
+    what_next,
+    worded,
+)
 from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
 from sinan.experiments.residual_loop.poses import NormPoses
 from sinan.experiments.residual_loop.report import report
@@ -228,7 +237,7 @@ def test_terminal_json_and_page_say_the_same(tmp_path: Path) -> None:
     assert document["next"] in text
     assert "What to do next: <code>sinan convert 'my log.csv' run --map log.toml</code>" in page
     low, high = document["error"]["after"]["interval"]
-    assert f"95 % interval of the second {low:.3g} to {high:.3g}" in page
+    assert f"95 % interval of the second value: {low:.3g} to {high:.3g}" in page
 
 
 def test_a_page_says_version_command_and_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,7 +261,7 @@ def test_an_error_against_the_reference_that_grows_is_in_the_head_line() -> None
     assert title(document).endswith(
         "residual 0.200 → 0.050 of the field, but heading error 8.3 → 12.4 deg on the last third"
     )
-    assert "The heading error against the cameras grows: take the names with care." in lead(document)
+    assert "The heading error against the cameras grows: treat the named effects with caution." in lead(document)
     assert "the heading error against the cameras grows with it" in what_next(document, Log())
     error["truth_held_out"]["kind"] = "autopilot"
     assert title(document).endswith("residual 0.200 → 0.050 of the field on the last third")
@@ -261,7 +270,7 @@ def test_an_error_against_the_reference_that_grows_is_in_the_head_line() -> None
 def test_what_no_held_out_reading_can_tell_has_no_proof_in_the_head_line() -> None:
     document = a_document()
     document["effects"][0]["predicts"] = None
-    assert title(document).endswith("0.20 m; nothing in the last third of the data can tell")
+    assert title(document).endswith("0.20 m; not confirmed: the last third cannot show it")
     assert "only the evidence speaks for it. On all data the RMS of the sonar residual goes 0.210 → 0.060 m" in lead(
         document
     )
@@ -271,9 +280,39 @@ def test_what_no_held_out_reading_can_tell_has_no_proof_in_the_head_line() -> No
     ("verdict", "changes", "said"),
     [
         ("no_effect", {"effects": []}, "What would have been seen"),
-        ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or declare the one"),
+        ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or measure one of them yourself"),
         ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
     ],
 )
 def test_every_verdict_says_what_to_do_next(verdict: str, changes: Mapping[str, Any], said: str) -> None:
     assert said in what_next(a_document(verdict=verdict, **changes), Log())
+
+
+def test_next_names_the_parameters_of_the_flight_controller() -> None:
+    """Where some correct what was found, and only then."""
+    document = {**a_document(), "next": "write it down", "autopilot": None}
+    assert next_with_parameters(document, "sinan params LOG") == "write it down"
+    document["autopilot"] = {"parameters": [{"name": f"P{k}"} for k in range(6)]}
+    told = next_with_parameters(document, "sinan params LOG")
+    assert told.startswith("set P0, P1, P2, P3 and others as listed (`sinan params LOG` writes a file), fly again")
+    assert next_with_parameters({**document, "verdict": "unexplained"}, "sinan params LOG") == "write it down"
+
+
+def test_a_page_leads_to_its_sections(tmp_path: Path) -> None:
+    from sinan.experiments.report.page import Page
+
+    page = Page("A title")
+    page.contents()
+    page.heading("What <was> found")
+    page.heading("What remains")
+    page.write(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert '<nav><a href="#section-1">What &lt;was&gt; found</a> <a href="#section-2">What remains</a></nav>' in text
+    assert '<h2 id="section-1">What &lt;was&gt; found</h2>' in text
+    assert '<h2 id="section-2">What remains</h2>' in text
+
+
+def test_an_autopilots_own_estimate_is_no_error_in_large_figures() -> None:
+    held = {"kind": "autopilot", "before": {"heading_rms": 0.1}, "after": {"heading_rms": 0.2}}
+    assert errors_against_a_truth({"truth_held_out": held}) == {}
+    assert list(errors_against_a_truth({"truth_held_out": {**held, "kind": "cameras"}}).values()) == ["5.7 → 11.5 deg"]
