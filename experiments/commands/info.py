@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sinan.experiments.datasets import called, resolve
-from sinan.experiments.report.words import columns_told, reference_words, trace_call
+from sinan.experiments.report.words import columns_told, counted, reference_words, trace_call
 from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
@@ -157,16 +157,16 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
     several = {name: count for name, count in document.get("instances", {}).items() if count > 1}
     if several:
         options = ", ".join(f"--{name} 0 to {count - 1}" for name, count in several.items())
-        lines.append(f"  several of a kind: {options}")
-    if document.get("tables"):
-        lines.append(_filled("in the log", [_table_told(table) for table in document["tables"]]))
+        lines.append(f"  several of a kind: choose by {options}")
     if document.get("recording") is not None:
         effects = document["effects"]
         lines.append(_filled("a trace could see", effects["could_see"]))
         lines += [_filled(f"and with {what}", names) for what, names in effects["missing"].items()]
         lines += [f"  note: {note}" for note in document["notes"]]
-        if effects["could_see"]:
-            lines.append(f"  next: `{next_call}`")
+    if document.get("tables"):
+        lines.append(_filled("in the log", [_table_told(table) for table in document["tables"]]))
+    if document.get("recording") is not None and document["effects"]["could_see"]:
+        lines.append(f"  next: `{next_call}`")
     return "\n".join(lines)
 
 
@@ -188,7 +188,11 @@ def _streams_told(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
     for name, stream in streams.items():
         rate = f"{stream['rate_hz']:.4g} Hz" if stream["rate_hz"] else ""
         lost = stream["gaps"]
-        holes = f"{lost['count']} gaps to {lost['longest']:.2g} s at {lost['at']:.4g} s" if lost["count"] else ""
+        holes = (
+            f"{counted(lost['count'], 'gap')}, the longest {lost['longest']:.2g} s at {lost['at']:.4g} s"
+            if lost["count"]
+            else ""
+        )
         cells.append((name, f"{stream['rows']} rows", rate, columns_told(stream["columns"]), holes))
     widths = [max(len(cell[k]) for cell in cells) for k in range(3)]
     return [

@@ -28,12 +28,12 @@ def info_page(
         _streams(page, document)
         _effects(page, document["effects"], next_call)
         if document["notes"]:
-            page.heading("Notes of the reader")
+            page.heading("Notes")
             page.items(document["notes"])
     else:
-        page.text(f"No recording: {document['why_not']}")
+        page.text(f"Nothing can be estimated from it: {document['why_not']}")
     _of_the_log(page, document)
-    page.heading("What this page rests on")
+    page.heading("Where this comes from")
     page.rests_on(logs)
     page.write(path)
 
@@ -46,7 +46,7 @@ def _lead(document: Mapping[str, Any]) -> str:
 def _numbers(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     streams, effects = document["streams"], document["effects"]
     silent = sum(stream["gaps"]["count"] for stream in streams.values())
-    pairs = [(f"{len(effects['could_see'])}", "effects that a trace could see"), (f"{len(streams)}", "streams"),
+    pairs = [(f"{len(effects['could_see'])}", "effects that a trace could find"), (f"{len(streams)}", "streams"),
              (f"{silent}", "gaps")]  # fmt: skip
     return pairs if "poses" in streams else [(f"{document['duration']:.4g} s", document["kind"]), *pairs]
 
@@ -56,22 +56,27 @@ def _streams(page: Page, document: Mapping[str, Any]) -> None:
     rows = []
     for name, stream in document["streams"].items():
         lost, rate = stream["gaps"], stream["rate_hz"]
-        holes = f"{lost['count']}, to {lost['longest']:.2g} s at {lost['at']:.4g} s" if lost["count"] else "none"
+        holes = (
+            f"{lost['count']}, the longest {lost['longest']:.2g} s at {lost['at']:.4g} s" if lost["count"] else "none"
+        )
         called = "IMU" if name == "imu" else SENSORS.get(name, name)
         rows.append([called, f"{stream['rows']}", f"{rate:.4g}" if rate else "", f"{stream['from']:.4g}",
                      f"{stream['to']:.4g}", columns_told(stream["columns"]), holes])  # fmt: skip
     page.table(["stream", "rows", "rate / Hz", "from / s", "to / s", "columns", "gaps"], rows, (1, 2, 3, 4))
-    page.text("A gap is a step in which three readings or more are missing at the median rate.", note=True)
+    page.text("A gap is where three or more readings in a row are missing at the usual rate.", note=True)
     known = document["reference"]
     if known:
         page.text(f"Reference: {', '.join(known['known'])} by {reference_words(known['kind'])}, {known['rows']} rows.")
 
 
 def _effects(page: Page, effects: Mapping[str, Any], next_call: str) -> None:
-    page.heading("What a trace could see in it")
+    page.heading("Effects that a trace could find in it")
     page.text(", ".join(effects["could_see"]) or "Nothing.")
     if effects["missing"]:
-        page.table(["and with", "also"], [[what, ", ".join(names)] for what, names in effects["missing"].items()])
+        page.table(
+            ["if the log also had", "a trace could find"],
+            [[what, ", ".join(names)] for what, names in effects["missing"].items()],
+        )
     if effects["could_see"]:
         page.text(f"Next: `{next_call}`")
 

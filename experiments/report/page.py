@@ -213,14 +213,14 @@ class Page:
         if self._contents is not None:
             links = (f'<a href="#section-{k}">{_marked(one)}</a>' for k, one in enumerate(self._sections, 1))
             self._parts[self._contents] = f"<nav>{' '.join(links)}</nav>"
-        write_text(
-            path,
+        page = (
             '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             f'<meta http-equiv="Content-Security-Policy" content="{policy(self._script)}">'
             '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
             f"<title>{html.escape(self._title.replace('`', ''))}</title><style>{self._style}</style></head>\n"
-            f"<body>{chr(10).join([*self._parts, foot])}{script}</body></html>\n",
+            f"<body>{chr(10).join([*self._parts, foot])}{script}</body></html>\n"
         )
+        write_text(path, page.encode("utf-8", "backslashreplace").decode())  # a name of a file need not be UTF-8
 
 
 def policy(script: str) -> str:

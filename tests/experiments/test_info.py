@@ -53,7 +53,7 @@ def test_the_text_names_streams_sensors_and_what_to_do_next(log: Path) -> None:
     result = CliRunner().invoke(app, ["info", str(log), "--mag", "1"])
     assert result.exit_code == 0
     assert "imu     50 rows  50 Hz  accel [m/s^2], gyro [rad/s], temperature [degC]" in result.output
-    assert "several of a kind: --imu 0 to 1, --mag 0 to 1" in result.output
+    assert "several of a kind: choose by --imu 0 to 1, --mag 0 to 1" in result.output
     assert f"next: `sinan trace {log} --mag 1`" in result.output
 
 
@@ -73,7 +73,7 @@ def test_a_page_of_what_is_no_recording_says_why(tmp_path: Path) -> None:
     log.write_bytes(ardupilot.binary([("MSG", (1, "<img src=x onerror=alert(1)>"))]))
     run(str(log), None, None, html=tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "No recording:" in text
+    assert "Nothing can be estimated from it:" in text
     assert "<img" not in text
 
 
@@ -141,7 +141,7 @@ def test_it_takes_a_second(tmp_path: Path) -> None:
 def test_a_measured_log(measured_data: Path) -> None:
     text = run(str(measured_data / "px4_v6xrt_flight" / "corrupt_unregistered_msg_id.ulg"), None, None)
     assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
-    assert "3 gaps to 6 s at 60.27 s" in text
+    assert "3 gaps, the longest 6 s at 60.27 s" in text
     assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
 
 

@@ -316,3 +316,13 @@ def test_an_autopilots_own_estimate_is_no_error_in_large_figures() -> None:
     held = {"kind": "autopilot", "before": {"heading_rms": 0.1}, "after": {"heading_rms": 0.2}}
     assert errors_against_a_truth({"truth_held_out": held}) == {}
     assert list(errors_against_a_truth({"truth_held_out": {**held, "kind": "cameras"}}).values()) == ["5.7 → 11.5 deg"]
+
+
+def test_a_page_of_a_log_whose_name_is_no_text(tmp_path: Path) -> None:
+    """A name of a file is bytes: one that is not UTF-8 is shown escaped."""
+    from sinan.experiments.report.page import Page
+
+    page = Page("flight")
+    page.rests_on([{"log": "flight\udcff.ulg", "sha256": "0"}])
+    page.write(tmp_path / "page.html")
+    assert "flight\\udcff.ulg" in (tmp_path / "page.html").read_text(encoding="utf-8")
