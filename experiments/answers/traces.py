@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sinan.calibration.levels.assumptions import as_rows
 from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
@@ -23,6 +25,12 @@ from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Recording
+
+#: Below so many samples a second an IMU is said to be slow: a vehicle that turns to and fro 5 times a second, as the
+#: attitude loop of a multicopter may, then has four samples a turn or fewer [Hz].
+SLOW_IMU = 20.0
+#: What is asked for in its place: the autopilots' own profiles for estimation log at this rate or above it [Hz].
+FAST_IMU = 100.0
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -186,7 +194,7 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     document["window"] = asked.window
     document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
-    document["warnings"] = [warning for part in traced.parts for warning in _not_believed(part.source)]
+    document["warnings"] = [*slow_imu(recording), *(one for part in traced.parts for one in _not_believed(part.source))]
     document["not_seen"] = not_seen(recording, document)
     document["choice"], document["magnetic_field"] = asdict(asked.choice), _field_of(traced)
     return document
@@ -242,6 +250,20 @@ def tell_in_its_terms(
     call = f"sinan params {shlex.quote(called or inputs[0])} --out {FILES[name]}" if name and len(inputs) == 1 else ""
     document["next"] = next_with_parameters(document, call)
     return lines
+
+
+def slow_imu(recording: Recording) -> list[str]:
+    """A sentence where the IMU of a flight is logged too slowly for the motion between its samples to be known."""
+    imu = recording.streams.get("imu")
+    if recording.kind != "flight" or imu is None or len(imu) < 2:
+        return []
+    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    if rate >= SLOW_IMU:
+        return []
+    return [
+        f"the IMU was logged {rate:.3g} times a second, which misses motion between its samples: names and sizes are "
+        f"doubtful. Log it at {FAST_IMU:g} Hz or more (PX4: `SDLOG_PROFILE`; ArduPilot: `LOG_BITMASK`)"
+    ]
 
 
 def _not_believed(source: Source) -> list[str]:

@@ -99,6 +99,8 @@ def _head(document: Mapping[str, Any]) -> Page:
     page.verdict(_in_a_word(document), document["verdict"])
     _found_table(page, document)
     page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
+    if document["verdict"] == "unexplained" and document["remaining"]:
+        page.items([f"{_capital(trace_words.remaining_sentence(item))}." for item in document["remaining"]])
     page.text(f"What to do next: {document['next']}.")
     if document.get("autopilot"):
         _autopilot(page, document)
@@ -113,6 +115,10 @@ def _head(document: Mapping[str, Any]) -> Page:
         with page.folded("What this log could not show"):
             page.items(document["not_seen"])
     return page
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _in_a_word(document: Mapping[str, Any]) -> str:
@@ -175,7 +181,7 @@ def _noise_figure(part: Part) -> tuple[Figure, str]:
     streams = part.source.residuals(part.trace.final)
     known = part.source.noise_known
     scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened.ravel() for r in streams]) ** 2)))
-    sigma = "what the declared noise predicts" if known else "its own spread, since no noise is declared"
+    sigma = "what the noise levels of the sensors predict" if known else "its own spread, since no noise is declared"
     return (
         figures.residuals_like_noise(streams, scale),
         f"Residuals divided by σ, {sigma}. Pure noise scatters evenly about zero and follows the black curve.",
@@ -487,8 +493,7 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     for name in document["rolled_back"]:
         page.text(f"{name} passed the test on all data, but does not reduce the error on held-out data.")
     for item in document["remaining"]:
-        sentence = trace_words.remaining_sentence(item)
-        page.text(f"{sentence[0].upper()}{sentence[1:]}.")
+        page.text(f"{_capital(trace_words.remaining_sentence(item))}.")
     if not document["remaining"]:
         page.text("Nothing: the remaining residual is white, and as large as the noise.")
     for one in document["left_out"]:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sinan.experiments.answers.traces import slow_imu
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.verdict_words import (
     Log,
@@ -38,6 +39,7 @@ from sinan.experiments.residual_loop.verdict import Scores, in_place, settle, tw
 from sinan.experiments.scenarios import parse_effect
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream
 from sinan.sensors.simulate import simulate
 from tests.experiments.test_report import a_document
 from tests.experiments.test_residual_loop import poses
@@ -326,3 +328,12 @@ def test_a_page_of_a_log_whose_name_is_no_text(tmp_path: Path) -> None:
     page.rests_on([{"log": "flight\udcff.ulg", "sha256": "0"}])
     page.write(tmp_path / "page.html")
     assert "flight\\udcff.ulg" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("rate", "said"), [(10.0, True), (100.0, False)])
+def test_an_imu_that_was_logged_too_slowly_is_warned_of(rate: float, said: bool) -> None:
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    still = np.tile([0.0, 0.0, -9.8, 0.0, 0.0, 0.0], (len(t), 1))
+    imu = Stream(t, dict(zip((*ACCEL, *GYRO), still.T, strict=True)))
+    warned = slow_imu(Recording("slow", "flight", {"imu": imu}))
+    assert [text.startswith("the IMU was logged 10 times a second") for text in warned] == [True] * said
