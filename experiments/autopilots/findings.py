@@ -78,7 +78,7 @@ def findings_of(
 def _doubt(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
     """Why an effect is not to be taken out yet; else empty."""
     if effect.get("interval") or str(effect["name"]).endswith(".outliers"):
-        return "it passed; no parameter takes out what does not last"
+        return "it was temporary; no parameter corrects that"
     if effect["predicts"] is False:
         return "it does not predict the held-out data"
     if effect["confused_with"]:

@@ -45,7 +45,7 @@ def terms_for(autopilot: str, found: Findings, facts: Facts | None, log: Path | 
     done = {effect for one in terms.settings for effect in one.effects}
     for effect in found.effects:
         if effect not in done | set(terms.without):
-            terms.refuse(effect, f"{title} has no parameter that takes it out")
+            terms.refuse(effect, f"{title} has no parameter that corrects it")
     for effect, why in found.doubtful.items():
         terms.refuse(effect, why)
     return terms

@@ -133,7 +133,12 @@ def _found_table(page: Page, document: Mapping[str, Any]) -> None:
     if not document["effects"]:
         return
     rows = [
-        [one["name"], trace_words.size_and_sigma(one), words.p_value_words(one["log10_p_value"]), _check(one)]
+        [
+            f"{one['summary'].rstrip('.')} ({one['name']})",
+            trace_words.size_and_sigma(one),
+            words.p_value_words(one["log10_p_value"]),
+            _check(one),
+        ]
         for one in document["effects"]
     ]
     page.table(["effect", "size", "by chance", f"check on the {document['error']['held_out_part']}"], rows)

@@ -182,8 +182,9 @@ def _use(effect: Mapping[str, Any], log: Log) -> str:
     if effect["name"].endswith(".outliers"):
         return f"{effect['name']}: look for the cause of single wrong readings"
     then = "`estimate` and `trace` then correct for it"
-    if Path(log.input).is_dir():
-        return f"write what was found into `[effects]` of `{Path(log.input) / 'recording.toml'}`: {then}"
+    declares = Path(log.input) / "recording.toml"
+    if declares.is_file():
+        return f"write what was found into `[effects]` of `{declares}`: {then}"
     map_file = ["--map", str(log.map_file)] if log.map_file else []
     convert = shlex.join(["sinan", "convert", log.input, "run", *map_file, *log.choice.words])
     return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"

@@ -277,7 +277,7 @@ def _opened(path: Path) -> Iterator[Any]:
             raise
         except Exception as error:  # the library lets through what the bytes make it stumble over
             found = f"damaged bag ({type(error).__name__}: {error})"
-            raise InputError(path, found, "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` may mend it") from None
+            raise InputError(path, found, "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` or `mcap recover` may mend it") from None
 
 
 def _read(path: Path) -> _Bag:

@@ -489,7 +489,7 @@ def effect(name: str, **more: object) -> dict[str, object]:
             "cannot tell it from mag.cross_axis",
         ),
         (effect("mag.scale", predicts=None), "unexplained", "gauss", "something remains"),
-        (effect("mag.step", interval=[3.0, 9.0]), "effects", "gauss", "it passed"),
+        (effect("mag.step", interval=[3.0, 9.0]), "effects", "gauss", "it was temporary"),
         (effect("mag.scale", at_least=True), "effects", "gauss", "only its least size"),
         (effect("mag.current"), "effects", "", "unit of the field is not known"),
     ],

@@ -337,3 +337,16 @@ def test_an_imu_that_was_logged_too_slowly_is_warned_of(rate: float, said: bool)
     imu = Stream(t, dict(zip((*ACCEL, *GYRO), still.T, strict=True)))
     warned = slow_imu(Recording("slow", "flight", {"imu": imu}))
     assert [text.startswith("the IMU was logged 10 times a second") for text in warned] == [True] * said
+
+
+def test_what_was_found_is_written_into_a_recording_or_a_converted_log(tmp_path: Path) -> None:
+    """A folder that is a bag has no recording.toml to write into."""
+    document = a_document(verdict="effects")
+    bag, recording = tmp_path / "bag", tmp_path / "run"
+    for folder in (bag, recording):
+        folder.mkdir()
+    (recording / "recording.toml").touch()
+    assert what_next(document, Log(str(recording))).startswith(
+        f"write what was found into `[effects]` of `{recording}/"
+    )
+    assert what_next(document, Log(str(bag))).startswith(f"`sinan convert {bag} run`")
