@@ -54,6 +54,7 @@ _CAMERAS = ("vicon", "mocap", "optitrack", "vrpn", "qualisys", "motive")
 _OWN = ("mavros", "fmu", "local_position", "odom")
 #: Part of the fixes that a velocity has to cover to be theirs.
 _COVERED = 0.9
+_WHOLE = "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` or `mcap recover` may mend it"
 _PIP = "pip install '.[ros]' in the clone"
 
 
@@ -277,7 +278,7 @@ def _opened(path: Path) -> Iterator[Any]:
             raise
         except Exception as error:  # the library lets through what the bytes make it stumble over
             found = f"damaged bag ({type(error).__name__}: {error})"
-            raise InputError(path, found, "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` or `mcap recover` may mend it") from None
+            raise InputError(path, found, _WHOLE) from None
 
 
 def _read(path: Path) -> _Bag:
