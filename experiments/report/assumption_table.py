@@ -18,12 +18,13 @@ def assumption_table(page: Page, document: Mapping[str, Any]) -> None:
     """
     if not document.get("assumptions"):
         return
+    page.heading("Numbers that the log does not declare")
     page.text(
         "Declare a number in `recording.toml` or a map to replace a row. A sigma written as \u00d7 1.5 is a factor: a "
         "value of 0.2 then lies between 0.13 and 0.3 in two logs of three. Noise is the scale of a Student t "
         "distribution with four degrees of freedom, about 0.8 of the standard deviation of normal noise."
     )
-    with page.folded(f"{len(document['assumptions'])} numbers that the log does not declare"):
+    with page.folded(f"{len(document['assumptions'])} numbers, each with its uncertainty"):
         page.table(HEAD, [_cells(row) for row in document["assumptions"]], numeric=(2, 3))
 
 

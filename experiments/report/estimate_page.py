@@ -43,7 +43,7 @@ def estimate_page(
     looks = f"`{document['call']}` " if "call" in document else "`sinan trace` "
     page.text(
         f"What to do next: {looks}"
-        + ("says how small an effect could have hidden." if agrees else "looks for what the model lacks.")
+        + ("looks for smaller effects and says how small one could have hidden." if agrees else "looks for the cause.")
     )
     page.numbers([(value, name) for name, value in reference_rows(document)])
     for warning in document.get("warnings", []):
@@ -51,7 +51,7 @@ def estimate_page(
     page.rests_on(document.get("logs", []))
     taken = [*reference_notes(document), *document.get("noise", []), *document.get("notes", [])]
     if taken:
-        with page.folded("Not declared, and taken from the log"):
+        with page.folded("What the log does not declare, and was estimated from it"):
             page.items([str(note) for note in taken])
     if document.get("not_seen"):
         with page.folded("What this log could not show"):
@@ -86,10 +86,10 @@ def innovation_part(page: Page, document: Mapping[str, Any]) -> None:
     """How large the innovations of each sensor are, against what the filter expects of them."""
     page.heading("Innovations: reading minus prediction")
     page.text(
-        "NIS is the squared innovation over the variance that the filter expects of it, a degree of freedom: 1 is "
-        "right, more means errors that the filter does not know of. A filter whose model is right is outside the "
-        "interval by chance in one case of twenty, the more seldom the farther. Refused are single readings that no "
-        "noise explains."
+        "NIS compares the size of the innovations with what the filter expects of them: 1 is right; more than 1 means "
+        "errors that the filter does not know of, less than 1 that it expects too much noise. With a right model NIS "
+        "lies outside the interval by chance in one case of twenty. Refused are single readings too far off to be "
+        "noise."
     )
     rows = [
         [

@@ -14,15 +14,18 @@ _CHANGES = {"": "first log", "new": "new", "same": "as before", "more": "more", 
 
 def fleet_page(path: Path, document: Mapping[str, Any]) -> None:
     """Write it; a log's own page is one link away."""
-    page = Page(title(document), "Of each vehicle the last log counts; what changed is against the log before it.")
-    page.heading("Vehicles, by what their effects explain")
+    page = Page(title(document), "Vehicles are ranked by their last log; changes are against the log before it.")
+    page.heading("Vehicles, the one with most to correct first")
     rows, links = [], []
     for one in document["vehicles"]:
         last = one["logs"][-1]
         rows.append([one["vehicle"], last["log"], f"{100.0 * last['explained']:.0f} %", last["verdict"], changes(one)])
         links.append(last["page"])
-    page.table(["vehicle", "last log", "of the held-out residual", "verdict", "since the log before"], rows, (2,),
+    page.table(["vehicle", "last log", "error explained", "verdict", "since the log before"], rows, (2,),
                links={1: links})  # fmt: skip
+    page.text(
+        "Error explained: by how much the effects that were found lower the residual of held-out data.", note=True
+    )
     for effect in document["effects"]:
         page.heading(effect["name"])
         ranking = effect["ranking"]
@@ -42,8 +45,8 @@ def title(document: Mapping[str, Any]) -> str:
     """How many vehicles have what most."""
     vehicles, effects = document["vehicles"], document["effects"]
     have = sum(bool(one["logs"][-1]["effects"]) for one in vehicles)
-    text = f"{have} of {counted(len(vehicles), 'vehicle')} with an effect that its model lacks"
-    return f"{text}, most of them {effects[0]['name']}" if effects else text
+    text = f"{have} of {counted(len(vehicles), 'vehicle')} with an effect"
+    return f"{text}, most often {effects[0]['name']}" if effects else text
 
 
 def changes(vehicle: Mapping[str, Any]) -> str:

@@ -60,7 +60,7 @@ h1, p, li, figcaption, footer { overflow-wrap: anywhere; }
 @media (max-width: 600px) {
   body { padding: 1.2rem .8rem 3rem; } h1 { font-size: 1.35rem; }
   figure .wide img { width: 40rem; } td:first-child { min-width: 6rem; } th, td { padding-right: .7rem; }
-  .number { flex: 1 1 100%; }
+  .number { flex: 1 1 100%; } table { font-size: .85rem; }
   dl.facts { grid-template-columns: minmax(0, 1fr); } dl.facts dd { margin-bottom: .3rem; }
 }
 @media print {

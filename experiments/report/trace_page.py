@@ -214,11 +214,9 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
     of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
     caption = "The proof is the upper pair: errors on data to which these models were not fitted. Black: 95 % interval."
     twins = {twin.named.finding.term.name for twin in verdict.twins}
-    caption += "".join(
-        f" Of the effects that these data cannot tell apart, the model has {finding.term.name}."
-        for finding in verdict.told
-        if finding.term.name in twins
-    )
+    taken = [finding.term.name for finding in verdict.told if finding.term.name in twins]
+    if taken:
+        caption += f" Of the effects that these data cannot tell apart, the model has {' and '.join(taken)}."
     made["errors"] = figures.error_bars(of_all, held, words_of_part, proof.stream), caption
     return made
 
@@ -420,7 +418,7 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
     """Where the plain model's error goes, by stream."""
     if not document.get("budget"):
         return
-    page.heading("What the error of the plain model consists of")
+    page.heading("Parts of the plain model's error")
     page.text(
         "Shares of the mean square of the plain model's residual: removed by the effects that were found; white noise "
         "of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained rest, which is "

@@ -63,7 +63,7 @@ def size_and_sigma(effect: Mapping[str, Any]) -> str:
     if effect.get("interval") or effect["name"].endswith(".outliers") or len(effect["beta"]) > 1:
         return size_words(effect)
     (_, value, unit), *_ = parameter_rows(effect)
-    return f"{value} {unit}"
+    return f"{value} {unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def interval_words(effect: Mapping[str, Any]) -> str:
