@@ -19,6 +19,9 @@ from sinan.sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, R
 _UNIT = 0.01
 #: Samples are averages where they are taken over at least this part of the step to the next.
 _FILLED = 0.5
+#: A clock that leaps by more than a day within a log is damaged: no flight has such a gap, a stamp with a wrong bit
+#: has [s].
+_LEAP = 86_400.0
 
 
 def recording_of(
@@ -109,8 +112,8 @@ def _reference(stream: Stream | None, start: float, kind: str) -> Truth | None:
 def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     """A stream without what damage, or a driver that knows no value, has put into it; and sentences that say so.
 
-    Left out are columns that may be missing and hold no number at all, rows that hold a gap, and the fewest rows
-    without which the time rises.
+    Left out are columns that may be missing and hold no number at all, rows that hold a gap, the fewest rows without
+    which the time rises, and what a leap of the clock separates from the most.
     """
     notes: list[str] = []
     required = {column for columns in REQUIRED_COLUMNS.get(name, ()) for column in columns}
@@ -126,7 +129,17 @@ def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     forward = rising(stream.t)
     if lost := int(np.sum(~forward)):
         notes.append(f"{name}: {lost} rows left out: the time goes back")
-    return stream.rows(forward), notes
+    stream = stream.rows(forward)
+    together = _without_leap(stream.t)
+    if lost := int(np.sum(~together)):
+        notes.append(f"{name}: {lost} rows left out: their time is more than a day from the others'")
+    return stream.rows(together), notes
+
+
+def _without_leap(t: FloatArray) -> BoolArray:
+    """(n,) the rows of the largest part of a rising clock that has no leap in it; of equal ones the first."""
+    part = np.cumsum(np.diff(t, prepend=t[:1]) > _LEAP)
+    return np.asarray(part == np.argmax(np.bincount(part, minlength=1)), dtype=bool)
 
 
 def rising(t: FloatArray) -> BoolArray:

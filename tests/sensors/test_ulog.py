@@ -15,8 +15,9 @@ import pytest
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of, open_log
 from sinan.sensors.formats.choice import Choice
-from sinan.sensors.formats.logged import rising
+from sinan.sensors.formats.logged import rising, sound
 from sinan.sensors.formats.ulog_messages import read_topics
+from sinan.sensors.recording import Stream
 
 WHOLE = "px4_esc_lidar_flight/esc_status_log.ulg"
 DAMAGED = "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg"
@@ -237,6 +238,17 @@ def test_rows_that_hold_no_number_or_go_back_are_left_out_and_counted(tmp_path: 
     recording = open_log(log(tmp_path / "log", *map(reading, range(4)), *damaged, *map(reading, range(10, 40))))
     assert len(recording.streams["imu"]) == 34
     assert recording.notes == ("imu: 1 rows left out: not a number", "imu: 1 rows left out: the time goes back")
+
+
+def test_rows_behind_a_leap_of_the_clock_are_left_out_and_counted(tmp_path: Path) -> None:
+    late = message("D", struct.pack("<HQ6f", 7, 2**60, 0, 0, 0, 0, 0, -9.8))
+    recording = open_log(log(tmp_path / "log", *map(reading, range(40)), late))
+    assert len(recording.streams["imu"]) == 40
+    assert recording.notes == ("imu: 1 rows left out: their time is more than a day from the others'",)
+    t = np.concatenate([np.arange(5.0), 1e9 + np.arange(7.0), 2e9 + np.arange(7.0)])
+    kept, _ = sound("imu", Stream(t, {"gyro_x": np.zeros(len(t))}))
+    assert kept.t.tolist() == (1e9 + np.arange(7.0)).tolist()
+    assert len(sound("imu", Stream(np.empty(0), {}))[0]) == 0
 
 
 def test_the_longest_choice_of_rows_whose_time_rises() -> None:
