@@ -147,7 +147,7 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
     """The document as text; `next_call`: the command to go on with."""
     lines = [f"{document['log']}: " + ", ".join(_head(document))]
     if document.get("recording") is None:
-        lines.append(f"  no recording: {document['why_not']}")
+        lines.append(f"  nothing can be estimated from it: {document['why_not']}")
     else:
         lines += _streams_told(document["streams"])
         reference = document["reference"]

@@ -113,7 +113,7 @@ def test_a_log_that_is_no_recording_is_told_as_far_as_it_goes(tmp_path: Path) ->
     path = tmp_path / "a.bin"
     path.write_bytes(ardupilot.binary([("BAT", (5, 0, 1.0, 1.0, 1.0, 1.0, 1.0, 1, 1.0))]))
     text = run(str(path), None, None)
-    assert "no recording: " in text
+    assert "nothing can be estimated from it: " in text
     assert "no accelerometer with a gyroscope" in text
     assert "BAT 1" in text
 
