@@ -22,6 +22,8 @@ _FILLED = 0.5
 #: A clock that leaps by more than a day within a log is damaged: no flight has such a gap, a stamp with a wrong bit
 #: has [s].
 _LEAP = 86_400.0
+#: Topics or kinds of messages that an error names.
+_MOST_NAMES = 10
 
 
 def recording_of(
@@ -55,7 +57,9 @@ def recording_of(
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream) > 0}
     if needs not in streams:
         what = "accelerometer with a gyroscope" if needs == "imu" else needs
-        raise InputError(path, f"no {what} (there are {', '.join(there)})", "a log that has it")
+        more = f" and {len(there) - _MOST_NAMES} more" if len(there) > _MOST_NAMES else ""
+        names = f"there are {', '.join(there[:_MOST_NAMES])}{more}; `sinan info` lists all"
+        raise InputError(path, f"no {what} ({names})", "a log that has it")
     start = min(float(stream.t[0]) for stream in streams.values())
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)

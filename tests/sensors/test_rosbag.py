@@ -263,9 +263,7 @@ def test_a_bag_is_told_by_its_content(tmp_path: Path) -> None:
 
 def test_a_bag_without_an_imu(maker: Maker, tmp_path: Path) -> None:
     pressure = [("/pressure", 0.1 * k, "sensor_msgs/msg/FluidPressure", {"fluid_pressure": 95e3}) for k in range(9)]
-    with pytest.raises(
-        InputError, match=r"no accelerometer with a gyroscope \(there are /pressure \(FluidPressure\)\)"
-    ):
+    with pytest.raises(InputError, match=r"no accelerometer with a gyroscope \(there are /pressure \(FluidPressure\)"):
         read(maker, tmp_path, pressure)
 
 

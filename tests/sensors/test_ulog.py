@@ -15,7 +15,7 @@ import pytest
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of, open_log
 from sinan.sensors.formats.choice import Choice
-from sinan.sensors.formats.logged import rising, sound
+from sinan.sensors.formats.logged import recording_of, rising, sound
 from sinan.sensors.formats.ulog_messages import read_topics
 from sinan.sensors.recording import Stream
 
@@ -249,6 +249,11 @@ def test_rows_behind_a_leap_of_the_clock_are_left_out_and_counted(tmp_path: Path
     kept, _ = sound("imu", Stream(t, {"gyro_x": np.zeros(len(t))}))
     assert kept.t.tolist() == (1e9 + np.arange(7.0)).tolist()
     assert len(sound("imu", Stream(np.empty(0), {}))[0]) == 0
+
+
+def test_a_log_of_many_topics_without_an_imu_names_a_few() -> None:
+    with pytest.raises(InputError, match=r"\(there are t0, t1, .*, t9 and 62 more; `sinan info` lists all\)"):
+        recording_of(Path("log.ulg"), {}, there=[f"t{k}" for k in range(72)])
 
 
 def test_the_longest_choice_of_rows_whose_time_rises() -> None:
