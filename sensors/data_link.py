@@ -18,7 +18,7 @@ Source of the correction message, its fields and their steps: RTCM 10402.3 (2001
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -142,13 +142,10 @@ def received(
         given = dgps.corrections(base.rows(there[base.epoch]), position, effects, past=True, window=link.window)
         return given, np.ones(len(given.base), dtype=bool)
     given = dgps.corrections(base, position, effects, past=True, window=link.window)
-    given = dgps.Corrections(
-        given.base,
-        given.position,
-        np.round(given.value / VALUE_STEP) * VALUE_STEP,
-        np.round(given.rate / RATE_STEP) * RATE_STEP,
-        given.variance,
-        given.clock,
+    given = replace(
+        given,
+        value=np.round(given.value / VALUE_STEP) * VALUE_STEP,
+        rate=np.round(given.rate / RATE_STEP) * RATE_STEP,
     )
     return given, there[given.base.epoch]
 
@@ -181,7 +178,7 @@ def apply_link(
     ageing = given.rate[i] * age[usable] if link.rate else 0.0
     value[usable] = given.value[i] + ageing + dgps.other_message(given, i, rover, usable, navigation)
     total_age[usable] = age[usable]
-    variance[usable] = given.variance[i]
+    variance[usable] = given.variance[i] + dgps.growth(given, link.rate, longest_age).at(age[usable])
     return dgps.Applied(value, total_age, variance)
 
 

@@ -5,7 +5,8 @@
 
 What both receivers see alike goes away: orbit and satellite clock, and of the atmosphere what the model leaves. As the
 same effects are modelled at both ends, the rover keeps the *difference* of the modelled delays, which is what a long
-base line needs. Neglected: the two receivers' own noise and multipath, and what the models leave of the difference.
+base line needs. How wrong a correction becomes with its age the base itself has measured: it foretells its own later
+corrections (`Growth`). Neglected: what the models leave of the difference between the two places.
 
 The position domain (the base's position error as an observation of the GPS bias) is `sensors.gps.BaseReceiver`.
 
@@ -38,6 +39,7 @@ SMOOTHING = 60.0  # s: correction and rate are those of a straight line through 
 FEWEST_FOR_RATE = 3  # corrections in the span; with fewer the rate counts as zero
 LONGEST_AGE = 60.0  # s: beyond it a satellite's correction is not used
 RECEIVER_NOISE = 0.3  # m, noise and multipath of one receiver that others do not share, each of the two parts
+AGES, FEWEST_PAIRS = 16, 5  # ages of `growth`; pairs of corrections of a satellite for one of them
 LOWEST = np.deg2rad(5.0)  # elevation below which the base makes no corrections
 
 
@@ -52,6 +54,7 @@ class Corrections:
     value : (n,) to be taken off a pseudorange [m]
     rate : (n,) of the correction [m/s]
     variance : (n,) of the correction's noise [m^2]
+    measured : (n,) the same as `value`, of one epoch alone, without the line through the others [m]
     clock : (epochs, clocks) receiver clock error of the base times c [m]
     """
 
@@ -60,6 +63,7 @@ class Corrections:
     value: FloatArray
     rate: FloatArray
     variance: FloatArray
+    measured: FloatArray
     clock: FloatArray
 
 
@@ -94,9 +98,9 @@ def corrections(
     distance = np.linalg.norm(base.position - position, axis=1)
     value = base.value - distance - modelled(base, everywhere, effects)
     variance = receiver_variance(base, elevation)
-    value, clock = without_clock(base, value, variance)
-    value, rate = straight_lines(base, value, past, window)
-    return Corrections(base, position, value, rate, variance, clock)
+    measured, clock = without_clock(base, value, variance)
+    value, rate = straight_lines(base, measured, past, window)
+    return Corrections(base, position, value, rate, variance, measured, clock)
 
 
 def receiver_variance(ranges: Pseudoranges, elevation: FloatArray) -> FloatArray:
@@ -147,6 +151,69 @@ def straight_lines(
 
 
 @dataclass(frozen=True)
+class Growth:
+    """What a correction gains in variance with its age.
+
+    Attributes
+    ----------
+    age : (k,) rising, the first is zero [s]
+    variance : (k,) beyond the base's noise, which `Corrections.variance` has [m^2]
+    """
+
+    age: FloatArray
+    variance: FloatArray
+
+    def at(self, age: FloatArray) -> FloatArray:
+        """(n,) [m^2] at ages of either sign [s]; beyond the last age as there."""
+        return np.asarray(np.interp(np.abs(age), self.age, self.variance))
+
+
+def growth(given: Corrections, rate: bool = True, longest: float = LONGEST_AGE) -> Growth:
+    """How wrong the base's own corrections are by an age: each foretells what the base measures later.
+
+        D(a) = mean (measured(t + a) - value(t) - rate(t) a)^2 - 2 s_b^2,    growth(a) = max of 0 and D(a'), a' <= a
+
+    s_b^2 is the base's own noise, of the reading and of the correction, which counts already. What the line through
+    the past does not follow remains: satellite clocks, orbits, air, and the noise of its rate. The mean is that of the
+    median satellite, so that one at fault counts for nothing.
+
+    Parameters
+    ----------
+    given : corrections, those of a base that sends: of its past alone
+    rate : whether corrections are aged by their rate
+    longest : age [s]
+    """
+    base = given.base
+    steps = np.diff(base.t)
+    interval = float(np.median(steps)) if len(steps) else longest
+    lags = np.append(0.0, np.unique(np.round(np.geomspace(1.0, max(longest / interval, 1.0), AGES))) * interval)
+    table = [_foretold(given, name, lags, interval, rate) for name in np.unique(base.satellite).tolist()]
+    seen = np.array(table).reshape(-1, len(lags))
+    known = np.isfinite(seen).any(axis=0)
+    if not known.any():
+        return Growth(np.zeros(1), np.zeros(1))
+    D = np.nanmedian(seen[:, known], axis=0)
+    return Growth(lags[known], np.maximum.accumulate(np.maximum(D, 0.0)))
+
+
+def _foretold(given: Corrections, name: str, lags: FloatArray, interval: float, rate: bool) -> FloatArray:
+    """(k,) D of one satellite at each age [m^2]; NaN where it has too few pairs of readings so far apart."""
+    base = given.base
+    rows = np.flatnonzero(base.satellite == name)
+    t, message = base.time[rows], base.message[rows]
+    found = np.full(len(lags), np.nan)
+    for k, lag in enumerate(lags.tolist()):
+        later = np.minimum(np.searchsorted(t, t + lag - 0.5 * interval), len(t) - 1)
+        pair = (np.abs(t[later] - t - lag) < 0.25 * interval) & (message[later] == message)
+        a, b = rows[pair], rows[later[pair]]
+        if len(a) >= FEWEST_PAIRS:
+            aged = given.rate[a] * lag if rate else 0.0
+            square = (given.measured[b] - given.value[a] - aged) ** 2
+            found[k] = np.mean(square - given.variance[a] - given.variance[b])
+    return found
+
+
+@dataclass(frozen=True)
 class Applied:
     """Corrections brought to the rows of a rover.
 
@@ -184,7 +251,7 @@ def apply(given: Corrections, rover: Pseudoranges, navigation: Navigation, longe
     value, total_age, variance = (np.full(len(rover), np.nan) for _ in range(3))
     value[usable] = given.value[i] + given.rate[i] * age[usable] + other_message(given, i, rover, usable, navigation)
     total_age[usable] = age[usable]
-    variance[usable] = given.variance[i]
+    variance[usable] = given.variance[i] + growth(given).at(age[usable])
     return Applied(value, total_age, variance)
 
 

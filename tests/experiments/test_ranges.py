@@ -11,12 +11,15 @@ import pytest
 
 from sinan.experiments.commands.ranges import run, summary
 from sinan.experiments.gnss import link_study, simulated
+from sinan.experiments.gnss.base import differential
 from sinan.experiments.gnss.codes import classes, measured
 from sinan.experiments.gnss.study import usable_ranges
+from sinan.sensors.data_link import DataLink
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.rinex import read_navigation
 
 TEN_PER_CENT = 0.1
+MASK = float(np.deg2rad(10.0))
 
 
 def test_the_error_of_every_age_is_what_the_autocovariances_say() -> None:
@@ -95,3 +98,16 @@ def test_every_class_of_receivers_has_the_error_that_it_declares() -> None:
     """300 s: five independent slow errors of each satellite, and seven satellites; a third of it either way."""
     for row in classes(1, 300.0):
         assert row.range_error == pytest.approx(row.expected, rel=0.33)
+
+
+def test_old_corrections_weigh_as_little_as_the_base_has_found_them_wrong() -> None:
+    """Degraded clocks, 20 s late: what is left of the ranges is as large as it is said to be, and no satellite at fault.
+
+    With the variance of a fresh correction the squares are 2.3 times what is told, and a fifth of the rows is taken out.
+    """
+    found = simulated.simulate(replace(simulated.load("degraded_clocks"), seconds=900.0), 3)
+    fixes = differential(*found.ranges(), found.base_position, found.navigation, MASK, DataLink(delay=20.0)).location
+    rows = int(fixes.fixes.used.sum())
+    spare = rows - 4 * int(fixes.fixes.solved.sum())
+    assert float(np.nansum(fixes.fixes.sse)) / spare == pytest.approx(1.0, abs=0.2)
+    assert int(fixes.excluded.sum()) < 0.01 * rows

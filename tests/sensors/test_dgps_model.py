@@ -39,8 +39,10 @@ def table(t: list[float], epoch: list[int], satellites: list[str], week: int = 2
 def given(base: Pseudoranges, value: list[float], rate: list[float] | None = None) -> Corrections:
     """Corrections of a base, with a variance that tells its row."""
     n = len(base)
-    rates = np.zeros(n) if rate is None else np.array(rate)
-    return Corrections(base, np.zeros(3), np.array(value), rates, 10.0 + np.arange(n), np.zeros((len(base.t), 1)))
+    rates, values = np.zeros(n) if rate is None else np.array(rate), np.array(value)
+    return Corrections(
+        base, np.zeros(3), values, rates, 10.0 + np.arange(n), values, np.zeros((len(base.t), 1))
+    )  # fmt: skip
 
 
 def test_the_noise_of_a_receiver_grows_towards_the_horizon() -> None:
@@ -236,3 +238,27 @@ def test_what_a_correction_leaves_of_a_field_goes_with_the_distance() -> None:
     left = np.array([[3.0, -2.0, 1.0]])
     np.testing.assert_allclose(dgps.common_left(left, 2e5), 0.2 * left)
     np.testing.assert_allclose(dgps.common_left(left, 3e6), left)
+
+
+def test_a_correction_gains_the_variance_that_the_base_has_measured() -> None:
+    """A random walk of 0.5 m/sqrt(s) beside noise of s_b: held for a seconds a correction is wrong by walk^2 a more.
+
+    200 satellites of 400 s: the mean over pairs of a walk scatters by some per cent.
+    """
+    rng = np.random.default_rng(4)
+    satellites, epochs, noise = 200, 400, 0.7
+    walk = 0.5 * rng.standard_normal((epochs, satellites)).cumsum(axis=0)
+    names = [f"S{k:03d}" for k in range(satellites)] * epochs
+    t = np.arange(float(epochs))
+    base = table(t.tolist(), np.repeat(np.arange(epochs), satellites).tolist(), names)
+    value = (walk + noise * rng.standard_normal(walk.shape)).ravel()
+    one = replace(given(base, value.tolist()), variance=np.full(len(base), noise**2))
+    found = dgps.growth(one, rate=False)
+    np.testing.assert_allclose(found.at(np.array([5.0, 20.0, -60.0])), [1.25, 5.0, 15.0], rtol=0.1)
+    steady = replace(one, value=value - walk.ravel(), measured=value - walk.ravel())
+    assert dgps.growth(steady, rate=False).at(np.array([60.0]))[0] < 0.01
+
+
+def test_a_base_of_one_epoch_knows_of_no_growth() -> None:
+    found = dgps.growth(given(table([0.0], [0, 0], ["G01", "G02"]), [1.0, 2.0]))
+    np.testing.assert_array_equal(found.at(np.array([0.0, 60.0])), 0.0)
