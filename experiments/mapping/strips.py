@@ -31,18 +31,23 @@ TURNING, SLOW, SHORTEST = 0.15, 0.5, 3.0
 CELL, POINTS = 2.0, 8
 #: Points that lie along a line, to so many metres RMS, make no plane.
 NARROW = 0.05
-#: The error of a trajectory is taken as one for so long [s].
-PIECE = 2.0
-#: The error of a smoothed trajectory is forgotten over so long [s]: GPS of 0.3 m beside a consumer's accelerometers.
-MEMORY = 10.0
+#: The error of a trajectory is a straight line between knots so far apart [s].
+KNOT = 1.0
+#: A smoothed position's error keeps its rate: Matern 3/2 with this length [s]. One of attitude has a part that lasts
+#: (of the accelerometer's bias), this share of its variance, and one that is forgotten [s]. From the errors of three
+#: flights of `survey.toml`, GPS of 0.3 m beside a consumer's IMU: autocorrelation at 1, 5, 10, 20, 40 s 0.99, 0.84,
+#: 0.58, 0.22, 0.0 of position, 0.77, 0.37, 0.20, 0.16, 0.13 of attitude.
+MEMORY, LASTING, FORGOTTEN = 7.0, 0.15, 3.0
 #: Cells whose plane leaves more than so many times the median are edges of something.
 ROUGH = 2.0
 PASSES, ROBUST = 10, 3.0
+#: Added to the variance of a knot, so that a matrix of such smooth errors can be inverted [1].
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class Drift:
-    """1-sigma by which a piece of the trajectory may lie off: the smoother's.
+    """1-sigma by which the trajectory may lie off at an instant: the smoother's.
 
     Attributes
     ----------
@@ -95,15 +100,6 @@ def strips_of(motion: Motion, t: FloatArray) -> IntArray:
     return strip
 
 
-def pieces_of(strip: IntArray, t: FloatArray) -> IntArray:
-    """(n,) number of the piece of trajectory of `PIECE` or less, each of one strip; -1: of none."""
-    key = np.column_stack([strip, np.floor((t - t[0]) / PIECE).astype(np.int64)])
-    _, number = np.unique(key[strip >= 0], axis=0, return_inverse=True)
-    piece = np.full(len(strip), -1, dtype=np.int64)
-    piece[strip >= 0] = number.ravel()
-    return piece
-
-
 def mounting_of(beta: FloatArray, up: float = 0.0) -> Mounting:
     """The mounting that the parameters say; `up`: the z of the lever arm, which shows in no strip [m]."""
     return Mounting(beta[:2].copy(), np.array([beta[2], beta[3], up]), float(beta[4]))
@@ -115,9 +111,10 @@ def fit_strips(
     """Boresight, lever arm and time offset with which overlapping strips agree best; None: none overlap.
 
     In every cell each strip is a plane; the difference of the heights of two planes in the cell's middle is linear in
-    the parameters, d + (J_A - J_B) beta, J the mean over the points of n . dp/dbeta, n = (-slope, 1). Every piece of a
-    strip may besides lie off in position and attitude, as far as the trajectory is unsure there. Weighted least squares
-    with plausible sizes as a prior, differences beyond `ROBUST` robust sigmas of less weight, repeated.
+    the parameters, d + (J_A - J_B) beta, J the mean over the points of n . dp/dbeta, n = (-slope, 1). The trajectory
+    may besides lie off in position and attitude as far as the smoother is unsure, by an error that changes as slowly as
+    a smoothed trajectory's does. Weighted least squares with plausible sizes as a prior, differences beyond `ROBUST`
+    robust sigmas of less weight, repeated.
 
     Parameters
     ----------
@@ -127,7 +124,7 @@ def fit_strips(
     drift : of the trajectory; default: hardly any
 
     Source: C. K. Toth, Strip adjustment, in: J. Shan, C. Toth, Topographic Laser Ranging and Scanning, 2nd ed.
-    Neglects boresight yaw, and how the error of the trajectory changes within `PIECE`.
+    Neglects boresight yaw, and that a trajectory by other instruments may forget its errors sooner or later.
     """
     if not np.any(np.isfinite(scans.ranges[strip >= 0])):
         return None
@@ -135,20 +132,19 @@ def fit_strips(
     plausible = np.array([entry[2] for entry in SOUGHT])
     first = np.array([*start.boresight, *start.lever_arm[:2], start.time_offset])
     beta, up = first.copy(), float(start.lever_arm[2])
-    piece = pieces_of(strip, scans.t)
-    pieces = int(piece.max(initial=-1)) + 1
-    size = np.concatenate([plausible, *[drift.position, drift.attitude] * pieces])
-    prior = _prior(piece, scans.t)
+    knots = knots_of(scans.t[strip >= 0])
+    size = np.concatenate([plausible, *[drift.position, drift.attitude] * len(knots)])
+    prior = _prior(knots)
     before = after = 0.0
     sigma, count = plausible, 0
     for turn in range(PASSES):
-        difference, J, share = _differences(_planes(scans, motion, strip, piece, beta, up), pieces)
+        difference, J, share = _differences(_planes(scans, motion, strip, beta, up), knots)
         count = len(difference)
         if count < 4 * len(beta):
             return None
         after = _robust_rms(difference)
         before = after if turn == 0 else before
-        pull = np.concatenate([(beta - first) / plausible, np.zeros(6 * pieces)])
+        pull = np.concatenate([(beta - first) / plausible, np.zeros(6 * len(knots))])
         step, covariance = _robust_step(difference, J * size[None, :], share, prior, pull)
         sigma = plausible * np.sqrt(np.diag(covariance)[: len(beta)])
         moved = plausible * step[: len(beta)]
@@ -163,15 +159,23 @@ def _robust_rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.minimum(np.abs(difference), bound) ** 2)))
 
 
-def _prior(piece: IntArray, t: FloatArray) -> FloatArray:
-    """Information in plausible sizes: what is sought by itself, the error of the trajectory alike over `MEMORY`."""
-    number = piece[piece >= 0]
-    count = np.bincount(number)
-    middle = np.bincount(number, weights=t[piece >= 0]) / count
-    alike = np.exp(-np.abs(middle[:, None] - middle) / MEMORY)
+def knots_of(t: FloatArray) -> FloatArray:
+    """(k,) instants between which the trajectory's error is a straight line [s]; they begin and end with `t`."""
+    return np.linspace(t[0], t[-1], max(2, int(np.ceil((t[-1] - t[0]) / KNOT)) + 1))
+
+
+def _prior(knots: FloatArray) -> FloatArray:
+    """Information in plausible sizes: what is sought by itself, the trajectory's errors alike as `MEMORY` says."""
+    apart = np.abs(knots[:, None] - knots)
+    position = (1.0 + apart / MEMORY) * np.exp(-apart / MEMORY)
+    attitude = LASTING + (1.0 - LASTING) * np.exp(-apart / FORGOTTEN)
     known = len(SOUGHT)
-    prior = np.eye(known + 6 * len(middle))
-    prior[known:, known:] = np.kron(np.linalg.inv(alike), np.eye(6))
+    prior = np.eye(known + 6 * len(knots))
+    axes = np.eye(6)
+    inverse = [np.linalg.inv(alike + ROUNDING * np.eye(len(knots))) for alike in (position, attitude)]
+    prior[known:, known:] = np.kron(inverse[0], np.diag(axes[:3].sum(axis=0))) + np.kron(
+        inverse[1], np.diag(axes[3:].sum(axis=0))
+    )
     return prior
 
 
@@ -199,20 +203,20 @@ class Planes:
     Attributes
     ----------
     cell : (g,) number of the cell
-    piece : (g,) of the trajectory
+    t : (g,) mean instant of its points [s]
     height : (g,) in the cell's middle [m]
-    by_mounting, by_piece : (g, 5), (g, 6) its derivatives by what is sought, and by position and attitude
+    by_mounting, by_pose : (g, 5), (g, 6) its derivatives by what is sought, and by position and attitude
     """
 
     cell: IntArray
-    piece: IntArray
+    t: FloatArray
     height: FloatArray
     by_mounting: FloatArray
-    by_piece: FloatArray
+    by_pose: FloatArray
 
 
-def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, csr_array, FloatArray]:
-    """(k,) height differences of two strips in a cell [m], (k, 5 + 6 pieces) their derivatives, and (k,) what each
+def _differences(planes: Planes, knots: FloatArray) -> tuple[FloatArray, csr_array, FloatArray]:
+    """(k,) height differences of two strips in a cell [m], (k, 5 + 6 knots) their derivatives, and (k,) what each
     counts: of n strips in a cell n - 1 differences are independent, of n (n - 1) / 2.
     """
     from scipy.sparse import csr_array
@@ -230,12 +234,16 @@ def _differences(planes: Planes, pieces: int) -> tuple[FloatArray, csr_array, Fl
         [planes.by_mounting[first] - planes.by_mounting[second]],
         [np.tile(np.arange(known), (len(first), 1))],
     )
+    place = np.clip((planes.t - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
+    before = np.minimum(place.astype(np.int64), len(knots) - 2)
+    late = (place - before)[:, None]
     for one, sign in ((first, 1.0), (second, -1.0)):
-        value.append(sign * planes.by_piece[one])
-        column.append(known + 6 * planes.piece[one][:, None] + np.arange(6))
+        for knot, share in ((before[one], 1.0 - late[one]), (before[one] + 1, late[one])):
+            value.append(sign * share * planes.by_pose[one])
+            column.append(known + 6 * knot[:, None] + np.arange(6))
     values, columns = np.hstack(value), np.hstack(column)
     rows = np.repeat(np.arange(len(first)), values.shape[1])
-    J = csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(first), known + 6 * pieces))
+    J = csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(first), known + 6 * len(knots)))
     return planes.height[first] - planes.height[second], J, 2.0 / in_cell[first]
 
 
@@ -255,7 +263,7 @@ def _slopes(scans: Scans, motion: Motion, mounting: Mounting, keep: BoolArray) -
     return np.asarray(slopes)
 
 
-def _planes(scans: Scans, motion: Motion, strip: IntArray, piece: IntArray, beta: FloatArray, up: float) -> Planes:
+def _planes(scans: Scans, motion: Motion, strip: IntArray, beta: FloatArray, up: float) -> Planes:
     """A plane of every strip in every cell where its points lie on all sides of the middle, and are no edge."""
     keep = np.isfinite(scans.ranges) & (strip >= 0)[:, None]
     p = placed(scans, motion, mounting_of(beta, up))[keep]
@@ -278,10 +286,10 @@ def _planes(scans: Scans, motion: Motion, strip: IntArray, piece: IntArray, beta
     normal = np.column_stack([-slope, -np.ones(len(plane))])  # of up - plane, in NED
     share = np.einsum("mi,mi->m", design, inverse[group, 0])  # of a point in the height in the middle
     by = np.add.reduceat(share[:, None] * np.einsum("mi,mik->mk", normal[group], slopes), starts, axis=0)
-    pieces = np.broadcast_to(piece[:, None], keep.shape)[keep][order][starts + n // 2]
+    when = np.add.reduceat(np.broadcast_to(scans.t[:, None], keep.shape)[keep][order], starts) / n
     number = np.cumsum(np.any(np.diff(key[starts, 1:], axis=0, prepend=-(2**40)) != 0, axis=1))
-    by_piece = np.column_stack([normal, by[:, len(SOUGHT) :]])
-    one = Planes(number, pieces, plane[:, 0], by[:, : len(SOUGHT)], by_piece)
+    by_pose = np.column_stack([normal, by[:, len(SOUGHT) :]])
+    one = Planes(number, when, plane[:, 0], by[:, : len(SOUGHT)], by_pose)
     return Planes(*(getattr(one, entry.name)[usable] for entry in fields(Planes)))
 
 

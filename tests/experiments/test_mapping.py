@@ -223,6 +223,11 @@ def test_a_recording_becomes_a_map(tmp_path: Path) -> None:
     assert found["laser.boresight", "roll"] == pytest.approx(0.01, abs=1e-3)
     assert found["laser.boresight", "pitch"] == pytest.approx(-0.015, abs=5e-3)
     assert found["laser.time_offset", "b"] == pytest.approx(0.03, abs=5e-3)
+    true = {("laser.lever_arm", "x"): TRUE.lever_arm[0], ("laser.lever_arm", "y"): TRUE.lever_arm[1]}
+    for one in told["strips"]["found"]:  # 3 sigma: the trajectory's error, not the cells' noise, is most of it
+        hidden = {**true, ("laser.boresight", "roll"): 0.01, ("laser.boresight", "pitch"): -0.015,
+                  ("laser.time_offset", "b"): 0.03}[one["effect"], one["component"]]  # fmt: skip
+        assert one["value"] == pytest.approx(hidden, abs=3.0 * one["std"])
     assert told["strips"]["rms_after"] < 0.3 * told["strips"]["rms_before"]
     assert len(told["obstacles"]) == len(COUNTRY.houses) + len(COUNTRY.trees)
     assert "laser.boresight roll" in text

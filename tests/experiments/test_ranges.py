@@ -101,9 +101,9 @@ def test_every_class_of_receivers_has_the_error_that_it_declares() -> None:
 
 
 def test_old_corrections_weigh_as_little_as_the_base_has_found_them_wrong() -> None:
-    """Degraded clocks, 20 s late: what is left of the ranges is as large as it is said to be, and no satellite at fault.
+    """Degraded clocks, 20 s late: what is left of the ranges is as large as is told, and hardly a satellite at fault.
 
-    With the variance of a fresh correction the squares are 2.3 times what is told, and a fifth of the rows is taken out.
+    With the variance of a fresh correction the squares are 2.3 times that, and a fifth of the rows is taken out.
     """
     found = simulated.simulate(replace(simulated.load("degraded_clocks"), seconds=900.0), 3)
     fixes = differential(*found.ranges(), found.base_position, found.navigation, MASK, DataLink(delay=20.0)).location
