@@ -61,20 +61,22 @@ KINDS = {"flight": "flights", "poses": "poses", "pseudoranges": "pseudoranges"}
 
 HEAD = """# Effects
 
-What a plain sensor model may lack. Made from the declarations in `sensors/effects/` by `python -m
-experiments.effects_page`; `sinan effects` lists the same on the terminal. The simulator, the calibration, the filter
-and the tracer use these declarations and nothing else; [how to add one](how_to_add_an_effect.md).
+The catalogue: physical causes of sensor errors that the textbook (plain) sensor model does not contain. This page is
+made from the declarations in `sensors/effects/` by `python -m sinan.experiments.effects_page`; `sinan effects` lists
+the same in the terminal. Simulator, calibration, filter and tracer use these declarations and nothing else; [how to
+add one](how_to_add_an_effect.md).
 
-Reading = truth + bias (random walk) + white noise is the plain model, beta = 0. f is the specific force, w the
-angular rate and B the magnetic field as the perfect sensor would read them in the body (x forward, y right, z down);
-h the height above the ground; R the rotation from the body to NED; tilt the angle between body down and down.
-Rotations are active and right-handed. Several effects on one stream add, each taken of the plain reading; with the
-magnetic field in units of its norm.
+**Notation.** The plain model is reading = truth + bias (random walk) + white noise, beta = 0. f is the specific
+force, w the angular rate and B the magnetic field as an ideal sensor would measure them in body axes (x forward, y
+right, z down); h is the height above the ground, R the rotation from body to NED, tilt the angle between the body's z
+axis and the vertical. Rotations are active and right-handed. Several effects on one stream add up, each evaluated at
+the plain reading. The magnetic field is in units of its norm.
 
-*Plausible* is one sigma of the instruments that are sold: it scales directions of beta, and an estimate beyond ten of
-them is not accepted. *Seen from* is the smallest size that would be detected with nothing else missing, in plausible
-sizes, the median over the components. *Looks like* names the effects whose signatures have a squared correlation r²
-above {bound} in some scenario, the scenario where they are most alike, and the one that decides ([the whole
+**Columns and lines.** *beta*: the number of parameters. *Plausible*: the standard deviation of a parameter among
+instruments on the market; it is the prior of the parameter, and an estimate beyond ten times this size is not
+accepted. *Seen from*: the smallest size that would be detected if nothing else were wrong, in plausible sizes, the
+median over the components. *Looks like*: effects whose signatures have a squared correlation r² above {bound} in some
+scenario, the scenario in which they are most alike, and the one that separates them ([the whole
 table](notes/separation.md)).
 """
 FAMILIES = {
