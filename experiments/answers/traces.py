@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.verdict_words import Log, next_with_parameters, trace_summary, worded
+from sinan.experiments.report.words import trace_call
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
@@ -23,6 +23,7 @@ from sinan.experiments.residual_loop.source import Source
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.choice import Choice
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Recording
 
@@ -246,9 +247,13 @@ def tell_in_its_terms(
     from sinan.experiments.autopilots.files import FILES
 
     document["autopilot"], lines = in_its_terms(document, recording, inputs)
-    name = document["autopilot"]["autopilot"] if document["autopilot"] else ""
-    call = f"sinan params {shlex.quote(called or inputs[0])} --out {FILES[name]}" if name and len(inputs) == 1 else ""
-    document["next"] = next_with_parameters(document, call)
+    terms = document["autopilot"]
+    if terms:
+        span, choice = tuple(document["window"] or (None, None)), Choice(**document["choice"])
+        traced = trace_call(called or inputs[0], None, None, span, choice)
+        written = f"{traced.replace('sinan trace', 'sinan params', 1)} --out {FILES[terms['autopilot']]}"
+        terms["call"] = written if terms["parameters"] and len(inputs) == 1 else None
+        document["next"] = next_with_parameters(document)
     return lines
 
 

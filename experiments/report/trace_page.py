@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sinan.experiments.autopilots.files import FILES
 from sinan.experiments.autopilots.parameters import parameter_value
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
@@ -155,14 +153,12 @@ def _check(effect: Mapping[str, Any]) -> str:
 
 def _autopilot(page: Page, document: Mapping[str, Any]) -> None:
     """The parameters to type in, and what has none."""
-    terms, logs = document["autopilot"], document.get("logs", [])
+    terms = document["autopilot"]
     page.subheading("Parameters to set in the flight controller")
     if terms["parameters"]:
         page.text("Type these in at the ground station, or load the file. Then fly again, and trace the new log.")
-        if len(logs) == 1 and "sinan params" not in document["next"]:
-            page.text(
-                f"`sinan params {shlex.quote(logs[0]['log'])} --out {FILES[terms['autopilot']]}` writes the file."
-            )
+        if terms["call"] and terms["call"] not in document["next"]:
+            page.text(f"`{terms['call']}` writes the file.")
         rows = [
             [
                 one["name"],

@@ -190,21 +190,15 @@ def _use(effect: Mapping[str, Any], log: Log) -> str:
     return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"
 
 
-def next_with_parameters(document: Mapping[str, Any], call: str) -> str:
-    """What to do where the flight controller has parameters that correct what was found.
-
-    Parameters
-    ----------
-    call : the command that writes them to a file; empty: there is none
-    """
+def next_with_parameters(document: Mapping[str, Any]) -> str:
+    """What to do where the flight controller has parameters that correct what was found."""
     terms = document["autopilot"]
-    if document["verdict"] != "effects" or not terms or not terms["parameters"]:
+    if document["verdict"] != "effects" or not terms["parameters"]:
         return str(document["next"])
     names = ", ".join(one["name"] for one in terms["parameters"][:_MOST_NAMES])
     more = " and others" if len(terms["parameters"]) > _MOST_NAMES else ""
-    return (
-        f"set {names}{more} as listed{f' (`{call}` writes a file)' if call else ''}, fly again, and trace the new log"
-    )
+    file = f" (`{terms['call']}` writes a file)" if terms["call"] else ""
+    return f"set {names}{more} as listed{file}, fly again, and trace the new log"
 
 
 def name_of(document: Mapping[str, Any]) -> str:

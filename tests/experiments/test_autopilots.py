@@ -554,6 +554,10 @@ def traced(log: Path, folder: Path, autopilot: str) -> dict[str, Any]:
     names = [one["name"] for one in (document["autopilot"] or {"parameters": []})["parameters"]]
     assert bool(names) == bool(document["effects"])
     assert all(name in said and name in page.read_text() for name in names)
+    if names:
+        end = {"px4": "flight.params", "ardupilot": "flight.param"}[autopilot]
+        assert document["autopilot"]["call"] == f"sinan params {log} --out {end}"
+        assert document["autopilot"]["call"] in page.read_text()
     invoke("params", str(log), "--trace", str(report), "--out", str(folder / "file"))
     assert list(of_file((folder / "file").read_text())) == names
     shown = invoke("params", str(log), "--for", autopilot, "--trace", str(report))

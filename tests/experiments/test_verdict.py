@@ -292,12 +292,12 @@ def test_every_verdict_says_what_to_do_next(verdict: str, changes: Mapping[str, 
 
 def test_next_names_the_parameters_of_the_flight_controller() -> None:
     """Where some correct what was found, and only then."""
-    document = {**a_document(), "next": "write it down", "autopilot": None}
-    assert next_with_parameters(document, "sinan params LOG") == "write it down"
-    document["autopilot"] = {"parameters": [{"name": f"P{k}"} for k in range(6)]}
-    told = next_with_parameters(document, "sinan params LOG")
+    document = {**a_document(), "next": "write it down", "autopilot": {"parameters": [], "call": None}}
+    assert next_with_parameters(document) == "write it down"
+    document["autopilot"] = {"parameters": [{"name": f"P{k}"} for k in range(6)], "call": "sinan params LOG"}
+    told = next_with_parameters(document)
     assert told.startswith("set P0, P1, P2, P3 and others as listed (`sinan params LOG` writes a file), fly again")
-    assert next_with_parameters({**document, "verdict": "unexplained"}, "sinan params LOG") == "write it down"
+    assert next_with_parameters({**document, "verdict": "unexplained"}) == "write it down"
 
 
 def test_a_page_leads_to_its_sections(tmp_path: Path) -> None:
