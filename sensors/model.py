@@ -1,4 +1,4 @@
-"""What every sensor model gives: prediction, Jacobian blocks by state name, noise, bias process."""
+"""The interface of all sensor models: prediction, Jacobian by state block, noise, bias process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SensorModel(Protocol):
         """The random walk of its bias; None: the sensor has no bias state."""
 
     def predict(self, motion: Motion) -> FloatArray:
-        """(n, size) what the perfect sensor reads along the motion."""
+        """(n, size) what an ideal sensor reads along the motion: no noise, no bias."""
 
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """d reading / d error state by block: position, velocity, attitude (`dtheta_b`) and the bias's own block.

@@ -1,4 +1,4 @@
-"""The kinematics that a sensor sees, as arrays over time: the one input of every sensor model and effect."""
+"""`Motion`: kinematics and environment of the body as arrays over time, the input of every sensor model and effect."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Motion:
     m_n : (n, 3) or (1, 3) magnetic field, NED
     g_n : (3,) gravity in NED [m/s^2]
     ground_down : down coordinate of the flat ground [m]
-    covariates : what else the effects need, by name, each (n,) or (n, k): `temperature` [degC] of the stream's own
-        sensor, `current` [A], `throttle` [0 to 1], `airspeed` [m/s], `wind` (n, 2) [m/s] north east,
+    covariates : further quantities that effects depend on, by name, each (n,) or (n, k): `temperature` [degC] of the
+        stream's own sensor, `current` [A], `throttle` [0 to 1], `airspeed` [m/s], `wind` (n, 2) [m/s] north east,
         `vibration` (n, 3) [(m/s^2)^2]
     """
 

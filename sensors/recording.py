@@ -1,6 +1,4 @@
-"""`Recording`: timed SI streams with what was declared about them, and beside them what its estimates may be scored
-against.
-"""
+"""`Recording`: time-stamped streams in SI units, what is declared about them, and the truth or reference, if any."""
 
 from __future__ import annotations
 
@@ -53,7 +51,7 @@ class Stream:
     Attributes
     ----------
     t : (n,) s, strictly increasing
-    columns : each (n,), SI units; columns beyond the format's own are covariates
+    columns : each (n,), SI units; columns that the format does not define are covariates
     """
 
     t: FloatArray
@@ -92,7 +90,7 @@ class SensorSpec:
     velocity_noise_std : the same for GPS velocity [m/s]
     bias_walk : random walk of the bias w [unit/s/sqrt(Hz)]: its variance grows by w^2 t
     bias_std : 1-sigma of the bias at the start [unit]
-    colour_std : standard deviation of first-order (Gauss-Markov) noise beside the white noise [unit]
+    colour_std : standard deviation of first-order Gauss-Markov noise, in addition to the white noise [unit]
     velocity_colour_std : the same of GPS velocity [m/s]
     colour_time : its time constant [s]
     average_time : time over which one pose was averaged [s]
@@ -100,8 +98,8 @@ class SensorSpec:
     angles : (beams,) angles of a scanning laser [rad]
     base_position : of a reference receiver, [latitude, longitude, height] (deg, deg, m) or NED [m] without an origin
     focal, centre : (2,) of a camera: f / dX, f / dY and u0, v0 [pixels]
-    lens, coefficients : of `sensors.lenses`, and its k; those that are not said are zero
-    mounting : (4,) q_bc, camera axes -> body, scalar first; not said: it looks ahead
+    lens, coefficients : a model of `sensors.lenses` and its coefficients k; missing ones are zero
+    mounting : (4,) q_bc, camera axes -> body, scalar first; None: it looks forward
     lever_arm : (3,) the camera's centre in the body [m]
     """
 
@@ -134,8 +132,8 @@ class Environment:
     gravity : m/s^2
     magnetic_field : (3,) NED, in the unit of the magnetometer
     ground_down : down coordinate of the flat ground [m]
-    earth_rotation : the gyroscope is good enough to see the Earth turn
-    field_unit : unit of the magnetometer and of `magnetic_field`: gauss, mGauss, T, uT or nT; empty: nobody says
+    earth_rotation : whether the rotation of the Earth is modelled in the angular rate
+    field_unit : unit of the magnetometer and of `magnetic_field`: gauss, mGauss, T, uT or nT; empty: not declared
     """
 
     gravity: float | None = None
@@ -147,7 +145,7 @@ class Environment:
 
 @dataclass(frozen=True)
 class Initial:
-    """Mean and 1-sigma of the state at the first IMU sample; None: found from the data.
+    """Mean and 1-sigma of the state at the first IMU sample; None: estimated from the data.
 
     Attributes
     ----------
@@ -176,15 +174,15 @@ KNOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
 
 @dataclass(frozen=True)
 class Truth:
-    """What a recording may be scored against. Nothing that estimates may read it.
+    """True or reference motion, for scoring an estimate. No estimator may read it.
 
     Attributes
     ----------
-    stream : columns of `truth.csv`, of what is known alone; attitude as a quaternion, or as `roll, pitch` where the
-        reference has no heading; where simulated the biases
-    kind : of `TRUTH_KINDS`; empty: the recording does not say
-    aligned : it has the instrument's axes and clock, as its makers say or because one board made both; its north may be
-        another
+    stream : columns of `truth.csv`, only those that are known; attitude as a quaternion, or as `roll, pitch` if the
+        reference has no heading; biases if simulated
+    kind : one of `TRUTH_KINDS`; empty: not declared
+    aligned : it uses the same axes and clock as the instrument, because its makers say so or one board recorded both;
+        its north may still differ
     """
 
     stream: Stream
@@ -217,22 +215,22 @@ class Truth:
 
 @dataclass(frozen=True)
 class Recording:
-    """Timed SI streams of one experiment, checked, with what its maker declared.
+    """Time-stamped streams of one experiment in SI units, validated, with what is declared about them.
 
     Attributes
     ----------
     name : of the recording
     kind : "flight" (moving, feeds the filter) or "poses" (static or slowly turned, feeds a calibration)
     streams : by name: imu, those of the sensors (`sensors.registry`), power, motors, air, poses
-    sensors : what is declared, by sensor
+    sensors : what is declared about each sensor
     origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
-    effects : declared effects by name, with their parameters; every estimator models them
+    effects : declared effects by name, with their parameters; all estimators include them in their model
     source : where it was read from, for messages
-    notes : what its reader chose or left out, for reports
-    truth : what it may be scored against, or None; nothing that estimates may read it
-    breaks : stamps of the IMU at which something else begins, whatever was before: another log of one vehicle [s]
-    points : (k, 4) places that a camera sees: number, north, east, down [m]; None: there are none
-    log_start : what the clock of the log that it was read from shows at t = 0 [s]; None: nobody says
+    notes : what the reader of the file chose or left out, for reports
+    truth : true or reference motion, or None; no estimator may read it
+    breaks : stamps of the IMU [s] at which another log of the same vehicle begins, unrelated to what was before
+    points : (k, 4) known points that a camera sees: number, north, east, down [m]; None: there are none
+    log_start : clock of the original log at t = 0 [s]; None: not known
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What a sensor declares of itself beside its model: all that simulation, files, filter, calibration and reports ask.
+"""The declaration of a sensor: its model, and all that simulation, files, filter, calibration and reports have to know.
 
 `sensors.registry` lists the declarations; docs/how_to_add_a_sensor.md follows one from its file to a trace.
 """
@@ -27,12 +27,12 @@ Quantities = Mapping[str, tuple[tuple[str, ...], str]]
 
 @dataclass(frozen=True)
 class Given:
-    """What a model is made of: declared noise and bias, and where it is simulated the limits of the instrument.
+    """What a sensor model is constructed from: declared noise and bias and, for simulation, the instrument's limits.
 
     Attributes
     ----------
     sigma, bias_std, bias_walk : of one reading and of the bias, in the unit of the reading
-    sigma_velocity : of a velocity that is read too [m/s]; None: none is
+    sigma_velocity : of a velocity, if the sensor measures one too [m/s]; else None
     angles : (beams,) of a scan [rad]
     minimum, maximum : ranges between which an echo comes back [m]
     beam_angle : largest tilt at which the ground answers [rad]
@@ -50,34 +50,38 @@ class Given:
 
 @dataclass(frozen=True, eq=False)
 class SensorType:
-    """One sensor as all else knows it.
+    """Declaration of one sensor; every table by sensor in the project is made from these.
 
     Attributes
     ----------
-    name, title : in files and states, such as `baro`; in a sentence, such as `barometer`
-    make : its model; None: of more than `Given` (a camera)
-    kernel : its equations in the compiled engine
-    columns : what a row of its stream has, one of the alternatives; none: it is part of the stream `imu`
-    numbered : a reading of several components has columns of this beginning: `range_` and `range_0`, `range_1`, ...
-    own : further columns that are numbers
-    declares : keys of `[sensors.NAME]` in a recording
-    components, unit, plausible : of a reading, and of what disturbs it in time; no components: no such effects
-    in_poses : read in poses too
-    bias : axes of the bias in the state, ("",) a single one; empty: no bias of its own
-    bias_block : whose bias it reads; empty: its own
-    bias_optional : no bias unless one is declared; else its size has to be said
-    colour : axes of the colour of its noise in the state; a velocity's besides where `velocity` is set
-    velocity : whether it may read a velocity too
-    turn : among readings of one instant the smaller comes first
-    height : height above the ground [m] that a reading (1, k) shows at a roll and a pitch (1,), for the first position
-    height_turn : whose is taken first, the smaller
-    heard : (n,) which readings come back, of a model along a motion over ground of a softness; None: all
-    late : scenario that shows its late stamps; empty: the catalogue has no effect of them
-    thermometers : streams whose temperature is taken for its own, first come; `thermometer`: its own stream has one
-    spoils : the error that an effect on it spoils first, such as `height_rms`
-    quantities : what a map of a log may name
-    believed_bias : 1-sigma that is believed of the bias where nothing is declared; 0: none
-    levels : levels of noise sought where a log declares none: key, median and spread of the logarithm of the prior
+    name, title : name in files and states, such as `baro`, and in sentences, such as `barometer`
+    make : constructs its model; None: that takes more than `Given` (a camera)
+    kernel : which branch of the compiled engine has its equations
+    columns : columns of its stream, one tuple for each alternative; empty: it is part of the stream `imu`
+    numbered : prefix of the columns if a reading has several components: `range_` for `range_0`, `range_1`, ...
+    own : further numeric columns
+    declares : keys that `[sensors.NAME]` of a recording may have
+    components, unit, plausible : of its step and transient effects: component names, unit, plausible 1-sigma size; no
+        components: it has no such effects
+    in_poses : whether a recording of poses may have it
+    bias : axes of its bias in the filter's state, ("",) for a scalar; empty: it has no bias of its own
+    bias_block : name of another sensor's bias block that it shares; empty: its own
+    bias_optional : it has no bias unless one is declared; if False, the size of the bias must be declared
+    colour : axes of the colour (first-order Gauss-Markov noise) in the filter's state, and the same for its velocity if
+        `velocity` is set
+    velocity : whether it may measure a velocity too
+    turn : order of processing among readings with the same time stamp, smallest first
+    height : (reading (1, k), roll (1,), pitch (1,)) -> height above the ground [m], to initialise the position
+    height_turn : order of preference for that height, smallest first
+    heard : (model, motion, softness of the ground) -> (n,) which echoes come back, in simulation; None: all
+    late : scenario in which a time offset of it is observable; empty: the catalogue has no such effect
+    thermometers : streams whose temperature stands for its own, in order of preference; `thermometer`: whether its own
+        stream has one
+    spoils : the error that its effects increase most, such as `height_rms`
+    quantities : names of quantities that a map of a log may use for it
+    believed_bias : prior 1-sigma of the bias if nothing is declared; 0: no bias
+    levels : noise parameters that are estimated if a log does not declare them: key, and median and standard deviation
+        of the logarithm of the log-normal prior
     """
 
     name: str

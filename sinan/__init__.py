@@ -1,11 +1,11 @@
-"""sinan: sensor models, calibration, an extended Kalman filter, and a loop that names what a model lacks.
+"""sinan: sensor models, calibration, an error-state Kalman filter, and a tracer that finds the effects a model lacks.
 
     >>> import sinan
     >>> result = sinan.estimate(sinan.simulate("figure_eight", seed=1))
     >>> axes = result.plot_biases()
 
-`sinan.__all__` is the public face: what is in it keeps its meaning from one version to the next. Each name is loaded
-when it is first asked for.
+`sinan.__all__` is the public interface: names in it keep their meaning from one version to the next. Each name is
+loaded when it is first used.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""`sinan.estimate`: the filter over a flight, and what it found, as an object with tables, figures and a page."""
+"""`sinan.estimate`: run the filter over a flight; the result is an object with tables, figures and a page."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Answer):
-    """A flight as the filter sees it.
+    """The result of the filter over a flight.
 
     Attributes
     ----------
     recording : the flight
-    journal : every reading with its innovation, and what the filter did with it
-    smoothed : the states that all readings together know; None unless asked for
+    journal : every reading with its innovation, and whether the filter used it
+    smoothed : states given all readings (fixed-interval smoother); None unless requested
     document : the numbers, as `sinan estimate --json` writes them
-    reference : what the flight may be scored against, in its own axes and on its clock; None: nothing
+    reference : true or reference motion, in its own axes and on its own clock; None: there is none
     """
 
     recording: Recording
@@ -54,7 +54,7 @@ class Estimate(Answer):
 
     @property
     def model(self) -> FlightModel:
-        """What the filter believed: sensor models, noise, environment."""
+        """The filter's model: sensor models, noise, environment."""
         return self.journal.model
 
     @cached_property
@@ -63,7 +63,7 @@ class Estimate(Answer):
         return tuple(self.journal.sensors)
 
     def states(self) -> pd.DataFrame:
-        """Nominal states and their 1-sigma over time, smoothed where that was asked for.
+        """Nominal states and their 1-sigma over time; smoothed if the smoother was run.
 
         Returns
         -------
@@ -83,7 +83,7 @@ class Estimate(Answer):
         return pd.DataFrame(rows[:, 1:], columns=names[1:], index=pd.Index(rows[:, 0], name="t"))
 
     def biases(self) -> pd.DataFrame:
-        """The biases at the end, each with its 1-sigma and, where it is known, its truth.
+        """The biases at the end, each with its 1-sigma and, if known, its true value.
 
         Returns
         -------
@@ -190,12 +190,12 @@ def estimate(
 
     Parameters
     ----------
-    recording : a flight; what it does not declare of noise, heading and field is taken from its readings
-    smooth : also the fixed-interval smoother: states and errors given all readings
-    relinearise : readings linear about the smoothed motion, for a coarse first attitude
-    sensors : models of your own, each in the place of the one of the same `name`
+    recording : a flight; noise, heading and magnetic field are estimated from its readings if it does not declare them
+    smooth : run the fixed-interval smoother too: states and errors given all readings
+    relinearise : linearise the readings about the smoothed motion, for a coarse initial attitude
+    sensors : sensor models of your own; each replaces the one with the same `name`
     engine : "numba" (compiled), "filterpy" (readable; the one that runs models of your own) or "auto"
-    asked : how the user calls the recording, for words and file names
+    asked : the user's name for the recording, for texts and file names
 
     Returns
     -------
@@ -203,8 +203,8 @@ def estimate(
 
     Raises
     ------
-    InputError : not a flight; a model of your own for a sensor that is not aboard, or together with what only the
-        compiled filter does (`smooth`, `relinearise`, declared effects); a state that is not finite
+    InputError : not a flight; a model of your own for a sensor that the flight does not have, or with an option that only
+        the compiled filter has (`smooth`, `relinearise`, declared effects); a state that is not finite
 
     Examples
     --------

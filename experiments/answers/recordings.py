@@ -1,4 +1,4 @@
-"""Where a recording comes from: a log that is read, or a scenario that is simulated."""
+"""`sinan.read`, `sinan.simulate`, `sinan.cut`: recordings from logs and from scenarios."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def read(
     Parameters
     ----------
     path : of a folder or file; PX4's ULog, ArduPilot's .bin and .log, MAVLink's .tlog, ROS bags are read as they are
-    map : TOML file that says how to read any other log
-    start, stop : the part that is looked at, s after the first IMU sample (of poses: pose)
+    map : TOML file that says how to read a log of another format
+    start, stop : select a part, s after the first IMU sample (of poses: pose)
     imu, mag, baro, gps : which of several sensors of a kind in an autopilot's log, counted from 0
-    raw : take off the autopilot's own offsets, scales and compensation
+    raw : undo the autopilot's own offsets, scales and compensation
 
     Returns
     -------
@@ -40,7 +40,7 @@ def read(
 
     Raises
     ------
-    InputError : what cannot be read, with the place, what was found and what was expected
+    InputError : a file that cannot be read: where, what was found and what was expected
 
     Examples
     --------
@@ -56,14 +56,14 @@ def read(
 def simulate(
     scenario: str | Path | Scenario, *, seed: int = 0, effects: Effects = (), declare: bool = False
 ) -> Recording:
-    """Simulate a scenario: a recording with noise, biases, and its truth.
+    """Simulate a scenario: a recording with noise, biases, and their true values.
 
     Parameters
     ----------
     scenario : name of one that is shipped, a TOML file, or a `Scenario`
     seed : of the random numbers: the same seed gives the same recording
-    effects : what acts on the sensors beyond the plain model, by name with its parameters, or as `--effect` takes it
-    declare : write the effects into the recording, where every estimator models them; else they are hidden in it
+    effects : effects to add to the readings, by name with their parameters, or as `--effect` takes them
+    declare : declare the effects in the recording, so that estimators model them; else estimators do not know of them
 
     Returns
     -------
@@ -84,7 +84,7 @@ def simulate(
 
 
 def cut(recording: Recording, start: float | None = None, stop: float | None = None) -> Recording:
-    """A part of a recording: the same stretch of time of all its streams.
+    """A part of a recording: the same time span of all its streams.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`sinan.steps`: the readable filter, to be stepped through by hand."""
+"""`sinan.steps`: run the readable filter step by step."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from sinan.sensors.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Where the filter stands after a predict or an update.
+    """State of the filter after a prediction or an update.
 
     Attributes
     ----------
-    kind : "start" (the first state), "predict" (x and P brought to t by the IMU), "update" (a reading was judged)
+    kind : "start" (initial state), "predict" (x and P propagated to t by the IMU), "update" (a reading was processed)
     t : s
-    sensor : whose reading it was; "imu" of a predict; empty at the start
+    sensor : the sensor of the reading; "imu" for a prediction; empty at the start
     x : (n + 1,) nominal state: position, velocity (NED, SI), quaternion body -> NED, biases
     covariance : (n, n) of the error state, in which the attitude is three small angles about the body's axes [rad]
     layout : which entries of x and of the covariance belong to which state
-    status : of an update: "accepted", "gated" (refused), "withheld", or why there was no prediction
+    status : of an update: "accepted", "gated" (rejected), "withheld", or why the reading could not be predicted
     reading, predicted, innovation : (m,) of an update: z, h(x), and z - h(x), in the sensor's unit
-    H : (m, n) of an update: derivative of the prediction by the error state
+    H : (m, n) of an update: Jacobian of the prediction with respect to the error state
     R, S : (m, m) of an update: covariance of the noise, and of the innovation, S = H P H' + R
     K : (n, m) of an update: gain; zeros where the reading was not used
-    F, Q : (n, n) of a predict: transition of the error state, and covariance of the process noise
+    F, Q : (n, n) of a prediction: transition matrix of the error state, and covariance of the process noise
     """
 
     kind: Literal["start", "predict", "update"]
@@ -71,21 +71,21 @@ class Step:
 
     @property
     def nis(self) -> float | None:
-        """nu' S^-1 nu of an update, chi-square with m degrees of freedom if all is well; None: no prediction."""
+        """nu' S^-1 nu of an update, chi-square with m degrees of freedom if the model is right; None: no prediction."""
         if self.innovation is None or self.S is None:
             return None
         return float(self.innovation @ np.linalg.solve(self.S, self.innovation))
 
 
 def steps(recording: Recording, *, sensors: Iterable[SensorModel] = ()) -> Iterator[Step]:
-    """Run the readable filter over a flight and stop after every predict and every update.
+    """Run the readable filter over a flight and yield after every prediction and every update.
 
     It is the filter of `sinan.estimate`, with the same model of the recording and, to rounding, the same states.
 
     Parameters
     ----------
     recording : a flight
-    sensors : models of your own, each in the place of the one of the same `name`
+    sensors : sensor models of your own; each replaces the one with the same `name`
 
     Yields
     ------
@@ -93,7 +93,7 @@ def steps(recording: Recording, *, sensors: Iterable[SensorModel] = ()) -> Itera
 
     Raises
     ------
-    InputError : not a flight; a sensor that is not aboard; a state that is not finite
+    InputError : not a flight; a sensor that the flight does not have; a state that is not finite
 
     Examples
     --------

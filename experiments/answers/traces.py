@@ -1,4 +1,4 @@
-"""`sinan.trace`: what the plain model of a recording lacks, as an object with tables, figures and a page."""
+"""`sinan.trace`: find the effects that the plain model of a recording lacks; an object with tables, figures, a page."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace(Answer):
-    """What was found in a recording.
+    """The result of a trace.
 
     Attributes
     ----------
-    recording : what was traced
+    recording : the recording that was traced
     traced : the parts with their models before and after, and the verdict
-    document : the numbers and words, as `sinan trace --json` writes them
+    document : all numbers and texts, as `sinan trace --json` writes them
     """
 
     recording: Recording
@@ -159,10 +159,10 @@ def trace(
     Parameters
     ----------
     recording : of poses or of a flight; several flights of one vehicle are traced together
-    sensor : of poses with several sensors: only this one
-    alpha : risk of any false alarm, over all candidates together
-    gravity : norm at which the accelerometer of poses aims [m/s^2]; default: as declared, else 9.80665
-    asked : how the user calls the recording, for the words of the report
+    sensor : for poses with several sensors: trace only this one
+    alpha : probability of any false alarm, over all candidates together
+    gravity : norm of gravity for the accelerometer of poses [m/s^2]; default: as declared, else 9.80665
+    asked : the user's name for the recording, for the texts of the report
 
     Returns
     -------

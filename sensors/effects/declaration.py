@@ -1,4 +1,4 @@
-"""What an effect is: one declaration that the simulator, the calibration, the filter and the tracer all use."""
+"""`Effect`: the declaration of a physical effect, used by the simulator, the calibration, the filter and the tracer."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _DIFFERENCE = 1e-4  # of a plausible size: rounding and curvature both stay belo
 
 @dataclass(frozen=True)
 class Parameter:
-    """One component of beta: its name, its unit, and its plausible 1-sigma size in instruments that are sold."""
+    """One component of beta: its name, its unit, and its standard deviation among instruments on the market."""
 
     name: str
     unit: str
@@ -43,11 +43,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """A physical effect that a plain sensor model may lack.
+    """A physical effect that is not part of the plain sensor model.
 
     Reading with the effect = plain reading + regressor @ beta; where that is not exact, `exact` gives the reading.
-    `beta = 0` is the plain model. Effects on one stream add, each taken of the plain reading.
-    docs/effects.md and `sinan effects` are made of these words.
+    `beta = 0` is the plain model. Several effects on one stream add up, each evaluated at the plain reading.
+    docs/effects.md and `sinan effects` are made from these texts.
 
     Attributes
     ----------
@@ -58,14 +58,14 @@ class Effect:
     physics : why, and what is neglected
     source : author, edition, equation
     parameters : names, units and plausible sizes of beta
-    needs : what has to be known of the motion or the covariates, by their names in `Motion`
+    needs : quantities of the motion and covariates that have to be known, by their names in `Motion`
     kinds : the kinds of recording in which it is a candidate
     regressor, exact : see above
-    scenario : the scenario that shows it
-    separates : the manoeuvre that would make it visible, for messages
-    interval, localised : of a time-localised effect: start and end [s], and the same effect over another interval
-    other_instants : its exact form reads the motion at other instants than that of the reading
-    in_field_units : its parameters go with the unit of the magnetic field; `plausible` is for a field of norm one
+    scenario : the shipped scenario in which it is observable
+    separates : the manoeuvre that would make it observable, for messages
+    interval, localised : of a time-localised effect: start and end [s]; function that gives the effect over another interval
+    other_instants : its exact form uses the motion at instants other than that of the reading
+    in_field_units : its parameters scale with the unit of the magnetic field; `plausible` is for a field of norm one
     """
 
     name: str
@@ -163,7 +163,7 @@ class Effect:
 
         Parameters
         ----------
-        plain : (n, size) what the perfect sensor reads along `motion`
+        plain : (n, size) what an ideal sensor reads along `motion`
         beta : (parameters,)
         motion : the true motion at the instants of the readings
         model : the sensor's model, for effects that need the reading at other instants or attitudes

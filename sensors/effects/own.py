@@ -62,15 +62,15 @@ def effect(
     regressor : (motion) -> (n, size of a reading, parameters): d reading / d beta at beta = 0, SI units; without it
         `effect` is a decorator of that function
     parameters : by name, unit and plausible 1-sigma size in instruments that are sold
-    needs : what has to be known: of the motion (f_b, w_ib_b, dw_b, m_b, m_n, q_nb, p_n, v_n), or of what the recording
-        has beside (temperature, current, voltage, throttle, airspeed, wind, vibration)
+    needs : quantities that have to be known: of the motion (f_b, w_ib_b, dw_b, m_b, m_n, q_nb, p_n, v_n), or
+        covariates (temperature, current, voltage, throttle, airspeed, wind, vibration)
     enters : how it changes the reading, as an equation
-    summary, physics : what the instrument does wrong, and why; default: the function's docstring
-    source : where that is written
-    kinds : "flight", "poses": recordings in which it is a candidate
+    summary, physics : the instrument's error in one sentence, and its cause; default: the function's docstring
+    source : reference
+    kinds : "flight", "poses": kinds of recording in which it is a candidate
     exact : (plain reading, beta, motion, model) -> reading, where it is not linear in beta
-    separates : the manoeuvre that makes it visible
-    in_field_units : the parameters go with the unit of the magnetic field
+    separates : the manoeuvre that makes it observable
+    in_field_units : the parameters scale with the unit of the magnetic field
 
     Returns
     -------
@@ -78,7 +78,7 @@ def effect(
 
     Raises
     ------
-    InputError : a name that is taken or names no sensor; no parameter; needs that no recording can tell
+    InputError : a name that is in use or names no sensor; no parameter; needs that no recording can have
 
     Examples
     --------
