@@ -203,8 +203,8 @@ def estimate(
 
     Raises
     ------
-    InputError : not a flight; a model of your own for a sensor that the flight does not have, or with an option that only
-        the compiled filter has (`smooth`, `relinearise`, declared effects); a state that is not finite
+    InputError : not a flight; a model of your own for a sensor that the flight does not have, or with what
+        only the compiled filter does (`smooth`, `relinearise`, declared effects); a state that is not finite
 
     Examples
     --------

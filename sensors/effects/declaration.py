@@ -63,7 +63,7 @@ class Effect:
     regressor, exact : see above
     scenario : the shipped scenario in which it is observable
     separates : the manoeuvre that would make it observable, for messages
-    interval, localised : of a time-localised effect: start and end [s]; function that gives the effect over another interval
+    interval, localised : of a time-localised effect: start and end [s]; the same effect as a function of them
     other_instants : its exact form uses the motion at instants other than that of the reading
     in_field_units : its parameters scale with the unit of the magnetic field; `plausible` is for a field of norm one
     """
