@@ -15,8 +15,8 @@ import numpy as np
 from sinan.experiments.blind.maker.turning import random_direction
 from sinan.sensors.arrays import FloatArray
 
-KINDS = ("flight", "hand", "accel_poses", "mag_poses", "gyro_turns")
-FLIGHT, HAND, ACCEL, MAG, TURNS = KINDS
+KINDS = ("flight", "hand", "accel_poses", "mag_poses", "gyro_turns", "camera")
+FLIGHT, HAND, ACCEL, MAG, TURNS, CAMERA = KINDS
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Entry:
     needs : covariates: current, motors, airspeed, temperature_imu, temperature_baro, vibration, tilt, low
     positive : beta > 0
     of_field : beta is a share of the norm of the magnetic field
+    shape : by which the direction of beta is multiplied, where its components differ in size; empty: by one
     """
 
     low: float
@@ -40,6 +41,7 @@ class Entry:
     needs: tuple[str, ...] = ()
     positive: bool = False
     of_field: bool = False
+    shape: tuple[float, ...] = ()
 
 
 CATALOGUE: Mapping[str, Entry] = {
@@ -49,8 +51,8 @@ CATALOGUE: Mapping[str, Entry] = {
     "accel.temperature": Entry(2e-4, 0.03, 3, (FLIGHT, ACCEL), ("temperature_imu",)),  # m/s^2/K
     "accel.lever_arm": Entry(0.01, 0.6, 3),  # m
     "accel.vibration": Entry(2e-4, 0.05, 3, (FLIGHT,), ("vibration",)),  # 1/(m/s^2)
-    "accel.misalignment": Entry(1e-3, 0.08, 3, (FLIGHT, HAND)),  # rad
-    "gyro.scale": Entry(5e-4, 0.05, 3, (FLIGHT, HAND, TURNS)),  # 1
+    "accel.misalignment": Entry(1e-3, 0.08, 3, (FLIGHT, HAND, CAMERA)),  # rad
+    "gyro.scale": Entry(5e-4, 0.05, 3, (FLIGHT, HAND, TURNS, CAMERA)),  # 1
     "gyro.cross_axis": Entry(5e-4, 0.05, 6, (FLIGHT, HAND, TURNS)),  # rad
     "gyro.temperature": Entry(1e-5, 3e-3, 3, (FLIGHT, HAND, TURNS), ("temperature_imu",)),  # rad/s/K
     "gyro.g_sensitivity": Entry(2e-5, 4e-3, 9, (FLIGHT, HAND, TURNS)),  # rad/s/(m/s^2)
@@ -59,7 +61,7 @@ CATALOGUE: Mapping[str, Entry] = {
     "mag.current": Entry(1e-4, 0.03, 3, (FLIGHT, MAG), ("current",), of_field=True),  # field/A
     "mag.temperature": Entry(1e-4, 0.015, 3, (FLIGHT, HAND, MAG), ("temperature_imu",), of_field=True),  # field/K
     "mag.declination": Entry(4e-3, 0.4, 1),  # rad
-    "mag.misalignment": Entry(4e-3, 0.25, 3, (FLIGHT, HAND)),  # rad
+    "mag.misalignment": Entry(4e-3, 0.25, 3, (FLIGHT, HAND, CAMERA)),  # rad
     "baro.airspeed": Entry(2e-3, 0.2, 1, (FLIGHT,), ("airspeed",)),  # m/(m/s)^2
     "baro.temperature": Entry(5e-3, 0.6, 1, (FLIGHT,), ("temperature_baro",)),  # m/K
     "baro.propwash": Entry(0.2, 10.0, 1, (FLIGHT,), ("motors", "low")),  # m
@@ -73,12 +75,18 @@ CATALOGUE: Mapping[str, Entry] = {
     "laser.mount_offset": Entry(0.02, 0.6, 1),  # m
     "laser.scale": Entry(2e-3, 0.08, 1),  # 1
     "laser.terrain_slope": Entry(3e-3, 0.2, 2),  # 1
-    "gps.lever_arm": Entry(0.05, 3.0, 3),  # m
-    "gps.latency": Entry(0.01, 0.5, 1, positive=True),  # s
+    "gps.lever_arm": Entry(0.05, 3.0, 3, (FLIGHT, CAMERA)),  # m
+    "gps.latency": Entry(0.01, 0.5, 1, (FLIGHT, CAMERA), positive=True),  # s
     "mag.time_offset": Entry(2e-3, 0.2, 1),  # s
     "baro.time_offset": Entry(0.02, 0.8, 1),  # s
     "sonar.time_offset": Entry(0.01, 0.5, 1),  # s
     "laser.time_offset": Entry(0.01, 0.5, 1),  # s
+    "camera.focal": Entry(5e-4, 0.05, 2, (CAMERA,)),  # 1
+    "camera.principal_point": Entry(0.3, 30.0, 2, (CAMERA,)),  # pixels
+    "camera.distortion": Entry(5e-3, 0.3, 4, (CAMERA,), shape=(1.0, 0.5, 0.02, 0.02)),  # 1
+    "camera.misalignment": Entry(1e-3, 0.1, 3, (CAMERA,)),  # rad
+    "camera.lever_arm": Entry(0.01, 0.5, 3, (CAMERA,)),  # m
+    "camera.time_offset": Entry(1e-3, 0.1, 1, (CAMERA,)),  # s
 }
 
 #: Kinds whose recordings can show a step or a transient of a stream, and with how many values one reading has.
@@ -178,7 +186,7 @@ def draw_beta(rng: np.random.Generator, name: str, field: float) -> FloatArray:
     """The parameters of an effect of the catalogue; `field` is the norm of the magnetic field."""
     entry = CATALOGUE[name]
     size = log_uniform(rng, entry.low, entry.high) * (field if entry.of_field else 1.0)
-    beta = size * random_direction(rng, entry.parameters)
+    beta = size * random_direction(rng, entry.parameters) * (np.array(entry.shape) if entry.shape else 1.0)
     return np.abs(beta) if entry.positive else beta
 
 

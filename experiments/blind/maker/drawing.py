@@ -9,6 +9,7 @@ import numpy as np
 
 from sinan.experiments.blind.maker.body import Body
 from sinan.experiments.blind.maker.catalogue import (
+    CAMERA,
     CATALOGUE,
     FLIGHT,
     LOCAL_KINDS,
@@ -154,5 +155,5 @@ def with_flight_needs(order: Order) -> frozenset[str]:
     """Covariates and sensors that an order's effects and disturbance need."""
     from sinan.experiments.blind.maker.catalogue import needed
 
-    extra = {order.outside_needs} - {""} if order.kind == FLIGHT else set()
+    extra = {order.outside_needs} - {""} if order.kind in (FLIGHT, CAMERA) else set()
     return needed(order.names) | extra

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sinan.experiments.blind.maker.body import Body
-from sinan.experiments.blind.maker.catalogue import log_uniform
+from sinan.experiments.blind.maker.catalogue import CAMERA, log_uniform
 from sinan.experiments.blind.maker.curves import Curve, Sine
 from sinan.experiments.blind.maker.drawing import (
     Made,
@@ -20,6 +20,7 @@ from sinan.experiments.blind.maker.drawing import (
     draw_warm_up,
     with_flight_needs,
 )
+from sinan.experiments.blind.maker.filming import filmed
 from sinan.experiments.blind.maker.flights import STYLES, TILTING, draw_multirotor
 from sinan.experiments.blind.maker.geodetic import to_geodetic
 from sinan.experiments.blind.maker.instruments import (
@@ -75,8 +76,9 @@ CURRENT_NOISE, AIRSPEED_NOISE, TEMPERATURE_NOISE = 0.03, 0.05, 0.02
 
 
 def make_flight(rng: np.random.Generator, order: Order, name: str) -> Made:
-    """Draw a flight for an order."""
-    needs = with_flight_needs(order)
+    """Draw a flight for an order; with a camera it has a compass and GPS too."""
+    filming = order.kind == CAMERA
+    needs = with_flight_needs(order) | ({"gps", "mag"} if filming else set())
     has = {what for what, often in {**OFTEN, **COVARIATES}.items() if rng.uniform() < often} | set(needs)
     has |= {"gps"} if "base" in has and "base" in needs else set()
     has -= {"base"} if "gps" not in has else set()
@@ -94,6 +96,9 @@ def make_flight(rng: np.random.Generator, order: Order, name: str) -> Made:
     if "base" in instruments:
         base_position = np.round(rng.normal(0.0, 30.0, 3), 3) * np.array([1.0, 1.0, 0.05])
         streams["base"], sensors["base"] = place_base(streams["base"], sensors["base"], base_position)
+    points = None
+    if filming:
+        streams["camera"], sensors["camera"], points = filmed(rng, plan)
     clock = float(np.round(rng.uniform(0.0, 500.0), STAMP_DECIMALS)) if rng.uniform() < 0.3 else 0.0
     origin = draw_origin(rng)
     if origin is not None:
@@ -106,6 +111,7 @@ def make_flight(rng: np.random.Generator, order: Order, name: str) -> Made:
         environment=Environment(scene.gravity, scene.field_n, scene.ground_down),
         initial=draw_initial(rng, scene.motion(np.zeros(1)), at_rest and {"gps", "mag"} <= has),
         origin=origin,
+        points=points,
     )
     return Made(
         recording=recording,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sinan.experiments.blind.maker.calibration_recording import make_hand, make_poses, make_turns
-from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, KINDS, MAG, TURNS
+from sinan.experiments.blind.maker.catalogue import ACCEL, CAMERA, FLIGHT, HAND, KINDS, MAG, TURNS
 from sinan.experiments.blind.maker.drawing import CLASSES, Made, Order, draw_order
 from sinan.experiments.blind.maker.flight_recording import make_flight
 from sinan.experiments.blind.maker.rough import WORLDS
@@ -19,9 +19,10 @@ from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import Stream
 
 INDEX_FILE, ANSWER_FILE, TRUTH_FILE = "index.json", "answer.json", "truth.csv"
-MAKERS = {FLIGHT: make_flight, HAND: make_hand, ACCEL: make_poses, MAG: make_poses, TURNS: make_turns}
-#: How often each kind is drawn, where the caller does not say.
-KIND_SHARES: Mapping[str, float] = {FLIGHT: 0.64, HAND: 0.06, ACCEL: 0.1, MAG: 0.1, TURNS: 0.1}
+MAKERS = {FLIGHT: make_flight, HAND: make_hand, ACCEL: make_poses, MAG: make_poses, TURNS: make_turns,
+          CAMERA: make_flight}  # fmt: skip
+#: How often each kind is drawn, where the caller does not say: flights with a camera on request alone.
+KIND_SHARES: Mapping[str, float] = {FLIGHT: 0.64, HAND: 0.06, ACCEL: 0.1, MAG: 0.1, TURNS: 0.1, CAMERA: 0.0}
 #: How often each class is drawn, where the caller does not say.
 CLASS_SHARES: Mapping[str, float] = {"none": 0.4, "one": 0.3, "several": 0.15, "outside": 0.15}
 
@@ -147,7 +148,7 @@ def write_index(out: Path) -> None:
     for path in sorted(answers_folder(out).glob(f"*/{ANSWER_FILE}")):
         found = json.loads(path.read_text(encoding="utf-8"))
         if (out / found["run"]).is_dir():
-            index[found["run"]] = {"kind": "flight" if found["kind"] in (FLIGHT, HAND) else "poses",
+            index[found["run"]] = {"kind": "flight" if found["kind"] in (FLIGHT, HAND, CAMERA) else "poses",
                                    "sensor": found["sensor"]}  # fmt: skip
     write_text(out / INDEX_FILE, json.dumps(index, indent=1))
 
@@ -165,7 +166,7 @@ def shares(
     """Names with their shares; names alone have those of the default, so that a subset keeps its proportions."""
     if asked is None:
         return dict(default)
-    found = dict(asked) if isinstance(asked, Mapping) else {name: default.get(name, 0.0) for name in asked}
+    found = dict(asked) if isinstance(asked, Mapping) else {name: default.get(name, 0.0) or 0.1 for name in asked}
     for name in found:
         if name not in known:
             raise InputError(where, repr(name), "of " + ", ".join(known))

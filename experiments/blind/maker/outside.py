@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.experiments.blind.maker.body import Body
-from sinan.experiments.blind.maker.catalogue import ACCEL, FLIGHT, HAND, MAG, TURNS, log_uniform
+from sinan.experiments.blind.maker.catalogue import ACCEL, CAMERA, FLIGHT, HAND, MAG, TURNS, log_uniform
 from sinan.experiments.blind.maker.forward import Seen
 from sinan.experiments.blind.maker.instruments import Instrument
 from sinan.experiments.blind.maker.scene import Scene
@@ -251,6 +251,7 @@ DRAWERS: Mapping[str, Sequence[Callable[[np.random.Generator, Setting], Outside]
         raised_ground, turning_magnet, static_port, second_surface, stuck_axis,
     ),
     HAND: (gyro_saturation, turning_magnet, stuck_axis),
+    CAMERA: (magnetic_anomaly, gps_multipath, gyro_saturation, frozen_fix, turning_magnet, stuck_axis),
     ACCEL: (clipped_axes, remanence),
     MAG: (clipped_axes, remanence),
     TURNS: (gyro_saturation, stuck_axis),

@@ -27,6 +27,7 @@ def blind(
     world: Annotated[World, typer.Option(help="noise as declared, rough, or each half of the time")] = World.mixed,
     workers: Annotated[int, typer.Option(help="processes", min=1, max=MOST_WORKERS)] = 1,
     html: Html = None,
+    camera: Annotated[bool, typer.Option("--camera", help="flights with a camera that sees known points")] = False,
     measured: Annotated[bool, typer.Option("--measured", help="put effects into minutes of measured logs")] = False,
     logs: Annotated[
         list[str] | None, typer.Option(help="measured: one log, by its name or DATASET/FILE; may be given again")
@@ -42,4 +43,4 @@ def blind(
         return
     from sinan.experiments.commands.blind import run
 
-    say_as_kept(lambda: run(out, runs, seed, world.value, workers, html), None, html)
+    say_as_kept(lambda: run(out, runs, seed, world.value, workers, html, camera), None, html)
