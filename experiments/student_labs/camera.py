@@ -60,12 +60,8 @@ LAB = Lab(
             "basic",
             1,
             0.01,
-            Words("root of the mean over the points of du^2 + dv^2", "各特征点 du²+dv² 的平均值再开方"),
-            (
-                Mistake(
-                    Words("the mean is over the points, not over u and v", "应对特征点取平均，而不是对 u、v 取平均")
-                ),
-            ),
+            Words("root of the mean over the points of du^2 + dv^2", "各点 du²+dv² 的平均值再开方"),
+            (Mistake(Words("the mean is over the points, not over u and v", "应对各点取平均，而不是对 u、v 取平均")),),
         ),
         Question(
             "pixel",
