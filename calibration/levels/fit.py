@@ -35,6 +35,9 @@ TAIL = 4.0
 STAMP_STD = 0.01
 
 
+#: Hard iron that a calibration which was accepted leaves, as a part of the Earth's field: ArduPilot accepts one whose
+#: residual is 16 milligauss RMS (AP_COMPASS_CALIBRATION_FITNESS_DEFAULT, AP_Compass.h), of a field of 490.
+HARD_IRON = 16.0 / 490.0
 #: Iterations of the search: it gains less than a tenth of log L in each from there on.
 MOST = 20
 #: Zeros of two height sensors that differ by less are the same [m].
@@ -150,7 +153,7 @@ def sizes_of(recording: Recording) -> list[Size]:
             Size("mag", "noise_std", max(reading_noise(m), (0.065 if unaided else 0.01) * norm), 1.0),
             Size("mag", "colour_std", 0.045 * norm, 0.7),
             Size("mag", "colour_time", 3.0, 0.7),
-            Size("mag", "bias_std", 0.06 * norm, 0.7),
+            Size("mag", "bias_std", HARD_IRON * norm, 0.7),
             Size("latency", "mag", 0.01, 0.01, linear=True),
         ]
     for entry in sensors():
