@@ -1,8 +1,8 @@
-"""The magnetic field that a log does not declare: what it may be before the readings, and which of it they bear out.
+"""What a log does not declare of its compass: what may be believed of it before the readings, and what they bear out.
 
 A model of the Earth gives the field of a place to half a degree, and a log that was made there in the open has it so.
 Beside steel its direction is off by a tenth; in a hall, a hull or a simulation it has nothing to do with the place.
-Each is a belief with a prior, and the likelihood of the log decides.
+Most compasses were calibrated, some never. Each is a belief with a prior, and the likelihood of the log decides.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.calibration.levels.compass import DIRECTION_STD, direction_at
-from sinan.calibration.levels.fit import first_levels, sizes_of
+from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, first_levels, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.inputs import prepare
@@ -29,6 +29,8 @@ FIELD_STD = 0.1
 DECLINATION_STD = 0.2
 #: Of a hundred logs that say where they were made, so many are made beside steel, and where the place tells nothing.
 BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
+#: Of a hundred compasses whose noise nobody declares, so many were never calibrated.
+NEVER_CALIBRATED = 0.1
 
 
 @dataclass(frozen=True)
@@ -56,20 +58,38 @@ class Field:
         return f"{said} {self.words}; a state"
 
 
-def field_beforehand(recording: Recording) -> Field | None:
-    """The likeliest belief at the medians of all other sizes; None where the field is declared, or nothing reads it."""
-    beliefs = fields_beforehand(recording)
-    if len(beliefs) < 2:
-        return beliefs[0] if beliefs else None
-    sizes = sizes_of(recording)
+@dataclass(frozen=True)
+class Believed:
+    """What is believed of a magnetometer before its readings are gone through.
 
-    def log_posterior(belief: Field) -> float:
-        levels = first_levels(recording, sizes, belief.m_n, belief.covariance)
+    Attributes
+    ----------
+    field : of the place; None where it is declared, or nothing reads it
+    iron : median of the hard iron's prior, as a part of the field
+    """
+
+    field: Field | None
+    iron: float
+
+
+def compass_beforehand(recording: Recording) -> Believed:
+    """The likeliest beliefs, at the medians of all other sizes."""
+    irons = {CALIBRATED: 1.0 - NEVER_CALIBRATED, AS_IT_COMES: NEVER_CALIBRATED}
+    if sizes_of(recording, CALIBRATED) == sizes_of(recording, AS_IT_COMES):
+        irons = {CALIBRATED: 1.0}  # its size is declared
+    beliefs = [Believed(field, iron) for field in fields_beforehand(recording) or (None,) for iron in irons]
+    if len(beliefs) == 1:
+        return beliefs[0]
+
+    def log_posterior(belief: Believed) -> float:
+        field = belief.field
+        m_n, covariance, prior = (None, None, 1.0) if field is None else (field.m_n, field.covariance, field.prior)
+        levels = first_levels(recording, sizes_of(recording, belief.iron), m_n, covariance)
         try:
             journal = run(prepare(recording, levels.model(recording)), "numba", 0)
         except InputError:  # no state follows from such a field
             return -np.inf
-        return journal.log_likelihood + float(np.log(belief.prior))
+        return journal.log_likelihood + float(np.log(prior * irons[belief.iron]))
 
     return max(beliefs, key=log_posterior)
 

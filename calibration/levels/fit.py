@@ -37,13 +37,17 @@ STAMP_STD = 0.01
 
 #: Hard iron that a calibration which was accepted leaves, as a part of the Earth's field: ArduPilot accepts one whose
 #: residual is 16 milligauss RMS (AP_COMPASS_CALIBRATION_FITNESS_DEFAULT, AP_Compass.h), of a field of 490.
-HARD_IRON = 16.0 / 490.0
+CALIBRATED = 16.0 / 490.0
+#: Hard iron of a compass that was never calibrated: ArduPilot calls offsets up to 600 milligauss usable, two sigma
+#: (Copter documentation, "Compass Calibration").
+AS_IT_COMES = 300.0 / 490.0
 #: Iterations of the search: it gains less than a tenth of log L in each from there on.
 MOST = 20
 #: Zeros of two height sensors that differ by less are the same [m].
 SAME_ZERO = 0.5
-#: Step of the differences that give the slope by a time, in its spread.
-STEP = 0.1
+#: Step of the differences that give the slope by a time, in its spread: 1 ms of a GPS's lateness, half of what a minute
+#: tells it to; with ten times that log L ends 8 lower, and the lateness 3 ms off (`tests/calibration/test_levels.py`).
+STEP = 0.01
 #: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
 PARTS = 64
 
@@ -132,8 +136,13 @@ class Levels:
 OF_THE_MOTION = {"accel": 0.05, "gyro": 1e-3}
 
 
-def sizes_of(recording: Recording) -> list[Size]:
-    """The sizes that the recording does not declare, with their priors."""
+def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
+    """The sizes that the recording does not declare, with their priors.
+
+    Parameters
+    ----------
+    iron : median of the hard iron's prior, as a part of the field
+    """
     streams = recording.streams
     sizes: list[Size] = []
     unaided = 0.0 if "gps" in streams else 1.0
@@ -153,7 +162,7 @@ def sizes_of(recording: Recording) -> list[Size]:
             Size("mag", "noise_std", max(reading_noise(m), (0.065 if unaided else 0.01) * norm), 1.0),
             Size("mag", "colour_std", 0.045 * norm, 0.7),
             Size("mag", "colour_time", 3.0, 0.7),
-            Size("mag", "bias_std", HARD_IRON * norm, 0.7),
+            Size("mag", "bias_std", iron * norm, 0.7),
             Size("latency", "mag", 0.01, 0.01, linear=True),
         ]
     for entry in sensors():
@@ -367,16 +376,21 @@ def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size
 
 
 def fit_levels(
-    recording: Recording, m_n: FloatArray | None = None, field: FloatArray | None = None, most: int = MOST
+    recording: Recording,
+    m_n: FloatArray | None = None,
+    field: FloatArray | None = None,
+    iron: float = CALIBRATED,
+    most: int = MOST,
 ) -> Levels:
     """The likeliest sizes of what a flight does not declare.
 
     Parameters
     ----------
     m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
+    iron : see `sizes_of`
     most : iterations
     """
-    sizes = sizes_of(recording)
+    sizes = sizes_of(recording, iron)
     first = first_levels(recording, sizes, m_n, field)
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)

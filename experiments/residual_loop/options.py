@@ -60,7 +60,7 @@ class Offered:
         self.local: Sequence[LocalFinding] = ()
         self.searched = False
         # blocks that agree on one beta: a local disturbance would not let them, so no interval has to be searched first
-        if not any(
+        if source.is_predicting or not any(
             s.log_p_corrected < threshold and s.scatter < AGREEMENT and s.name not in refused for s in self.statistics
         ):
             self.search()

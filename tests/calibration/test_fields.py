@@ -1,4 +1,4 @@
-"""Which field a log shows: that of its place, that beside steel, or another one."""
+"""Which field a log shows: that of its place, that beside steel, or another one; and whether its compass was calibrated."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.compass import direction_at
-from sinan.calibration.levels.fields import field_beforehand
+from sinan.calibration.levels.fields import compass_beforehand
+from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.sensors.geomagnetism import field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
 from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
@@ -47,7 +48,7 @@ def turned_at(origin: tuple[float, float, float] | None, m_n: np.ndarray) -> Rec
 def test_the_log_says_whether_its_field_is_that_of_the_place(off: float, words: str) -> None:
     dip, east = direction_at(ZURICH)
     m_n = field_along(0.5, dip - off, east)
-    found = field_beforehand(turned_at(ZURICH, m_n))
+    found = compass_beforehand(turned_at(ZURICH, m_n)).field
     assert found is not None
     assert found.words.endswith(words)
     error = inclination(found.m_n) - inclination(m_n)
@@ -55,8 +56,21 @@ def test_the_log_says_whether_its_field_is_that_of_the_place(off: float, words: 
 
 
 def test_without_a_place_there_is_one_belief() -> None:
-    found = field_beforehand(turned_at(None, field_along(0.5, -0.6, 0.0)))
+    found = compass_beforehand(turned_at(None, field_along(0.5, -0.6, 0.0))).field
     assert found is not None
     assert found.prior == 1.0
     assert np.linalg.norm(found.m_n) == pytest.approx(0.5, rel=0.02)
     assert inclination(found.m_n) == pytest.approx(-0.6, abs=0.05)
+
+
+@pytest.mark.parametrize(("hard_iron", "iron"), [(0.0, CALIBRATED), (0.02, CALIBRATED), (0.25, AS_IT_COMES)])
+@pytest.mark.parametrize("origin", [None, ZURICH])
+def test_the_log_says_whether_its_compass_was_calibrated(
+    origin: tuple[float, float, float] | None, hard_iron: float, iron: float
+) -> None:
+    board = turned_at(origin, field_along(0.5, *direction_at(ZURICH)))
+    mag = board.streams["mag"]
+    offset = hard_iron * np.array([0.6, -0.7, 0.4])
+    columns = {name: mag[name] + offset[i] for i, name in enumerate(MAG)}
+    board = board.replace(streams={**board.streams, "mag": Stream(mag.t, columns)})
+    assert compass_beforehand(board).iron == iron
