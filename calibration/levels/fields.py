@@ -1,19 +1,22 @@
-"""What a log does not declare of its compass: what may be believed of it before the readings, and what they bear out.
+"""What a log does not declare, of kinds rather than sizes: what may be believed beforehand, and what the log bears out.
 
 A model of the Earth gives the field of a place to half a degree, and a log that was made there in the open has it so.
 Beside steel its direction is off by a tenth; in a hall, a hull or a simulation it has nothing to do with the place.
-Most compasses were calibrated, some never. Each is a belief with a prior, and the likelihood of the log decides.
+Most compasses were calibrated, some never. What an IMU puts out is low-passed before it is sampled, so its samples are
+means over the time before the stamp sooner than instants. Each is a belief with a prior, and the likelihood of the log
+decides.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from sinan.calibration.levels.compass import DIRECTION_STD, direction_at
-from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, first_levels, sizes_of
+from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, Problem, first_levels, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.inputs import prepare
@@ -29,11 +32,14 @@ FIELD_STD = 0.1
 DECLINATION_STD = 0.2
 #: Of a hundred logs that say where they were made, so many are made beside steel, and where the place tells nothing.
 BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
-#: Of a hundred compasses whose noise nobody declares, so many were never calibrated.
-NEVER_CALIBRATED = 0.1
+#: Of ten compasses whose noise nobody declares, so many were never calibrated; of ten such IMUs so many are sampled at
+#: instants, without a low-pass of about their own rate.
+NEVER_CALIBRATED, INSTANT = 0.1, 0.1
+#: Iterations of the search for the times of one kind of samples.
+FEW = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Field:
     """What may be believed of a field.
 
@@ -60,38 +66,80 @@ class Field:
 
 @dataclass(frozen=True)
 class Believed:
-    """What is believed of a magnetometer before its readings are gone through.
+    """What is believed of a log before its sizes are sought.
 
     Attributes
     ----------
-    field : of the place; None where it is declared, or nothing reads it
+    field : magnetic, of the place; None where it is declared, or nothing reads it
     iron : median of the hard iron's prior, as a part of the field
+    imu_samples : "instant" or "average", see `sensors.recording.SensorSpec`
     """
 
     field: Field | None
     iron: float
+    imu_samples: str
+
+    @property
+    def m_n(self) -> FloatArray | None:
+        """(3,) field that is believed in."""
+        return None if self.field is None else self.field.m_n
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """(3, 3) of that field."""
+        return None if self.field is None else self.field.covariance
+
+    def notes(self, declared: str) -> list[str]:
+        """What of it a reader is told, a line each.
+
+        Parameters
+        ----------
+        declared : what the recording says of the samples
+        """
+        found = [] if self.field is None else [self.field.note]
+        if self.iron == AS_IT_COMES:
+            found.append("mag: its hard iron is that of a compass which was never calibrated, by the likelihood")
+        if self.imu_samples != declared:
+            found.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
+        return found
 
 
-def compass_beforehand(recording: Recording) -> Believed:
-    """The likeliest beliefs, at the medians of all other sizes."""
+def beforehand(recording: Recording) -> Believed:
+    """The likeliest beliefs: of field and compass at the medians of all sizes, of the samples with the likeliest times."""
     irons = {CALIBRATED: 1.0 - NEVER_CALIBRATED, AS_IT_COMES: NEVER_CALIBRATED}
     if sizes_of(recording, CALIBRATED) == sizes_of(recording, AS_IT_COMES):
-        irons = {CALIBRATED: 1.0}  # its size is declared
-    beliefs = [Believed(field, iron) for field in fields_beforehand(recording) or (None,) for iron in irons]
-    if len(beliefs) == 1:
-        return beliefs[0]
+        irons = {CALIBRATED: 1.0}  # its size is declared, or nothing reads the field
+    spec = recording.spec("accel")
+    believed = [Believed(*each, spec.imu_samples) for each in product(fields_beforehand(recording) or (None,), irons)]
 
-    def log_posterior(belief: Believed) -> float:
-        field = belief.field
-        m_n, covariance, prior = (None, None, 1.0) if field is None else (field.m_n, field.covariance, field.prior)
-        levels = first_levels(recording, sizes_of(recording, belief.iron), m_n, covariance)
-        try:
-            journal = run(prepare(recording, levels.model(recording)), "numba", 0)
-        except InputError:  # no state follows from such a field
-            return -np.inf
-        return journal.log_likelihood + float(np.log(prior * irons[belief.iron]))
+    def log_posterior(one: Believed) -> float:
+        prior = (1.0 if one.field is None else one.field.prior) * irons[one.iron]
+        return _log_likelihood(recording, one) + float(np.log(prior))
 
-    return max(beliefs, key=log_posterior)
+    best = max(believed, key=log_posterior) if len(believed) > 1 else believed[0]
+    if spec.noise_density is not None or spec.imu_samples != "instant":
+        return best
+    samples = {"average": 1.0 - INSTANT, "instant": INSTANT}
+    kinds = {replace(best, imu_samples=kind): float(np.log(prior)) for kind, prior in samples.items()}
+    return max(kinds, key=lambda one: _log_likelihood(recording, one, times=True) + kinds[one])
+
+
+def _log_likelihood(recording: Recording, one: Believed, times: bool = False) -> float:
+    """Of a log given beliefs, at the medians of all sizes; -inf where no state follows from them.
+
+    Parameters
+    ----------
+    times : but at the likeliest lateness of each stream, which a mean over a step is a part of
+    """
+    sizes = sizes_of(recording, one.iron)
+    levels = first_levels(recording, sizes, one.m_n, one.covariance, one.imu_samples)
+    late = [size for size in sizes if size.sensor == "latency"]
+    try:
+        if times and late:
+            return Problem(recording, late, levels).maximise(np.zeros(len(late)), FEW)[1]
+        return run(prepare(recording, levels.model(recording)), "numba", 0).log_likelihood
+    except InputError:
+        return -np.inf
 
 
 def fields_beforehand(recording: Recording) -> Sequence[Field]:

@@ -208,10 +208,16 @@ def declared_lateness(recording: Recording) -> dict[str, float]:
 
 
 def first_levels(
-    recording: Recording, sizes: Sequence[Size], m_n: FloatArray | None, field: FloatArray | None
+    recording: Recording,
+    sizes: Sequence[Size],
+    m_n: FloatArray | None,
+    field: FloatArray | None,
+    imu_samples: str = "instant",
 ) -> Levels:
-    """All sizes at the medians of their priors."""
+    """All sizes at the medians of their priors; `imu_samples` as in `SensorSpec`, where the recording has no other."""
     specs = {name: recording.spec(name) for name in where(lambda entry: entry.make is not None)}
+    if imu_samples != "instant":
+        specs["accel"] = replace(specs["accel"], imu_samples=imu_samples)
     undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency"}
     if "gps" in recording.streams and specs["gps"].bias_std is None:
         specs["gps"] = replace(specs["gps"], bias_std=sensor("gps").believed_bias)
@@ -380,6 +386,7 @@ def fit_levels(
     m_n: FloatArray | None = None,
     field: FloatArray | None = None,
     iron: float = CALIBRATED,
+    imu_samples: str = "instant",
     most: int = MOST,
 ) -> Levels:
     """The likeliest sizes of what a flight does not declare.
@@ -387,11 +394,11 @@ def fit_levels(
     Parameters
     ----------
     m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
-    iron : see `sizes_of`
+    iron, imu_samples : see `sizes_of`, `first_levels`
     most : iterations
     """
     sizes = sizes_of(recording, iron)
-    first = first_levels(recording, sizes, m_n, field)
+    first = first_levels(recording, sizes, m_n, field, imu_samples)
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]

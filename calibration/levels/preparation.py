@@ -8,7 +8,7 @@ import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.compass import Compass, compass_of, corrected
-from sinan.calibration.levels.fields import compass_beforehand
+from sinan.calibration.levels.fields import beforehand
 from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_levels import NoiseFit, first_guess, fit_noise_levels
@@ -113,12 +113,11 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)
         notes += said
-    believed = compass_beforehand(within)
-    field, sizes = believed.field, sizes_of(within, believed.iron)
-    m_n, covariance = (None, None) if field is None else (field.m_n, field.covariance)
-    headed = with_heading(within, first_levels(within, sizes, m_n, covariance).specs)
-    notes += [*([] if field is None else [field.note]), *headed.notes[len(recording.notes) :]]
-    levels = fit_levels(headed, m_n, covariance, believed.iron)
+    headed = with_heading(within, first_levels(within, sizes, None, None).specs)
+    believed = beforehand(headed)
+    sizes = sizes_of(within, believed.iron)
+    notes += [*believed.notes(recording.spec("accel").imu_samples), *headed.notes[len(recording.notes) :]]
+    levels = fit_levels(headed, believed.m_n, believed.covariance, believed.iron, believed.imu_samples)
     declared = declared_lateness(within)  # which the filter takes off by itself
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if late and k not in declared})
     model = levels.model(headed).replace(assumptions=assumptions_of(headed, levels, sizes))

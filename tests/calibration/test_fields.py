@@ -1,4 +1,4 @@
-"""Which field a log shows: that of its place, that beside steel, or another one; and whether its compass was calibrated."""
+"""What a log shows of its field, its compass and its samples before any size is sought."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.compass import direction_at
-from sinan.calibration.levels.fields import compass_beforehand
+from sinan.calibration.levels.fields import beforehand
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.sensors.geomagnetism import field_along, inclination
-from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
+from tests.estimator.analytic_flight import fly
 
 ZURICH = (47.4, 8.5, 400.0)
 
@@ -48,7 +49,7 @@ def turned_at(origin: tuple[float, float, float] | None, m_n: np.ndarray) -> Rec
 def test_the_log_says_whether_its_field_is_that_of_the_place(off: float, words: str) -> None:
     dip, east = direction_at(ZURICH)
     m_n = field_along(0.5, dip - off, east)
-    found = compass_beforehand(turned_at(ZURICH, m_n)).field
+    found = beforehand(turned_at(ZURICH, m_n)).field
     assert found is not None
     assert found.words.endswith(words)
     error = inclination(found.m_n) - inclination(m_n)
@@ -56,7 +57,7 @@ def test_the_log_says_whether_its_field_is_that_of_the_place(off: float, words: 
 
 
 def test_without_a_place_there_is_one_belief() -> None:
-    found = compass_beforehand(turned_at(None, field_along(0.5, -0.6, 0.0))).field
+    found = beforehand(turned_at(None, field_along(0.5, -0.6, 0.0))).field
     assert found is not None
     assert found.prior == 1.0
     assert np.linalg.norm(found.m_n) == pytest.approx(0.5, rel=0.02)
@@ -73,4 +74,27 @@ def test_the_log_says_whether_its_compass_was_calibrated(
     offset = hard_iron * np.array([0.6, -0.7, 0.4])
     columns = {name: mag[name] + offset[i] for i, name in enumerate(MAG)}
     board = board.replace(streams={**board.streams, "mag": Stream(mag.t, columns)})
-    assert compass_beforehand(board).iron == iron
+    assert beforehand(board).iron == iron
+
+
+@pytest.mark.parametrize(("imu_samples", "every"), [("instant", 25), ("average", 10)])
+def test_a_flight_says_what_its_samples_are(imu_samples: str, every: int) -> None:
+    """Instants are told from means where steps are long (125 ms); means are what is usual."""
+    recording, _ = fly(4, duration=60.0, sensors=("gps", "mag", "baro"))
+    imu = recording.streams["imu"]
+    rows = np.arange(every, len(imu), every)
+    columns = {
+        name: column[rows]
+        if imu_samples == "instant"
+        else np.array([column[k - every + 1 : k + 1].mean() for k in rows])
+        for name, column in imu.columns.items()
+    }
+    slow = recording.replace(sensors={}, streams={**recording.streams, "imu": Stream(imu.t[rows], columns)})
+    assert beforehand(slow).imu_samples == imu_samples
+
+
+def test_a_declared_kind_of_samples_stays() -> None:
+    board = turned_at(None, field_along(0.5, -0.6, 0.0))
+    accel = SensorSpec(noise_density=1e-3)
+    assert beforehand(board.replace(sensors={"accel": accel})).imu_samples == "instant"
+    assert beforehand(board).imu_samples == "average"
