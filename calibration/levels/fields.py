@@ -105,7 +105,7 @@ class Believed:
 
 
 def beforehand(recording: Recording) -> Believed:
-    """The likeliest beliefs: of field and compass at the medians of all sizes, of the samples with the likeliest times."""
+    """The likeliest beliefs: of field and compass at the medians of all sizes, of samples with the likeliest times."""
     irons = {CALIBRATED: 1.0 - NEVER_CALIBRATED, AS_IT_COMES: NEVER_CALIBRATED}
     if sizes_of(recording, CALIBRATED) == sizes_of(recording, AS_IT_COMES):
         irons = {CALIBRATED: 1.0}  # its size is declared, or nothing reads the field
