@@ -1,0 +1,25 @@
+"""Where withheld readings can be asked, intervals are offered along with what lasts: one kind of hypothesis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sinan.experiments.blind.examine import examined
+from sinan.experiments.blind.measured.minute import minute_of, rng_of
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.flights import LOGS
+
+
+@pytest.mark.measured
+def test_a_magnet_that_is_taken_off_is_no_temperature(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """BROAD 35: a magnet 4 cm from the instrument for the first half of the trial alone. A temperature that warms up
+    meanwhile follows the same course, and was named while intervals had to wait for what lasts.
+    """
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    name = "BROAD 35, attached magnet 4cm"
+    minute = minute_of(resolve(LOGS[name]), rng_of(11, name))
+    assert "temperature_imu" in minute.drawn
+    names = [effect["name"] for effect in examined(minute.control)["effects"]]
+    assert names == ["mag.time_offset", "mag.step"]
