@@ -52,6 +52,7 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
         P[block, block] = np.eye(process.size) * process.std**2
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
+    model = _of_what_is_there(recording, model)
     q, P_attitude, beside = _first_attitude(recording, model)
     x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
     for name, block_beside in beside.items():
@@ -68,6 +69,17 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
         if model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
     return x, P
+
+
+def _of_what_is_there(recording: Recording, model: FlightModel) -> FlightModel:
+    """The model without sensors that have no reading in this recording: a stretch may lack a stream that others have."""
+    streams = recording.streams
+    sensors = {
+        name: model_of
+        for name, model_of in model.sensors.items()
+        if not is_sensor(name) or (name in streams and len(streams[name]))
+    }
+    return model if len(sensors) == len(model.sensors) else model.replace(sensors=sensors)
 
 
 def _first_attitude(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:

@@ -133,3 +133,14 @@ def test_a_stretch_that_no_first_state_can_be_found_in_is_left_out() -> None:
     plain, crumb = (run_filter(one, model, engine="numba") for one in (recording, with_crumb))
     assert np.array_equal(plain.imu_x, crumb.imu_x)
     assert any("too short" in str(note) for note in crumb.notes)
+
+
+@pytest.mark.parametrize("lost", ["gps", "mag", "baro"])
+def test_a_stretch_may_lack_a_stream_that_another_has(lost: str) -> None:
+    """A receiver, a compass or a barometer that is silent after the gap: the filter goes on without it."""
+    recording, model = a_log()
+    stream = recording.streams[lost]
+    recording = recording.replace(streams={**recording.streams, lost: stream.rows(stream.t < FIRST[1])})
+    journal = run(prepare(recording, model), "numba")
+    assert np.all(np.isfinite(journal.imu_x))
+    assert not np.any(journal.stream(lost).t > SECOND[0])
