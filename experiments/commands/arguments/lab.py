@@ -56,6 +56,8 @@ def lab(
 
     if name is None:
         typer.echo("\n".join(f"{key:14} {text}" for key, text in LABS.items()))
+        typer.echo("\nWith data of your own: sinan lab begin LAB --student NUMBER --out FOLDER")
+        typer.echo(f"LAB: {', '.join(TITLES)}")
     else:
         require_place_for(out)
         run(name, out)
