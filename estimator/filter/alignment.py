@@ -72,7 +72,7 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
 
 
 def _of_what_is_there(recording: Recording, model: FlightModel) -> FlightModel:
-    """The model without sensors that have no reading in this recording: a stretch may lack a stream that others have."""
+    """The model without sensors that have no reading here: a stretch may lack a stream that others have."""
     streams = recording.streams
     sensors = {
         name: model_of
