@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinan.calibration.levels.compass import direction_at
-from sinan.calibration.levels.fit import STAMP_STD, Levels, Size
+from sinan.calibration.levels.fit import Levels, Size
 from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.geomagnetism import declination, field_along, inclination
@@ -33,6 +33,8 @@ IN_STEP = {
     "gyro": ("gyro", "variance per mean square of second differences", ""),
     "rate": ("gyro", "white noise per rate of turn", "sqrt(s)"),
 }
+#: Of stamps: quantity.
+STAMPS = {"latency": "lateness of its stamps", "stamps": "jitter of its stamps"}
 UNITS = {"accel": "m/s^2", "gyro": "rad/s"}
 
 
@@ -61,8 +63,6 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
             rows.append(Assumption("motion", quantity, value, unit, None, True, "log: likeliest of the bounds tried"))
     if levels.m_n is not None and levels.field is not None:
         rows += _of_the_field(recording, levels.m_n, levels.field)
-    if levels.stamp_std > 0.0:
-        rows.append(Assumption("mag", "jitter of its stamps", STAMP_STD, "s", None, True, CLASS))
     if levels.tail is not None:
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
@@ -78,8 +78,8 @@ def _words(recording: Recording, size: Size) -> tuple[str, str, str]:
     """Subject, quantity and unit of a size."""
     if size.sensor == "in_step":
         return IN_STEP[size.key]
-    if size.sensor == "latency":
-        return size.key, "lateness of its stamps", "s"
+    if size.sensor in STAMPS:
+        return size.key, STAMPS[size.sensor], "s"
     quantity, per = QUANTITIES[size.key]
     unit = UNITS.get(size.sensor, "m")
     if size.sensor == "mag":

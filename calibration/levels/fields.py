@@ -10,13 +10,13 @@ decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from sinan.calibration.levels.compass import DIRECTION_STD, direction_at
-from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, Problem, first_levels, sizes_of
+from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, Levels, first_levels, fit_levels, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.inputs import prepare
@@ -35,8 +35,8 @@ BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
 #: Of ten compasses whose noise nobody declares, so many were never calibrated; of ten such IMUs so many are sampled at
 #: instants, without a low-pass of about their own rate.
 NEVER_CALIBRATED, INSTANT = 0.1, 0.1
-#: Iterations of the search for the times of one kind of samples.
-FEW = 6
+#: Of two logs so many have streams that are stamped at the instant of the reading: nobody knows.
+ONE_CLOCK = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +66,16 @@ class Field:
 
 @dataclass(frozen=True)
 class Believed:
-    """What is believed of a log before its sizes are sought.
+    """What is believed of a compass before its sizes are sought.
 
     Attributes
     ----------
     field : magnetic, of the place; None where it is declared, or nothing reads it
     iron : median of the hard iron's prior, as a part of the field
-    imu_samples : "instant" or "average", see `sensors.recording.SensorSpec`
     """
 
     field: Field | None
     iron: float
-    imu_samples: str
 
     @property
     def m_n(self) -> FloatArray | None:
@@ -89,57 +87,76 @@ class Believed:
         """(3, 3) of that field."""
         return None if self.field is None else self.field.covariance
 
-    def notes(self, declared: str) -> list[str]:
-        """What of it a reader is told, a line each.
-
-        Parameters
-        ----------
-        declared : what the recording says of the samples
-        """
+    @property
+    def notes(self) -> list[str]:
+        """What of it a reader is told, a line each."""
         found = [] if self.field is None else [self.field.note]
         if self.iron == AS_IT_COMES:
             found.append("mag: its hard iron is that of a compass which was never calibrated, by the likelihood")
-        if self.imu_samples != declared:
-            found.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
         return found
 
 
 def beforehand(recording: Recording) -> Believed:
-    """The likeliest beliefs: of field and compass at the medians of all sizes, of samples with the likeliest times."""
+    """The likeliest beliefs, at the medians of all sizes."""
     irons = {CALIBRATED: 1.0 - NEVER_CALIBRATED, AS_IT_COMES: NEVER_CALIBRATED}
     if sizes_of(recording, CALIBRATED) == sizes_of(recording, AS_IT_COMES):
         irons = {CALIBRATED: 1.0}  # its size is declared, or nothing reads the field
-    spec = recording.spec("accel")
-    believed = [Believed(*each, spec.imu_samples) for each in product(fields_beforehand(recording) or (None,), irons)]
+    believed = [Believed(*each) for each in product(fields_beforehand(recording) or (None,), irons)]
+    if len(believed) == 1:
+        return believed[0]
 
     def log_posterior(one: Believed) -> float:
+        levels = first_levels(recording, sizes_of(recording, one.iron), one.m_n, one.covariance)
+        try:
+            journal = run(prepare(recording, levels.model(recording)), "numba", 0)
+        except InputError:  # no state follows from such a field
+            return -np.inf
         prior = (1.0 if one.field is None else one.field.prior) * irons[one.iron]
-        return _log_likelihood(recording, one) + float(np.log(prior))
+        return journal.log_likelihood + float(np.log(prior))
 
-    best = max(believed, key=log_posterior) if len(believed) > 1 else believed[0]
-    if spec.noise_density is not None or spec.imu_samples != "instant":
-        return best
-    samples = {"average": 1.0 - INSTANT, "instant": INSTANT}
-    kinds = {replace(best, imu_samples=kind): float(np.log(prior)) for kind, prior in samples.items()}
-    return max(kinds, key=lambda one: _log_likelihood(recording, one, times=True) + kinds[one])
+    return max(believed, key=log_posterior)
 
 
-def _log_likelihood(recording: Recording, one: Believed, times: bool = False) -> float:
-    """Of a log given beliefs, at the medians of all sizes; -inf where no state follows from them.
+def fitted(recording: Recording, believed: Believed) -> Levels:
+    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none.
 
-    Parameters
-    ----------
-    times : but at the likeliest lateness of each stream, which a mean over a step is a part of
+    Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
+    one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.
     """
-    sizes = sizes_of(recording, one.iron)
-    levels = first_levels(recording, sizes, one.m_n, one.covariance, one.imu_samples)
-    late = [size for size in sizes if size.sensor == "latency"]
-    try:
-        if times and late:
-            return Problem(recording, late, levels).maximise(np.zeros(len(late)), FEW)[1]
-        return run(prepare(recording, levels.model(recording)), "numba", 0).log_likelihood
-    except InputError:
-        return -np.inf
+    kinds = {"average": 1.0 - INSTANT, "instant": INSTANT}
+    if are_samples_declared(recording):
+        kinds = {recording.spec("accel").imu_samples: 1.0}
+    found = {kind: fit_levels(recording, believed.m_n, believed.covariance, believed.iron, kind) for kind in kinds}
+
+    def log_posterior(kind: str) -> float:
+        levels, odds = found[kind], float(np.log(kinds[kind]))
+        for size, sigma in zip(levels.found, levels.sigmas, strict=True):
+            if size.sensor == "latency":
+                late, before = levels.latency[size.key] / sigma, size.median / size.spread
+                ratio = np.exp(0.5 * (before**2 - late**2)) * size.spread / sigma
+                odds += float(np.log(1.0 - ONE_CLOCK + ONE_CLOCK * ratio))
+        return levels.log_posterior + odds
+
+    return found[max(kinds, key=log_posterior)]
+
+
+def are_samples_declared(recording: Recording) -> bool:
+    """Whether a recording says what the samples of its IMU are: it declares their noise, or that they are means."""
+    spec = recording.spec("accel")
+    return spec.noise_density is not None or spec.imu_samples != "instant"
+
+
+def not_told_late(recording: Recording, levels: Levels) -> frozenset[str]:
+    """Streams that may be late by no more than the IMU's own samples, within two sigma: what these are is not declared,
+    so their instants are known to half a step.
+    """
+    if are_samples_declared(recording):
+        return frozenset()
+    half = 0.5 * float(np.median(np.diff(recording.streams["imu"].t)))
+    sigma = {size.key: s for size, s in zip(levels.found, levels.sigmas, strict=True) if size.sensor == "latency"}
+    return frozenset(
+        key for key, late in levels.latency.items() if key in sigma and abs(late) < half + 2.0 * sigma[key]
+    )
 
 
 def fields_beforehand(recording: Recording) -> Sequence[Field]:

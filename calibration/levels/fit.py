@@ -31,7 +31,8 @@ from sinan.sensors.registry import sensor, sensors, where
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
 TAIL = 4.0
-#: How far the stamps of a magnetometer may be off those of the gyroscope [s]: a reading of its register and a filter.
+#: How far the stamps of a magnetometer are off those of the gyroscope, one by one [s], median of the prior: it is read
+#: from a register that is written a hundred times a second.
 STAMP_STD = 0.01
 
 
@@ -115,6 +116,8 @@ class Levels:
         """With another value of one size."""
         if size.sensor == "in_step":
             return replace(self, in_step=replace(self.in_step, **{size.key: value}))
+        if size.sensor == "stamps":
+            return replace(self, stamp_std=value)
         if size.sensor == "latency":
             return replace(self, latency={**self.latency, size.key: value})
         if size.sensor == "bounds":
@@ -125,6 +128,8 @@ class Levels:
 
     def value(self, size: Size) -> float:
         """Of one size."""
+        if size.sensor == "stamps":
+            return self.stamp_std
         if size.sensor == "latency":
             return self.latency[size.key]
         holder = {"in_step": self.in_step, "bounds": self.bounds}.get(size.sensor) or self.specs[size.sensor]
@@ -163,6 +168,7 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
             Size("mag", "colour_std", 0.045 * norm, 0.7),
             Size("mag", "colour_time", 3.0, 0.7),
             Size("mag", "bias_std", iron * norm, 0.7),
+            Size("stamps", "mag", STAMP_STD, 1.0),
             Size("latency", "mag", 0.01, 0.01, linear=True),
         ]
     for entry in sensors():
@@ -190,6 +196,8 @@ def _declared(recording: Recording, size: Size) -> bool:
         return recording.spec(name).noise_density is not None
     if size.sensor == "bounds":
         return False
+    if size.sensor == "stamps":
+        return recording.spec(size.key).noise_std is not None
     if size.sensor == "latency":
         return recording.spec(size.key).noise_std is not None or size.key in declared_lateness(recording)
     spec = recording.spec(size.sensor)
@@ -218,7 +226,7 @@ def first_levels(
     specs = {name: recording.spec(name) for name in where(lambda entry: entry.make is not None)}
     if imu_samples != "instant":
         specs["accel"] = replace(specs["accel"], imu_samples=imu_samples)
-    undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency"}
+    undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency", "stamps"}
     if "gps" in recording.streams and specs["gps"].bias_std is None:
         specs["gps"] = replace(specs["gps"], bias_std=sensor("gps").believed_bias)
     for name in height_sensors():
@@ -275,11 +283,12 @@ class Problem:
         """(parts, sizes) gradient of the log-likelihood of each part."""
         found = np.zeros((len(scores.first_reading), len(self.sizes)))
         for i, size in enumerate(self.sizes):
-            if size.key == "colour_time" or size.linear:
+            if size.key == "colour_time" or size.sensor in ("latency", "stamps"):
                 shifted = theta.copy()
                 shifted[i] += STEP
                 other = run(self.inputs(self.levels(shifted)), "numba", 0)
-                gained = np.where(other.accepted, other.log_density, 0.0) - densities(inputs, scores)
+                here = densities(inputs, scores)  # a reading that comes before the start is no slope
+                gained = np.where(other.accepted & (here != 0.0), other.log_density - here, 0.0)
                 found[:, i] = sums_from(gained, scores.first_reading) / STEP
             else:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)

@@ -8,8 +8,8 @@ import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.compass import Compass, compass_of, corrected
-from sinan.calibration.levels.fields import beforehand
-from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
+from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_levels import NoiseFit, first_guess, fit_noise_levels
 from sinan.calibration.levels.noise_start import within_imu
@@ -97,7 +97,8 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
 
     Parameters
     ----------
-    late : whether the lateness of stamps is part of the model; else it is only found, so that a trace can name it
+    late : whether the lateness of stamps is part of the model; else it is only found, so that a trace can name it, but
+        for what may be the instants of the IMU's own samples
 
     Raises
     ------
@@ -116,10 +117,13 @@ def settled(recording: Recording, late: bool = True) -> Prepared:
     headed = with_heading(within, first_levels(within, sizes, None, None).specs)
     believed = beforehand(headed)
     sizes = sizes_of(within, believed.iron)
-    notes += [*believed.notes(recording.spec("accel").imu_samples), *headed.notes[len(recording.notes) :]]
-    levels = fit_levels(headed, believed.m_n, believed.covariance, believed.iron, believed.imu_samples)
+    notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
+    levels = fitted(headed, believed)
+    if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
+        notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     declared = declared_lateness(within)  # which the filter takes off by itself
-    levels = replace(levels, latency={k: v for k, v in levels.latency.items() if late and k not in declared})
+    kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
+    levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept and k not in declared})
     model = levels.model(headed).replace(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels)
     estimated = tuple((size.sensor, size.key) for size in levels.found if size.sensor in model.sensors)
@@ -153,7 +157,9 @@ def is_settled(recording: Recording) -> bool:
 def level_notes(levels: Levels) -> list[str]:
     """One line a sensor: the sizes that were found or taken from the class of instrument."""
     lines = []
-    for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in ("in_step", "latency")):
+    for sensor in dict.fromkeys(
+        size.sensor for size in levels.found if size.sensor not in ("in_step", "latency", "stamps")
+    ):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
     for sensor, late in levels.latency.items():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.compass import direction_at
-from sinan.calibration.levels.fields import beforehand
+from sinan.calibration.levels.fields import beforehand, fitted
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.sensors.geomagnetism import field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream
@@ -90,11 +90,12 @@ def test_a_flight_says_what_its_samples_are(imu_samples: str, every: int) -> Non
         for name, column in imu.columns.items()
     }
     slow = recording.replace(sensors={}, streams={**recording.streams, "imu": Stream(imu.t[rows], columns)})
-    assert beforehand(slow).imu_samples == imu_samples
+    assert fitted(slow, beforehand(slow)).specs["accel"].imu_samples == imu_samples
 
 
 def test_a_declared_kind_of_samples_stays() -> None:
     board = turned_at(None, field_along(0.5, -0.6, 0.0))
     accel = SensorSpec(noise_density=1e-3)
-    assert beforehand(board.replace(sensors={"accel": accel})).imu_samples == "instant"
-    assert beforehand(board).imu_samples == "average"
+    declared = board.replace(sensors={"accel": accel})
+    assert fitted(declared, beforehand(declared)).specs["accel"].imu_samples == "instant"
+    assert fitted(board, beforehand(board)).specs["accel"].imu_samples == "average"

@@ -73,8 +73,9 @@ BY_ESTIMATE = 0.1
 PER_MILLE, ROUNDING = 1e-3, 1e-9
 #: A size of each effect of the catalogue: in the middle of what the blind maker draws.
 SHAKING = "accel.vibration"
-LASTING = [name for name in CATALOGUE if name.split(".")[1] not in DELAYS and name != SHAKING]
-LATE = [name for name in CATALOGUE if name.split(".")[1] in DELAYS]
+OF_MINUTES = [name for name in CATALOGUE if name.split(".")[0] != "camera"]  # of which no measured log has one
+LASTING = [name for name in OF_MINUTES if name.split(".")[1] not in DELAYS and name != SHAKING]
+LATE = [name for name in OF_MINUTES if name.split(".")[1] in DELAYS]
 
 
 def beta_of(name: str, field: float) -> FloatArray:
