@@ -39,11 +39,13 @@ STAMP_STD = 0.01
 #: Hard iron that a calibration which was accepted leaves, as a part of the Earth's field: ArduPilot accepts one whose
 #: residual is 16 milligauss RMS (AP_COMPASS_CALIBRATION_FITNESS_DEFAULT, AP_Compass.h), of a field of 490.
 CALIBRATED = 16.0 / 490.0
-#: Hard iron of a compass that was never calibrated: ArduPilot calls offsets up to 600 milligauss usable, two sigma
-#: (Copter documentation, "Compass Calibration").
+#: Hard iron of a compass that was never calibrated: a choice, offsets of 600 milligauss being two sigma; how large it
+#: is in a log its likelihood says, to a factor of sixteen.
 AS_IT_COMES = 300.0 / 490.0
 #: Iterations of the search: it gains less than a tenth of log L in each from there on.
 MOST = 20
+#: Sizes that are no key of a sensor's specs.
+OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m].
 SAME_ZERO = 0.5
 #: Step of the differences that give the slope by a time, in its spread: 1 ms of a GPS's lateness, half of what a minute
@@ -60,7 +62,7 @@ class Size:
     Attributes
     ----------
     sensor, key : such as ("gps", "colour_std"); of noise in step with the motion ("in_step", "gyro"), of a bound
-        ("bounds", "place")
+        ("bounds", "place"), of the jitter of stamps ("stamps", "mag")
     median : of the prior
     spread : standard deviation of its logarithm in the prior; of a time ("latency", "gps") of itself
     linear : it is a time, not a size
@@ -226,7 +228,7 @@ def first_levels(
     specs = {name: recording.spec(name) for name in where(lambda entry: entry.make is not None)}
     if imu_samples != "instant":
         specs["accel"] = replace(specs["accel"], imu_samples=imu_samples)
-    undeclared = {size.sensor for size in sizes} - {"bounds", "in_step", "latency", "stamps"}
+    undeclared = {size.sensor for size in sizes} - OF_NO_SENSOR
     if "gps" in recording.streams and specs["gps"].bias_std is None:
         specs["gps"] = replace(specs["gps"], bias_std=sensor("gps").believed_bias)
     for name in height_sensors():

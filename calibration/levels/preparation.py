@@ -9,7 +9,7 @@ import numpy as np
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.compass import Compass, compass_of, corrected
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
-from sinan.calibration.levels.fit import Levels, declared_lateness, first_levels, sizes_of
+from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, declared_lateness, first_levels, sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_levels import NoiseFit, first_guess, fit_noise_levels
 from sinan.calibration.levels.noise_start import within_imu
@@ -157,9 +157,7 @@ def is_settled(recording: Recording) -> bool:
 def level_notes(levels: Levels) -> list[str]:
     """One line a sensor: the sizes that were found or taken from the class of instrument."""
     lines = []
-    for sensor in dict.fromkeys(
-        size.sensor for size in levels.found if size.sensor not in ("in_step", "latency", "stamps")
-    ):
+    for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in OF_NO_SENSOR):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
     for sensor, late in levels.latency.items():
