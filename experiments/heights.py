@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.smoother import estimated_motion
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.errors import InputError
@@ -111,7 +111,7 @@ def heights_of(recording: Recording) -> Heights:
     there = [name for name in HEIGHT_SENSORS if _column(recording, name)]
     if not there:
         raise InputError(recording.where, f"streams {', '.join(recording.streams)}", "one of sonar, laser, baro, gps")
-    motion = estimated_motion(settled(recording).run()) if "imu" in recording.streams else None
+    motion = estimated_motion(prepared(recording).run()) if "imu" in recording.streams else None
     if motion is not None:  # beyond the IMU there is no attitude
         begin, end = motion.t[0], motion.t[-1]
         streams = {

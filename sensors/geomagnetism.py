@@ -12,6 +12,12 @@ from sinan.sensors.arrays import FloatArray
 NANOTESLA = 1e-9  # T
 FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0  # years that IGRF-14 covers
 
+#: A recording has no date: dip and declination of most places move by 0.1 deg a year.
+EPOCH = Date(2020, 1, 1)
+#: 1-sigma of declination and dip of a place so found [rad]: five years of that, and what the crust and the model leave
+#: (0.38 and 0.2 deg; error model of the World Magnetic Model, technical report of its 2020 release, section 3).
+DIRECTION_STD = (np.deg2rad(0.63), np.deg2rad(0.54))
+
 #: first and last decimal year of each release of the World Magnetic Model, and its file
 _RELEASES = (
     (2010.0, 2015.0, "wmm/WMM_2010.COF"),
@@ -90,3 +96,9 @@ def _reference_field(latitude_deg: float, longitude_deg: float, height: float, d
 
     east, north, up = igrf(longitude_deg, latitude_deg, height / 1000.0, datetime(date.year, date.month, date.day))
     return np.array([north.item(), east.item(), -up.item()]) * NANOTESLA
+
+
+def direction_at(origin: tuple[float, float, float]) -> tuple[float, float]:
+    """Dip and declination of the Earth's field at a place [rad]; latitude and longitude in deg, height in m."""
+    field_n = earth_field(*origin, EPOCH)
+    return inclination(field_n), declination(field_n)

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sinan.calibration.levels.compass import direction_at
 from sinan.calibration.levels.fit import Levels, Size
 from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.geomagnetism import declination, field_along, inclination
+from sinan.sensors.geomagnetism import declination, direction_at, field_along, inclination
 from sinan.sensors.recording import Recording
 
 FOUND, CLASS = "log, near its class", "class of instruments"

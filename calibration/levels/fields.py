@@ -15,14 +15,13 @@ from itertools import product
 
 import numpy as np
 
-from sinan.calibration.levels.compass import DIRECTION_STD, direction_at
+from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, Levels, first_levels, fit_levels, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
-from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.geomagnetism import field_along, inclination
+from sinan.sensors.geomagnetism import DIRECTION_STD, direction_at, field_along, inclination
 from sinan.sensors.recording import Recording
 
 #: 1-sigma of the norm of a field that nobody declares, as a part of it, and of its dip where no place tells it [rad]:
@@ -105,10 +104,14 @@ def beforehand(recording: Recording) -> Believed:
     if len(believed) == 1:
         return believed[0]
 
+    def levels_of(one: Believed) -> Levels:
+        return first_levels(recording, sizes_of(recording, one.iron), one.m_n, one.covariance)
+
+    readings = Readings.of(recording, levels_of(believed[0]).model(recording))
+
     def log_posterior(one: Believed) -> float:
-        levels = first_levels(recording, sizes_of(recording, one.iron), one.m_n, one.covariance)
         try:
-            journal = run(prepare(recording, levels.model(recording)), "numba", 0)
+            journal = run(readings.inputs(levels_of(one).model(recording)), "numba", 0)
         except InputError:  # no state follows from such a field
             return -np.inf
         prior = (1.0 if one.field is None else one.field.prior) * irons[one.iron]

@@ -14,13 +14,15 @@ from dataclasses import field as default
 
 import numpy as np
 
+from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.noise_start import datum, height_sensors, imu_density, reading_noise, readings_of
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight_model import FlightModel, InStep, flight_model
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
-from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
@@ -42,6 +44,8 @@ CALIBRATED = 16.0 / 490.0
 #: Hard iron of a compass that was never calibrated: a choice, offsets of 600 milligauss being two sigma; how large it
 #: is in a log its likelihood says, to a factor of sixteen.
 AS_IT_COMES = 300.0 / 490.0
+#: Noise below this, in SI units, is that of numbers which nobody has measured.
+NO_NOISE = 1e-15
 #: Iterations of the search: it gains less than a tenth of log L in each from there on.
 MOST = 20
 #: Sizes that are no key of a sensor's specs.
@@ -163,10 +167,9 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
         ]
     sizes.append(Size("in_step", "rate", 0.004, 0.7))
     if "mag" in streams:
-        m = streams["mag"].array(MAG)
-        norm = float(np.median(np.linalg.norm(m, axis=1)))
+        norm = float(np.median(np.linalg.norm(streams["mag"].array(MAG), axis=1)))
         sizes += [
-            Size("mag", "noise_std", max(reading_noise(m), (0.065 if unaided else 0.01) * norm), 1.0),
+            Size("mag", "noise_std", max(_white(recording, "mag"), (0.065 if unaided else 0.01) * norm), 1.0),
             Size("mag", "colour_std", 0.045 * norm, 0.7),
             Size("mag", "colour_time", 3.0, 0.7),
             Size("mag", "bias_std", iron * norm, 0.7),
@@ -175,20 +178,36 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
         ]
     for entry in sensors():
         if entry.levels and entry.name in streams:
-            sizes += [Size(entry.name, "noise_std", reading_noise(readings_of(recording, entry.name)), 1.0)]
+            sizes += [Size(entry.name, "noise_std", _white(recording, entry.name), 1.0)]
             sizes += [Size(entry.name, *level) for level in entry.levels]
     if "gps" in streams:
-        white = reading_noise(readings_of(recording, "gps"))
+        white = _white(recording, "gps")
         sizes += [Size("gps", "noise_std", white, 1.0)]
         sizes += [Size("gps", "colour_std", max(0.2, 2.0 * white), 1.5), Size("gps", "colour_time", 2.0, 1.0)]
         if streams["gps"].has(VELOCITY):
-            white = reading_noise(readings_of(recording, "gps", "velocity_noise_std"))
+            white = _white(recording, "gps", "velocity_noise_std")
             sizes += [Size("gps", "velocity_noise_std", white, 1.0)]
             sizes += [Size("gps", "velocity_colour_std", max(0.1, 2.0 * white), 1.5)]
         sizes += [Size("gps", "bias_walk", 0.05, 1.0), Size("latency", "gps", 0.1, 0.1, linear=True)]
     else:
         sizes += [Size("bounds", "place", 0.5, 1.0), Size("bounds", "speed", 1.0, 1.0)]
     return [size for size in sizes if not _declared(recording, size)]
+
+
+def _white(recording: Recording, name: str, key: str = "noise_std") -> float:
+    """White noise of one reading of a sensor, from the readings alone.
+
+    Raises
+    ------
+    InputError : it is not declared, and nothing shows it
+    """
+    values = readings_of(recording, name, key)
+    noise = reading_noise(values)
+    if noise < NO_NOISE and getattr(recording.spec(name), key) is None:
+        found = "1 reading" if len(values) == 1 else f"{len(values)} readings without any noise"
+        wanted = f"{key} declared, or readings to find it in"
+        raise InputError(recording.where, f"{found} and no {key}", wanted, f"sensor {name}")
+    return noise
 
 
 def _declared(recording: Recording, size: Size) -> bool:
@@ -201,20 +220,12 @@ def _declared(recording: Recording, size: Size) -> bool:
     if size.sensor == "stamps":
         return recording.spec(size.key).noise_std is not None
     if size.sensor == "latency":
-        return recording.spec(size.key).noise_std is not None or size.key in declared_lateness(recording)
+        late = declared_terms(recording).of_stream(size.key, lateness=True)
+        return recording.spec(size.key).noise_std is not None or bool(late)
     spec = recording.spec(size.sensor)
     if size.key in ("colour_std", "colour_time", "velocity_colour_std"):
         return spec.noise_std is not None
     return getattr(spec, size.key) is not None
-
-
-def declared_lateness(recording: Recording) -> dict[str, float]:
-    """By stream, how late its stamps are where that is among the declared effects [s].
-
-    Levels are found with it, but the filter's model must not have it: declared effects are added to that.
-    """
-    late = {name: beta[0] for name, beta in recording.effects.items() if name.endswith((".latency", ".time_offset"))}
-    return {name.split(".")[0]: value for name, value in late.items()}
 
 
 def first_levels(
@@ -241,7 +252,7 @@ def first_levels(
     bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
-        TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0, declared_lateness(recording),
+        TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)
@@ -253,6 +264,7 @@ class Problem:
 
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
+        self._readings = Readings.of(recording, first.model(recording))
         self.runs = 0
 
     def levels(self, theta: FloatArray) -> Levels:
@@ -264,7 +276,7 @@ class Problem:
 
     def inputs(self, levels: Levels) -> RunInputs:
         """What the filter runs on."""
-        return prepare(self.recording, levels.model(self.recording))
+        return self._readings.inputs(levels.model(self.recording))
 
     def value(self, theta: FloatArray) -> float:
         """Log-posterior by a forward pass alone."""
@@ -428,12 +440,13 @@ HAND, WIDER = Bounds(0.5, 1.0), (1.0, 3.0, 10.0, 30.0, 100.0)
 def widest_bounds_needed(recording: Recording, levels: Levels) -> Levels:
     """With the likeliest of the bounds on place and speed: each alone may be so wide that it says nothing."""
     tried = []
+    readings = Readings.of(recording, levels.model(recording))
     for place in WIDER:
         for speed in WIDER[:3]:
             assert levels.bounds is not None
             bounds = replace(levels.bounds, place=HAND.place * place, speed=HAND.speed * speed)
             one = replace(levels, bounds=bounds)
-            tried.append((run(prepare(recording, one.model(recording)), "numba", 0).log_likelihood, one))
+            tried.append((run(readings.inputs(one.model(recording)), "numba", 0).log_likelihood, one))
     return max(tried, key=lambda pair: pair[0])[1]
 
 

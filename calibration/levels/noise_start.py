@@ -112,11 +112,6 @@ def resolution(values: FloatArray) -> float:
     return max(coarse)
 
 
-def scatter(recording: Recording, name: str, key: str) -> float:
-    """Root mean square of what a sensor reads about its mean: no noise is larger. A density for the IMU."""
-    return float(np.sqrt(np.mean(np.var(readings_of(recording, name, key), axis=0)))) * _density_factor(recording, name)
-
-
 def datum(recording: Recording, name: str) -> float:
     """How far the first height of a height sensor is from the first of the GPS [m]: their zeros need not agree.
 
@@ -129,16 +124,6 @@ def datum(recording: Recording, name: str) -> float:
     if sensor(name).kernel == "range":
         return abs(first - (recording.environment.ground_down - down))
     return abs(first + down)
-
-
-def rounding(recording: Recording, name: str, key: str) -> float:
-    """Noise of rounding of a sensor's readings, which no level is below; a density for the IMU."""
-    return resolution(readings_of(recording, name, key)) * ROUNDING * _density_factor(recording, name)
-
-
-def _density_factor(recording: Recording, name: str) -> float:
-    """Density of the noise of the IMU over its standard deviation [s^0.5]; 1 of other sensors."""
-    return float(np.sqrt(np.median(np.diff(recording.streams["imu"].t)))) if name in ("accel", "gyro") else 1.0
 
 
 def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:

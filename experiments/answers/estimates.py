@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from sinan.calibration.levels.assumptions import as_rows
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine import Engine
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.journal import Journal
@@ -222,7 +222,7 @@ def estimate(
     own = {sensor.name: sensor for sensor in sensors}
     if own:
         engine = _require_readable(recording, own, engine, smooth, relinearise)
-    ready = settled(recording)
+    ready = prepared(recording)
     model = with_sensors(ready.model, own, recording.where).replace(relinearise=relinearise)
     journal, later, document = estimated(ready.recording, model, engine, None, smooth)  # type: ignore[arg-type]
     target = reference_of(recording)
@@ -233,7 +233,8 @@ def estimate(
     document["noise"] = list(ready.notes)
     document["assumptions"] = as_rows(model.assumptions)
     document["notes"] += coarse_note(journal)
-    document["estimated"] = sorted({sensor for sensor, key in ready.noise.estimated if key == "noise_std"})
+    found = {size.sensor for size in ready.levels.found if size.key == "noise_std"}
+    document["estimated"] = sorted(found & set(model.sensors))
     document["call"] = asked.call_of(recording)
     document["warnings"] = warnings_of(document, document["call"])
     document["not_seen"] = not_seen(recording)

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine_filterpy import Moment, ReadableFilter, Update
 from sinan.estimator.filter.events import STATUS
 from sinan.estimator.filter.inputs import RunInputs, prepare
@@ -115,7 +115,7 @@ def steps(recording: Recording, *, sensors: Iterable[SensorModel] = ()) -> Itera
 def _inputs(recording: Recording, sensors: Iterable[SensorModel]) -> RunInputs:
     """What the last pass of the filter over a recording runs on."""
     own = {sensor.name: sensor for sensor in sensors}
-    ready = settled(recording)
+    ready = prepared(recording)
     model = with_sensors(ready.model, own, recording.where)
     if own:
         return prepare(ready.recording, model)

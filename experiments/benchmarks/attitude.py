@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.layout import Q_NB
 from sinan.estimator.filter.smoother import smooth
 from sinan.experiments.datasets import resolve
@@ -95,7 +95,7 @@ def target_of(name: str, recording: Recording) -> Mounted:
 
 def ours(recording: Recording) -> Mapping[str, Attitude]:
     """The filter, and the smoother behind it."""
-    journal = settled(recording).run()
+    journal = prepared(recording).run()
     smoothed = smooth(journal)
     return {FILTER: (journal.imu_t, journal.imu_x[:, Q_NB]), SMOOTHER: (smoothed.t, smoothed.x[:, Q_NB])}
 

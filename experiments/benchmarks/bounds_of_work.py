@@ -22,8 +22,7 @@ import numpy as np
 
 from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import read_corners
-from sinan.calibration.levels.compass import compass_of
-from sinan.calibration.levels.noise_levels import fit_noise_levels
+from sinan.calibration.levels.preparation import prepared
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
 from sinan.experiments.gnss.simulated import load
@@ -66,7 +65,6 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         "sinan.calibration.cameras.camera": ("_LONGEST",),
         "sinan.calibration.cameras.damped": ("_ROUNDS", "_SETTLED", "_DAMPING", "_LEAST", "_MOST"),
     },
-    "compass": {_LEVELS + "compass": ("LEAST_NORM", "SETTLED")},
     "ranges": {
         _LOOP + "pseudorange_trace": ("MOST_FAULTS",),
         _LOOP + "pseudoranges": ("SHORTLIST",),
@@ -76,7 +74,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _RANGES + "steady_fault": ("SHORTLIST",),
     },
     "observability": {"sinan.estimator.evidence.observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
-    "levels": {_LEVELS + "noise_levels": ("GAIN", "MOST_ITERATIONS", "POLISH_PASSES", "POLISHED")},
+    "levels": {_LEVELS + "fit": ("MOST",)},
 }  # fmt: skip
 
 
@@ -139,11 +137,6 @@ def _camera() -> Answer:
     return Answer(found.form.names, values, std[: len(values)])
 
 
-def _compass() -> Answer:
-    found = compass_of(_bare(_recording("figure_eight", seed=5)))
-    return Answer((), np.asarray(found.offset), np.asarray(found.std) * np.ones(3))
-
-
 def _ranges() -> Answer:
     """A satellite walks off by half a metre a second from 300 s on."""
     simulated = ranges_of(load("static_ca"), 1)
@@ -160,7 +153,7 @@ def _observability() -> Answer:
 
 
 def _levels() -> Answer:
-    specs = fit_noise_levels(_bare(_recording("hover", seed=5))).specs
+    specs = prepared(_bare(_recording("hover", seed=5))).levels.specs
     named = {f"{name} {key}": getattr(specs[name], key) for name in sorted(specs) for key in ("noise_std", "bias_walk")}
     known = {name: float(np.max(value)) for name, value in named.items() if value is not None and np.max(value) > 0.0}
     return _relative(list(known.values()), tuple(known))
@@ -171,7 +164,6 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "turns": lambda: _of_trace(_recording("gyro_poses", "gyro.g_sensitivity=" + ",".join(["0.0005"] * 9)), "gyro"),
     "flight": lambda: _of_trace(_recording("hover", "gps.transient=4,0,0@20:30")),
     "camera": _camera,
-    "compass": _compass,
     "ranges": _ranges,
     "observability": _observability,
     "levels": _levels,

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import Prepared, settled
+from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.flight_model import aiding
 from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
 from sinan.experiments.benchmarks.replication import lasting
@@ -195,7 +195,7 @@ def of_log(halves: Halves, rng: np.random.Generator) -> list[Comparison]:
     betas = betas_of(halves.report(0))
     if not betas:
         return []
-    ready = settled(halves.parts[1])
+    ready = prepared(halves.parts[1])
     asked = product(asked_streams(ready), LENGTHS)
     found = [compare(halves.log, ready, stream, length, betas, rng) for stream, length in asked]
     return [one for one in found if one is not None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.smoother import estimated_motion, smooth
 from sinan.experiments.mapping.budget import Sigmas, budget
 from sinan.experiments.mapping.cloud import Cloud, Mounting, Scans, cloud_of, east_north_up
@@ -125,7 +125,7 @@ def trajectory(recording: Recording) -> tuple[Motion, Sigmas]:
     heights = ("laser", "sonar")
     streams = {name: stream for name, stream in recording.streams.items() if name not in heights}
     effects = {name: beta for name, beta in recording.effects.items() if not name.startswith(heights)}
-    journal = settled(recording.replace(streams=streams, effects=effects)).run()
+    journal = prepared(recording.replace(streams=streams, effects=effects)).run()
     smoothed = smooth(journal, sigmas=True)
     motion = estimated_motion(journal, smoothed=smoothed)
     sigma = np.median(smoothed.sigma, axis=0)

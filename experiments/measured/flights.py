@@ -9,11 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.calibration.levels.noise_levels import OUTLIER_LEVEL
 from sinan.calibration.levels.preparation import Prepared, prepared
-from sinan.estimator.filter.engine import run
-from sinan.estimator.filter.flight_model import flight_model
-from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
@@ -22,7 +18,6 @@ from sinan.experiments.reference import errors_of, reference_of
 from sinan.experiments.report.words import reference_words
 from sinan.experiments.withheld import Predicted, predicted, windows
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import Recording, Stream
 
 #: What a command takes for each flight and hand-held log, by name.
 LOGS = {name: entry.input for name, entry in FLIGHTS.items()}
@@ -30,10 +25,6 @@ LOGS = {name: entry.input for name, entry in FLIGHTS.items()}
 WITHHELD, EVERY, FIRST = 10.0, 30.0, 20.0
 #: Ages of the last fix at which the prediction is scored [s], each with what lies within half a second.
 AGES = (1.0, 2.0, 5.0, 10.0)
-#: Delays of GPS that are tried [s].
-DELAYS = np.arange(-0.1, 0.401, 0.05)
-#: Growth of 2 log L from which a delay is believed: coloured readings scatter it far more than chi-square with one dof.
-CONVINCING = 50.0
 
 
 @dataclass(frozen=True)
@@ -69,34 +60,6 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def earlier(recording: Recording, stream: str, delay: float) -> Recording:
-    """The recording with the stamps of a stream taken back by a delay [s]."""
-    late = recording.streams[stream]
-    return recording.replace(streams={**recording.streams, stream: Stream(late.t - delay, late.columns)})
-
-
-def likeliest_delay(ready: Prepared, stream: str = "gps") -> tuple[float, float]:
-    """Delay of a stream's stamps with the largest likelihood [s], and by how much 2 log L grows over none.
-
-    A parabola through the best of `DELAYS` and its neighbours.
-    """
-    gain = []
-    for delay in DELAYS:
-        model = flight_model(
-            ready.recording, specs=ready.noise.specs, gate_level=None, robust_level=OUTLIER_LEVEL,
-            magnetic_field=ready.model.m_n, latency={stream: float(delay)},
-        )  # fmt: skip
-        journal = run(prepare(ready.recording, model), "numba", stride=0)
-        limit = np.array([model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
-        over = np.maximum(journal.nis / limit, 1.0)
-        bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
-        gain.append(float(np.sum((2.0 * journal.loglik + journal.nis - bounded)[journal.accepted])))
-    k = int(np.clip(np.argmax(gain), 1, len(gain) - 2))
-    before, best, after = gain[k - 1 : k + 2]
-    shift = 0.5 * (before - after) / (before - 2.0 * best + after)
-    return float(DELAYS[k] + shift * (DELAYS[1] - DELAYS[0])), max(gain) - gain[int(np.argmin(np.abs(DELAYS)))]
-
-
 def whiteness(journal: Journal) -> Mapping[str, float]:
     """Largest autocorrelation at one reading's distance over the components of each stream; 2/sqrt(n) is noise."""
     found = {}
@@ -108,42 +71,17 @@ def whiteness(journal: Journal) -> Mapping[str, float]:
     return found
 
 
-def measure(name: str) -> dict[str, Any]:
-    """One log: levels, NIS, refused readings, whiteness, attitude and position errors, delay of GPS.
-
-    Where the likelihood asks for a delay of GPS, the log is prepared and predicted again with it taken off the stamps.
-    """
-    recording = resolve(LOGS[name])
-    ready = prepared(recording)
-    entry = measured(name, ready)
-    if "gps" in ready.recording.streams:
-        entry |= with_delay(recording, ready)
-    return entry
-
-
 def measured(name: str, ready: Prepared) -> dict[str, Any]:
-    """The same of a log that is read and prepared already, but for the delay."""
+    """One log: levels, NIS, refused readings, whiteness, attitude and position errors."""
     journal = ready.run()
     entry: dict[str, Any] = {
-        "log": name, "levels": list(ready.noise.notes), "nis": dict(journal.nis_per_dof()),
+        "log": name, "levels": list(ready.notes), "nis": dict(journal.nis_per_dof()),
         "counts": journal.counts(), "whiteness": dict(whiteness(journal)),
     }  # fmt: skip
     if "gps" in ready.recording.streams:
         entry["withheld"] = [asdict(prediction) for prediction in predictions(ready)]
     attitude = attitude_of(journal, ready)
     return entry | {"attitude": attitude} if attitude else entry
-
-
-def with_delay(recording: Recording, ready: Prepared) -> dict[str, Any]:
-    """Delay of GPS by the likelihood, and the errors with it taken off the stamps."""
-    delay, gain = likeliest_delay(ready)
-    entry: dict[str, Any] = {"gps_delay": delay, "gps_delay_gain": gain}
-    if gain > CONVINCING:
-        again = prepared(earlier(recording, "gps", delay))
-        entry["withheld_without_delay"] = [asdict(prediction) for prediction in predictions(again)]
-        attitude = attitude_of(again.run(), again)
-        entry |= {"attitude_without_delay": attitude} if attitude else {}
-    return entry
 
 
 def attitude_of(journal: Journal, ready: Prepared) -> dict[str, Any]:
@@ -161,7 +99,7 @@ def main(arguments: Sequence[str]) -> int:
     if any(name not in LOGS for name in arguments):
         return usage(LOGS)
     for name in arguments or LOGS:
-        for key, value in measure(name).items():
+        for key, value in measured(name, prepared(resolve(LOGS[name]))).items():
             print(f"  {key}: {value}" if key != "log" else value, flush=True)
     return 0
 

@@ -107,7 +107,6 @@ def undecided(ready: Prepared, journal: Journal, notes: Sequence[str]) -> tuple[
         lines.append("position and velocity; an accelerometer bias against the mean acceleration")
     if "mag" not in journal.sensors and "gps" not in journal.sensors:
         lines.append("heading")
-    lines += [note for note in ready.noise.doubts if "by intent" not in note]
     lines += [note for note in notes if "no independent" in note]
     return tuple(lines)
 

@@ -18,15 +18,15 @@ def flight_source(recording: Recording, slow_error: bool = True) -> FlightSource
     ----------
     slow_error : see `FlightSource`
     """
-    from sinan.calibration.levels.preparation import is_settled, prepared, settled
+    from sinan.calibration.levels.preparation import as_declared, is_declared, prepared
     from sinan.estimator.filter.relinearise import is_coarse
 
-    declared = is_settled(recording)
+    declared = is_declared(recording)
     if declared:
-        ready = prepared(recording, keep_shifted=True)
+        ready = as_declared(recording)
         model = ready.model
     else:
-        ready = settled(recording, late=False)
+        ready = prepared(recording, late=False)
         model = ready.model
         slow_error = False
     coarse = is_coarse(ready.recording, model)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.compass import direction_at
 from sinan.calibration.levels.fields import beforehand, fitted
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
-from sinan.sensors.geomagnetism import field_along, inclination
+from sinan.sensors.geomagnetism import direction_at, field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
 from tests.estimator.analytic_flight import fly

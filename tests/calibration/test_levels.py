@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
 from sinan.calibration.levels.fit import TAIL, Problem, Size, first_levels, fit_levels, sizes_of
-from sinan.calibration.levels.preparation import settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.bounds import Bounds
@@ -137,4 +137,4 @@ def test_the_field_is_in_the_table_with_the_sigmas_of_its_covariance(bare: Recor
 
 def test_a_flight_that_declares_everything_assumes_nothing() -> None:
     declared, _ = fly(21, duration=10.0, sensors=("gps", "mag", "baro"))
-    assert settled(declared).model.assumptions == ()
+    assert prepared(declared).model.assumptions == ()

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.preparation import prepared, settled
+from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.experiments.datasets import resolve
 from sinan.experiments.measured import flights
 from sinan.experiments.reference import (
     Mounted,
@@ -62,7 +63,7 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
     mag = handheld[0].streams["mag"]
     streams = {**handheld[0].streams, "mag": Stream(mag.t + late, mag.columns)}
     recording = handheld[0].replace(sensors={}, environment=Environment(), streams=streams)
-    ready, source = settled(recording), flight_source(recording)
+    ready, source = prepared(recording), flight_source(recording)
     assert ready.recording.notes == (*recording.notes, *ready.notes)
     said = [note for note in ready.recording.notes if late == 0.0 or "ms late" not in note]
     assert list(source.recording.notes) == said
@@ -80,11 +81,11 @@ def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
     angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
     bare = recording.replace(sensors=angles, initial=Initial())
     told = bare.replace(effects={"gps.latency": (0.25,)})
-    found, declared = settled(bare), settled(told)
+    found, declared = prepared(bare), prepared(told)
     assert found.model.latency["gps"] == pytest.approx(0.25, abs=0.03)
     assert "gps" not in declared.model.latency
     sizes = [np.sqrt(np.mean(one.run().stream("gps").nu[20:, :3] ** 2)) for one in (found, declared)]
-    late = np.sqrt(np.mean(settled(bare, late=False).run().stream("gps").nu[20:, :3] ** 2))
+    late = np.sqrt(np.mean(prepared(bare, late=False).run().stream("gps").nu[20:, :3] ** 2))
     assert sizes[1] == pytest.approx(sizes[0], rel=0.05)
     assert sizes[1] < 0.8 * late
 
@@ -94,7 +95,7 @@ def test_a_field_that_was_found_is_not_declared(handheld: tuple[Recording, Strea
     ready = prepared(handheld[0].replace(environment=Environment()))
     assert ready.recording.environment.magnetic_field is None
     assert np.linalg.norm(ready.model.m_n) > 0.0
-    assert ready.noise.specs["mag"] == handheld[0].spec("mag")
+    assert ready.levels.specs["mag"] == handheld[0].spec("mag")
 
 
 def turned(truth: Stream, mounting: np.ndarray, delay: float) -> Stream:
@@ -187,8 +188,7 @@ def data(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.measured
 def test_a_walk_without_magnetometer_is_predicted(data: Path) -> None:
     """RTK positions withheld for 10 s: a metre after five seconds of walking with a consumer IMU."""
-    entry = flights.measure("walk, RTK")
-    assert abs(entry["nis"]["gps"] - 1.0) < 0.2
+    entry = flights.measured("walk, RTK", prepared(resolve(flights.LOGS["walk, RTK"])))
     assert entry["withheld"][0]["rms"] < 0.3
     assert entry["withheld"][2]["rms"] < 1.0
 
@@ -196,6 +196,6 @@ def test_a_walk_without_magnetometer_is_predicted(data: Path) -> None:
 @pytest.mark.measured
 def test_gps_of_an_autopilot_is_late(data: Path) -> None:
     """The author of the log set 210 ms for position and 230 ms for velocity."""
-    entry = flights.measure("quad, slow")
-    assert entry["gps_delay"] == pytest.approx(0.22, abs=0.07)
-    assert all(np.isfinite(value) for value in entry["nis"].values())
+    ready = prepared(resolve(flights.LOGS["quad, slow"]))
+    assert ready.model.latency["gps"] == pytest.approx(0.22, abs=0.07)
+    assert all(np.isfinite(value) for value in ready.run().nis_per_dof().values())

@@ -14,7 +14,7 @@ from zlib import crc32
 
 import numpy as np
 
-from sinan.calibration.levels.preparation import Prepared, settled
+from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.events import height_of, position_of
 from sinan.experiments.blind.maker.catalogue import CATALOGUE, LOCAL_KINDS, Hidden, log_uniform
 from sinan.experiments.blind.maker.drawing import draw_warm_up
@@ -95,7 +95,7 @@ def minute_of(recording: Recording, rng: np.random.Generator) -> Minute:
     whole = recording.replace(truth=None)  # nothing is scored, and nothing beside the answer is given away
     part = as_predicted(between(whole, begin - MARGIN, begin + LENGTH + MARGIN))
     part, drawn = with_covariates(part, rng)
-    ready = settled(part)
+    ready = prepared(part)
     end = min(begin + LENGTH, float(part.streams["imu"].t[-1]) + 1e-9)
     return Minute(part, begin, end, drawn, along(part, ready), ready)
 
@@ -229,6 +229,6 @@ def errors_of(minute: Minute, sensor: str) -> FloatArray:
 def wander_of(minute: Minute, sensor: str, length: float) -> FloatArray:
     """(k,) how far the error of a sensor wanders over so long [s]; of a receiver that of its position."""
     if sensor in ("accel", "gyro"):
-        return np.full(3, imu_wander(minute.ready.noise.specs[sensor], length))
+        return np.full(3, imu_wander(minute.ready.levels.specs[sensor], length))
     t = minute.recording.streams[minute.columns(sensor)[0]].t
     return wander(t, errors_of(minute, sensor)[:, :3], length)
