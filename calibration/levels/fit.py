@@ -181,17 +181,24 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
             sizes += [Size(entry.name, "noise_std", _white(recording, entry.name), 1.0)]
             sizes += [Size(entry.name, *level) for level in entry.levels]
     if "gps" in streams:
-        white = _white(recording, "gps")
-        sizes += [Size("gps", "noise_std", white, 1.0)]
-        sizes += [Size("gps", "colour_std", max(0.2, 2.0 * white), 1.5), Size("gps", "colour_time", 2.0, 1.0)]
+        sizes += [Size("gps", "noise_std", _white(recording, "gps"), 1.0)]
         if streams["gps"].has(VELOCITY):
-            white = _white(recording, "gps", "velocity_noise_std")
-            sizes += [Size("gps", "velocity_noise_std", white, 1.0)]
-            sizes += [Size("gps", "velocity_colour_std", max(0.1, 2.0 * white), 1.5)]
+            sizes += [Size("gps", "velocity_noise_std", _white(recording, "gps", "velocity_noise_std"), 1.0)]
+        sizes += slow_error_of_gps(recording)
         sizes += [Size("gps", "bias_walk", 0.05, 1.0), Size("latency", "gps", 0.1, 0.1, linear=True)]
     else:
         sizes += [Size("bounds", "place", 0.5, 1.0), Size("bounds", "speed", 1.0, 1.0)]
     return [size for size in sizes if not _declared(recording, size)]
+
+
+def slow_error_of_gps(recording: Recording) -> list[Size]:
+    """What a receiver's positions and velocities err by for seconds: reflections, and its own filter."""
+    white = _white(recording, "gps")
+    sizes = [Size("gps", "colour_std", max(0.2, 2.0 * white), 1.5), Size("gps", "colour_time", 2.0, 1.0)]
+    if recording.streams["gps"].has(VELOCITY):
+        white = _white(recording, "gps", "velocity_noise_std")
+        sizes += [Size("gps", "velocity_colour_std", max(0.1, 2.0 * white), 1.5)]
+    return sizes
 
 
 def _white(recording: Recording, name: str, key: str = "noise_std") -> float:
@@ -425,8 +432,22 @@ def fit_levels(
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]
-    if not sizes:
-        return first
+    return _likeliest(recording, sizes, first, most) if sizes else first
+
+
+def with_slow_gps(recording: Recording, most: int = MOST) -> Levels:
+    """The levels of a recording that declares its noise, and what its receiver errs by for seconds besides: declared
+    noise is white.
+    """
+    sizes = slow_error_of_gps(recording)
+    first = first_levels(recording, (), None, None)
+    for size in sizes:
+        first = first.with_size(size, size.median)
+    return _likeliest(recording, sizes, first, most)
+
+
+def _likeliest(recording: Recording, sizes: Sequence[Size], first: Levels, most: int) -> Levels:
+    """The likeliest of some sizes, the others as they are at first."""
     problem = Problem(recording, sizes, first)
     theta, value = problem.maximise(np.zeros(len(sizes)), most)
     sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), sizes, strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
-from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of
+from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import within_imu
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
@@ -39,11 +39,20 @@ class Prepared:
         return run_filter(self.recording, self.model, engine="numba")
 
 
-def as_declared(recording: Recording) -> Prepared:
-    """A recording that declares everything; the first heading where no magnetometer shows it but GPS does."""
+def as_declared(recording: Recording, slow_gps: bool = False) -> Prepared:
+    """A recording that declares everything; the first heading where no magnetometer shows it but GPS does.
+
+    Parameters
+    ----------
+    slow_gps : whether the receiver may err for seconds besides its declared noise
+    """
     levels = first_levels(recording, (), None, None)
     headed = with_heading(recording, levels.specs)
-    return Prepared(headed, levels, flight_model(headed), tuple(headed.notes[len(recording.notes) :]))
+    notes, model = tuple(headed.notes[len(recording.notes) :]), flight_model(headed)
+    if slow_gps and "gps" in headed.streams:
+        levels = with_slow_gps(headed)
+        model = flight_model(headed, specs=levels.specs)
+    return Prepared(headed, levels, model, notes)
 
 
 def prepared(recording: Recording, late: bool = True) -> Prepared:

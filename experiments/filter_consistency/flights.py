@@ -44,7 +44,7 @@ class Scored:
 
 def score(recording: Recording, scenario: str) -> Scored:
     """The plain filter over a recording, and every candidate about it."""
-    source = flight_source(recording, slow_error=False)  # of the filter, not of what else the trace knows
+    source = flight_source(recording, slow_gps=False)  # of the filter, not of what else the trace knows
     fit = source.fit(())
     evidence = source.evidence(fit)
     effects = {}

@@ -14,7 +14,6 @@ from sinan.experiments.residual_loop.trials import (
     NO_EVIDENCE,
     ROLLED_BACK,
     SCATTERED,
-    SLOW_NOISE,
     UNLIKELY,
     UNTRIED,
 )
@@ -26,10 +25,6 @@ _FACTOR = 9.0
 _ALONE = 3.0
 #: Why an effect that passes its test was not accepted: in a word or two beside its name, and in a sentence.
 REFUSED = {
-    SLOW_NOISE: (
-        "slow noise",
-        "slow noise of a sensor, or an acceleration in step with the turning, explains the data as well",
-    ),
     SCATTERED: ("blocks", "parts of the recording disagree on its size, and fitted in its exact form it does not pass"),
     UNLIKELY: ("odds", "chance is unlikely to produce it, but no offset at all is likelier still"),
     NO_EVIDENCE: ("refit", "fitted in its exact form it no longer passes"),

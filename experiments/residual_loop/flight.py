@@ -6,7 +6,7 @@ being the sensitivity pass: a linear problem with nothing left to project out, s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -14,36 +14,21 @@ import numpy as np
 
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
 from sinan.estimator.evidence.sensitivity import candidate_streams
-from sinan.estimator.evidence.whiteness import whiteness
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.residual_loop.budget import Budget, budget_of
-from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, is_first_order
+from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.residual_loop.gps_drift import Law, error_at_nodes, law_of, nodes_for, rows_of
 from sinan.experiments.residual_loop.known_columns import KnownColumns
 from sinan.experiments.residual_loop.known_fits import KnownFits, Question
-from sinan.experiments.residual_loop.noise_left import slow_streams
-from sinan.experiments.residual_loop.onsets import (
-    DRIFTING,
-    Rows,
-    Step,
-    best_onsets,
-    declared_step,
-    grid_of,
-    log_p_given,
-    refined,
-    slow_noise_of,
-    slow_noise_steps,
-)
+from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
 from sinan.experiments.residual_loop.outliers import ADDED as WRONG_DOF
 from sinan.experiments.residual_loop.outliers import WrongReadings, wrong_among
 from sinan.experiments.residual_loop.prediction import Prediction
 from sinan.experiments.residual_loop.probes import probes_for
-from sinan.experiments.residual_loop.slow_noise import SlowNoise
 from sinan.experiments.residual_loop.source import (
     IMPLAUSIBLE,
     FieldUnit,
@@ -56,7 +41,7 @@ from sinan.experiments.residual_loop.source import (
     held_out,
 )
 from sinan.experiments.residual_loop.term import Term, declaration
-from sinan.experiments.residual_loop.turning import IN_STEP, log_p_given_turning, turning_point, turning_regressor
+from sinan.experiments.residual_loop.turning import turning_point, turning_regressor
 from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,
@@ -77,11 +62,6 @@ from sinan.sensors.recording import Recording
 #: are sold have one, and nothing but the prior holds what the motion hardly shows.
 SOLD = 2.0
 _LEAST_OUTLIERS = 3
-#: Level of the test of whiteness from which on a slow error of the GPS is looked for: a stated risk, the `alpha` of a
-#: trace; whether there is one is not decided by it.
-_COLOURED = 0.01
-#: Motion is near what it is said to be where the NIS of `level` is no larger: twice what its sigma allows for.
-_NEAR = 4.0
 #: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
 _RELOCATION = 0.01
 
@@ -94,82 +74,22 @@ class FlightSource:
     recording : a flight
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
-    slow_error : whether a slow error of the GPS is part of the noise, where the log has one
-    logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
-        what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
-        neighbours, not from the filter
+    logged : where the noise is found and not declared, all readings as they were logged: wrong readings are then those
+        far from their neighbours, not from the filter
     """
 
-    def __init__(
-        self, recording: Recording, model: FlightModel, slow_error: bool = True, logged: Recording | None = None
-    ) -> None:
+    def __init__(self, recording: Recording, model: FlightModel, logged: Recording | None = None) -> None:
         self._logged = logged
-        predicts = logged is not None
         self._as_recorded, self._gated = recording, model
         ungated = model.replace(gate_level=None)
         kept, self.wrong = without_wrong_readings(recording, ungated)
-        self._passes = FlightPasses(kept, ungated, SOLD if predicts else IMPLAUSIBLE)
+        self._passes = FlightPasses(kept, ungated, IMPLAUSIBLE if logged is None else SOLD)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
         streams = [(name, self._unit_of(name)) for name in self._local_streams if name in model.sensors]
         self._prediction = Prediction(self._passes, streams)
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
         self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
-        self._notes, self._asks_for_slow_error = kept.notes, slow_error
-        if slow_error:
-            self._take_for_noise(self._slow_error_about(_state(self.fit(()))))
-
-    @property
-    def slow_error(self) -> Law | None:
-        """That of the GPS which is part of the noise; None: its noise is white as far as the log tells."""
-        return self._passes.slow_error
-
-    def renew_noise(self, fit: Fit) -> bool:
-        """Find the slow error of the GPS again with the fit's effects in the model, and count that as noise from now
-        on: a disturbance of some seconds may have passed for one, or hidden it.
-
-        Returns whether it changed; fits made before are then of other noise.
-        """
-        if not self._asks_for_slow_error:
-            return False
-        found, known = self._slow_error_about(_state(fit)), self.slow_error
-        if found is known is None or (found is not None and known is not None and found.is_like(known)):
-            return False
-        self._take_for_noise(found)
-        return True
-
-    def _take_for_noise(self, law: Law | None) -> None:
-        """Count a slow error of the GPS as noise from now on, and no other; every fit before is of other noise."""
-        if law is None and self.slow_error is None:
-            return
-        notes = self._notes
-        if law is not None:
-            told = f"gps: errs slowly besides its noise, by {law.sigma:.2g} m"
-            notes = (*notes, f"{told} for {law.tau:.2g} s: counted as noise, as the log has it")
-        self._passes.slow_error = law
-        self._passes.recording = self.recording.replace(notes=notes)
-
-    def _slow_error_about(self, state: Fitted) -> Law | None:
-        """The slow error of the GPS that a fit leaves, where it does."""
-        if "gps" not in self.model.sensors:
-            return None
-        own = list(state.effects)
-        run = partial(self._passes.run_without_slow_error, along=state.along)
-        journal = state.journal if self.slow_error is None else run([])[0]
-        one = journal.stream("gps")
-        colour = whiteness(one.white[one.accepted]) if np.any(one.accepted) else None
-        nodes = nodes_for(self._passes.start, self._passes.end, int(np.sum(rows_of(journal))))
-        if colour is None or colour[1] > _COLOURED or not len(nodes):
-            return None
-        journal, at_nodes = run([error_at_nodes(nodes)])
-        by_place = probes_for(("gps",), self._passes.plain_motion, {}, self.model.sensors)
-        named = {entry.name for entry in own}
-        candidates = [*own, *(entry for entry in self._candidates if entry.name not in named)]
-        explained = run([*candidates, *by_place])[1].rows
-        if law_of(nodes, journal, at_nodes, explained) is None:
-            return None
-        effects = explained[:, : sum(entry.size for entry in candidates)]
-        return law_of(nodes, journal, at_nodes, effects)  # much of a slow error goes with the place of a short flight
 
     @property
     def recording(self) -> Recording:
@@ -368,80 +288,6 @@ class FlightSource:
             self.wrong[stream] = found + len(rows), count
         return bool(wrong)
 
-    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term given slow noise of those streams whose residual is slow: of a term of
-        the fit as it is, of another to first order. Of one on the IMU given the accelerations that `level` neglects,
-        too; but to first order only where the motion is near what it is said to be.
-
-        All streams are asked: an error of the position is seen in every other one too. That of the GPS is asked for
-        effects of other streams even where its own residual is white: it drifts by nature, and a filter that believes
-        it follows it; but not where its slow error is part of the noise already. Where
-        withheld readings can be asked, what is slow is a state of the filter, and none of this is asked.
-        """
-        if self.is_predicting:
-            return [-np.inf] * len(terms)
-        slow = [stream for stream in slow_streams(self.residuals(fit)) if stream in STREAMS]
-        found = dict.fromkeys(terms, -np.inf)
-        drifting = [stream for stream in DRIFTING if stream in self._local_streams][:1]  # with those that share it
-        if self.slow_error is not None:
-            drifting = []
-        asked = {
-            stream: terms if stream in slow else [t for t in terms if declaration(t).stream != stream]
-            for stream in sorted({*slow, *drifting})
-        }
-        steps = self._slow_noise_columns(fit, [stream for stream, some in asked.items() if some])
-        for stream, some in asked.items():
-            for term, log_p in zip(some, self._given_slow_noise(fit, some, stream, steps), strict=True):
-                found[term] = max(found[term], log_p)
-        near = all(r.nis_per_dof < _NEAR for r in self.residuals(fit) if r.stream == "level")
-        on_imu = [term for term in terms if (near or term in fit.beta) and declaration(term).stream in DRIVERS]
-        if on_imu and "level" in self.model.sensors:
-            turning = self._columns(fit, [IN_STEP])[0]
-            for term, rows in self._rows_of_terms(fit, on_imu):
-                found[term] = max(found[term], log_p_given_turning(rows, turning))
-        return [float(found[term]) for term in terms]
-
-    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """Whether a term of that size would do what its derivative predicts, along the motion of the fit."""
-        return is_first_order(self.recording, self.model, declaration(term), beta, _state(fit).motion)
-
-    def _slow_noise_columns(self, fit: Fit, streams: Sequence[str]) -> dict[str, FloatArray]:
-        """By stream, the sensitivities to the steps of the slow noise of some, all from one pass."""
-        span, steps = self._span_of(fit), dict[str, list[Step]]()
-        for stream in streams:
-            steps |= slow_noise_steps(stream, self._local_streams, span)
-        if not steps:
-            return {}
-        wanted = self._step_rows(fit, [step for some in steps.values() for step in some]).wanted
-        widths = [len(some) * declared_step(some[0]).size for some in steps.values()]
-        return dict(zip(steps, np.split(wanted, np.cumsum(widths)[:-1], axis=1), strict=True))
-
-    def _given_slow_noise(
-        self, fit: Fit, terms: Sequence[Term], stream: str, steps: Mapping[str, FloatArray]
-    ) -> list[float]:
-        """Logarithm of each term's p-value; `steps` from `_slow_noise_columns`."""
-        span = self._span_of(fit)
-        columns = {s: steps[s] for s in slow_noise_steps(stream, self._local_streams, span) if s in steps}
-        of_new: SlowNoise | None = None  # about one and the same fit
-        found = {}
-        for term, rows in self._rows_of_terms(fit, terms):
-            if term in fit.beta:
-                noise = slow_noise_of(rows, columns, stream, span)
-            else:
-                noise = of_new = of_new or slow_noise_of(rows, columns, stream, span)
-            found[term] = log_p_given(noise, rows)
-        return [found[term] for term in terms]
-
-    def _rows_of_terms(self, fit: Fit, terms: Sequence[Term]) -> Iterator[tuple[Term, Rows]]:
-        """Of each term, its sensitivities about a fit without it."""
-        rows, new = self._own_rows(fit), [term for term in terms if term not in fit.beta]
-        for term, wanted in zip(new, self._columns(fit, [declaration(term) for term in new]), strict=True):
-            yield term, replace(rows, wanted=wanted)
-        for term in terms:
-            if term in fit.beta:
-                mine = self._columns_of(fit, term)
-                yield term, replace(rows.without(mine, fit.beta[term]), wanted=rows.own[:, mine])
-
     def _span_of(self, fit: Fit) -> tuple[float, float]:
         """Begin and end of the data of a fit [s]."""
         return self._passes.start, self._passes.end if fit.part == "all" else self._passes.split
@@ -569,7 +415,7 @@ class FlightSource:
 
     def states(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
         """Time [s] and nominal state of the filter at the samples of the IMU."""
-        journal, _ = self._passes.run_without_slow_error([], _state(fit).along, stride=1)
+        journal, _ = self._passes.run([], _state(fit).along, stride=1)
         return journal.imu_t, journal.imu_x
 
     def budget(self, plain: Fit, final: Fit) -> Sequence[Budget]:
@@ -606,8 +452,8 @@ class FlightSource:
 
     @property
     def is_predicting(self) -> bool:
-        """Where the noise is found and not declared, and the log is long enough."""
-        return self._logged is not None and self._prediction.is_possible
+        """Where the log is long enough."""
+        return self._prediction.is_possible
 
     def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
         """Whether the withheld readings of all streams are predicted better."""

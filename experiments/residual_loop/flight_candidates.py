@@ -9,12 +9,12 @@ from itertools import product
 import numpy as np
 
 from sinan.estimator.evidence.sensitivity import candidate_streams
-from sinan.estimator.filter.effect_forms import Along, Terms, is_lateness, with_covariates
-from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.estimator.filter.effect_forms import Along, Terms, with_covariates
+from sinan.estimator.filter.flight_model import FlightModel
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.source import Part
 from sinan.experiments.residual_loop.term import covariates_vary
-from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect, effects_for
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
@@ -22,8 +22,6 @@ from sinan.sensors.recording import Recording
 
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
 _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
-#: What the derivative at zero may leave of an effect that is judged by it, as a share of the effect.
-_FIRST_ORDER = 0.5
 
 
 def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) -> tuple[Effect, ...]:
@@ -68,25 +66,6 @@ def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
     along = Along(passes.recording, passes.model, Terms(), passes.plain_motion).at(entry.stream)
     elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
     return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
-
-
-def is_first_order(recording: Recording, model: FlightModel, entry: Effect, beta: FloatArray, motion: Motion) -> bool:
-    """Whether an effect of this size does along a motion what its derivative at zero predicts, to half of it.
-
-    Not so of a beam whose cone is wider than the tilts: the range has its limit then, which the derivative knows
-    nothing of. A lateness and what has a memory are taken for first order.
-    """
-    if entry.other_instants or is_lateness(entry):
-        return True
-    if entry.stream in DRIVERS:
-        along, sensor = with_covariates(recording, entry.stream, motion), None
-        plain = along.f_b if entry.stream == "accel" else along.w_ib_b
-    else:
-        along, sensor = Along(recording, model, Terms(), motion).at(entry.stream), model.sensors[entry.stream]
-        plain = sensor.predict(along)
-    exact = zero_unless_finite(entry.change(plain, beta, along, sensor))
-    predicted = zero_unless_finite(entry.rows(along, plain.shape[1]) @ beta)
-    return bool(np.linalg.norm(exact - predicted) < _FIRST_ORDER * np.linalg.norm(exact))
 
 
 def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, beta: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -20,13 +20,12 @@ from sinan.estimator.filter.layout import DTHETA
 from sinan.estimator.filter.relinearise import COARSE_ATTITUDE
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
-from sinan.experiments.residual_loop.gps_drift import GpsDrift, Law, error_at_nodes
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
-from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 
 #: The last third of the samples is held out.
@@ -48,8 +47,6 @@ _HARDLY = 9.0
 _LARGER = 1.5
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
-#: Sets of readings whose slow error is kept and not found anew: bound of work (`bounds_of_work flight`).
-_MOST_DRIFTS = 3
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
 _TIMES_KNOWN = 5.0
 #: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
@@ -123,8 +120,6 @@ class FlightPasses:
 
     def __init__(self, recording: Recording, model: FlightModel, prior_sigma: float = IMPLAUSIBLE) -> None:
         self.recording, self.model, self.prior_sigma = recording, model, prior_sigma
-        self.slow_error: Law | None = None
-        self._drifts: list[tuple[Mapping[str, Stream], GpsDrift]] = []
         self.table = imu_table(recording, model)
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
@@ -165,14 +160,9 @@ class FlightPasses:
         """No effect, along the motion of the plain model."""
         return self.along([], [], self.plain_motion)
 
-    def run(self, wanted: Sequence[Effect], along: Along) -> tuple[Journal, Sensitivity]:
-        """One pass, and the sensitivities to the effects wanted."""
-        found = self.run_without_slow_error(wanted, along)
-        return found if self.slow_error is None else self._drift(self.slow_error, along.recording).taken_off(*found)
-
     @staticmethod
-    def run_without_slow_error(wanted: Sequence[Effect], along: Along, stride: int = 0) -> tuple[Journal, Sensitivity]:
-        """The same where the noise of the GPS is white; `stride` IMU samples between logged states, 0: none."""
+    def run(wanted: Sequence[Effect], along: Along, stride: int = 0) -> tuple[Journal, Sensitivity]:
+        """One pass, and the sensitivities to the effects wanted; `stride` samples between logged states, 0: none."""
         return pass_along(along, wanted, blocks=0, keep_rows=1, stride=stride)
 
     @staticmethod
@@ -180,16 +170,6 @@ class FlightPasses:
         """A pass that is not given a stream's readings of some windows, but says what it predicts of them."""
         model = along.model.replace(withheld={stream: held})
         return pass_along(replace(along, model=model), [], blocks=0, keep_rows=1, stride=0)[0]
-
-    def _drift(self, law: Law, recording: Recording) -> GpsDrift:
-        """The slow error of the GPS in the passes over the readings of a recording, about the plain model."""
-        for known, drift in self._drifts:
-            if known is recording.streams and drift.law is law:
-                return drift
-        plain = self.along([], [], self.plain_motion, recording)
-        found = self.run_without_slow_error([error_at_nodes(law.nodes)], plain)
-        self._drifts = [(recording.streams, GpsDrift.of(law, *found)), *self._drifts[: _MOST_DRIFTS - 1]]
-        return self._drifts[0][1]
 
     def follow(self, journal: Journal, along: Along) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""

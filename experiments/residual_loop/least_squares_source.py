@@ -363,18 +363,6 @@ class LeastSquaresSource:
         """Never: the search has no interval as short as that."""
         return False
 
-    def renew_noise(self, fit: Fit) -> bool:
-        """Never: each fit has the noise that it leaves."""
-        return False
-
-    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Minus infinity: the readings have no filter that slow noise could fool."""
-        return [-np.inf] * len(terms)
-
-    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """Effects on a calibration's readings are small beside them."""
-        return True
-
     def relocated(self, fit: Fit, term: Term) -> Term:
         """The term with the ends of its interval where all samples put them, where a row holds many; else itself: its
         interval was searched reading by reading.

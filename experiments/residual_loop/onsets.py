@@ -13,8 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from sinan.estimator.evidence.score import CONFUSED, gain_of, log_p_among, log_p_value
-from sinan.experiments.residual_loop.slow_noise import SlowNoise
+from sinan.estimator.evidence.score import gain_of, log_p_among, log_p_value
 from sinan.experiments.residual_loop.source import LocalFinding
 from sinan.experiments.residual_loop.sudden import jumps
 from sinan.experiments.residual_loop.term import Term
@@ -30,10 +29,6 @@ REFINED = _FINER**2
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
 _WORTH_REFINING = 0.05
-#: Streams whose error drifts by nature (atmosphere, orbits, reflections), though nobody declares it; it is one and the
-#: same but for what each receiver has alone.
-DRIFTING = ("gps", "base")
-_SHARED_ERROR = {"gps": ("base",), "base": ("gps",)}
 #: An offset direction is seen where its information exceeds this share of that of the best seen one: its sigma is
 #: 1 / sqrt(0.001) = 32 times as large.
 _FLOOR = 1e-3
@@ -105,10 +100,7 @@ def best_onsets(
         if refine:
             best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
         log_p = log_p_value(best.gain, best.dof)
-        if worth:
-            lead = CONFUSED if stream in DRIFTING else -np.inf
-            log_p = max(log_p, _slow_noise(stream, joints, best).log_p_given(best.column, best.dof, lead))
-        short = refine and best.interval[1] - best.interval[0] < spacing and stream not in DRIFTING
+        short = refine and best.interval[1] - best.interval[0] < spacing
         if short and log_p + searched < refine_below:
             log_p = max(log_p, _log_p_among_peers(rows_of, stream, best, streams[stream], (start, end)))
         term = Term(f"{stream}.{family}", best.interval)
@@ -171,47 +163,9 @@ def _jumps(rows: Rows, stream: str, stamps: FloatArray, grid: FloatArray, size: 
     return jumps(answers, rows.white[mine].reshape(n, -1), t[:: len(t) // n], grid) - _JUST_BEFORE
 
 
-def _slow_noise(stream: str, joints: Mapping[str, _Joint], best: _Best | None = None) -> SlowNoise:
-    """Of a stream and those that share its error; it may change where an interval begins and ends."""
-    own = joints[stream]
-    parts = [own.cells(best), *(joints[s].cells() for s in _SHARED_ERROR.get(stream, ()) if s in joints)]
-    mine = own.sensor == stream
-    return SlowNoise(tuple(parts), own.white, own.size, mine if np.any(mine) else np.ones(len(mine), dtype=bool))
-
-
-def slow_noise_steps(stream: str, streams: Iterable[str], span: tuple[float, float]) -> dict[str, list[Step]]:
-    """Steps on a grid over the span, of a stream with slow noise and of those of `streams` that share its error."""
-    grid = grid_of(span)
-    return {s: _steps(s, grid) for s in (stream, *_SHARED_ERROR.get(stream, ())) if s in streams}
-
-
-def slow_noise_of(rows: Rows, steps: Mapping[str, FloatArray], stream: str, span: tuple[float, float]) -> SlowNoise:
-    """Slow noise of a stream given the own terms of the rows.
-
-    Parameters
-    ----------
-    steps : by stream, the sensitivities to `slow_noise_steps`
-    stream : the one with slow noise
-    span : begin and end of the data [s]
-    """
-    grid = grid_of(span)
-    joints = {
-        name: _Joint(replace(rows, wanted=wanted), effect(f"{name}.step").size, grid, len(grid), span)
-        for name, wanted in steps.items()
-    }
-    return _slow_noise(stream, joints)
-
-
-def log_p_given(noise: SlowNoise, rows: Rows) -> float:
-    """Logarithm of the p-value of an effect, to which `wanted` are the sensitivities, given slow noise."""
-    alone = _Joint(rows, rows.wanted.shape[1], np.zeros(1))
-    dof = int(alone.gain(np.array([[0, -1]]))[1][0])
-    return noise.log_p_given(alone.W, dof)
-
-
 def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArray, span: tuple[float, float]) -> float:
-    """Logarithm of the p-value of an offset for a shorter time than the cells of slow noise, by comparison with its
-    peers: as many as the grid has onsets, of its length, elsewhere, looked at once the offset itself is explained.
+    """Logarithm of the p-value of an offset for a shorter time than the grid's spacing, by comparison with its peers:
+    as many as the grid has onsets, of its length, elsewhere, looked at once the offset itself is explained.
     -inf where they explain what they would of white innovations, perhaps once some others, which are effects then, are
     explained too.
     """
@@ -342,20 +296,6 @@ class _Joint:
         """(r, size) sensitivities to steps at the ends of an interval."""
         n = self.size
         return tuple(self.W[:, k * n : (k + 1) * n] for k in pair if k >= 0)
-
-    def cells(self, best: _Best | None = None) -> tuple[FloatArray, FloatArray]:
-        """(c,) middles of the cells from each onset to the next, in grid spacings, and (r, c size) sensitivities to an
-        offset in each; cells end where the interval of `best` does.
-        """
-        n, (begin, end) = self.size, self.span
-        onsets, W = self.onsets, self.W
-        if best is not None:
-            onsets, W = np.append(onsets, best.interval[: len(best.steps)]), np.hstack([W, *best.steps])
-        onsets, first = np.unique(onsets, return_index=True)
-        W = np.stack([W[:, k * n : (k + 1) * n] for k in first], axis=1)
-        middles = 0.5 * (onsets + np.append(onsets[1:], end)) / ((end - begin) / _ONSETS)
-        V = W - np.concatenate([W[:, 1:], np.zeros_like(W[:, :1])], axis=1)
-        return middles, V.reshape(len(V), -1)
 
     def steps(self) -> IntArray:
         """(k, 2) onsets after the first part; the second number -1 stands for "to the end"."""

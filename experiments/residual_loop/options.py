@@ -105,18 +105,3 @@ def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Ma
         for o in options
         if o.term in starts and o.term.key not in refused
     ]
-
-
-def not_slow_noise(source: Source, fit: Fit, shortlist: Sequence[Option], threshold: float) -> list[Option]:
-    """Those of a shortlist that slow noise does not explain already to first order, which costs no refit, and those of
-    which first order does not tell.
-
-    Of an interval the search has asked that.
-    """
-    lasting = [o for o in shortlist if o.term.interval is None and o.term.in_mean]
-    log_p = source.log_p_given_noise(fit, [o.term for o in lasting])
-    passes = [
-        p < threshold or not source.is_first_order(fit, o.term, o.beta) for o, p in zip(lasting, log_p, strict=True)
-    ]
-    explained = {o.term for o, tried in zip(lasting, passes, strict=True) if not tried}
-    return [o for o in shortlist if o.term not in explained]

@@ -21,8 +21,8 @@ from sinan.experiments.residual_loop.source import Fit, LocalFinding, Part, Sour
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import (
     IMPOSSIBLE,
-    OF_THE_MODEL,
     ROLLED_BACK,
+    SCATTERED,
     SHORTLIST,
     UNTRIED,
     Finding,
@@ -43,9 +43,9 @@ SHORTLIST_GIVEN_ERROR = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
 
-#: Times that readings are set aside for what would have been a disturbance of one or two, and that the selection begins
-#: again with other noise: bound of work (`bounds_of_work poses`, `flight`).
-_MOST_ROUNDS, _MOST_NOISES = 3, 2
+#: Times that readings are set aside for what would have been a disturbance of one or two: bound of work
+#: (`bounds_of_work flight`).
+_MOST_ROUNDS = 3
 #: Share of what the information predicts that the loss of an effect costs at least, whatever its form.
 _PREDICTED = 0.1
 
@@ -120,8 +120,7 @@ def select(
     1. All candidates are scored about the present fit, the effects already in it projected out; where none of them
        stands, the intervals too.
     2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
-       each other's scatter, those that pass without it are tried, and have to pass with it after the refit. What slow
-       noise of a stream explains is not tried.
+       each other's scatter, those that pass without it are tried, and have to pass with it after the refit.
     3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
        accepted, an interval only where it is likelier than none, and readings that it had hidden and that are wrong are
        set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
@@ -129,8 +128,6 @@ def select(
        as one where the data do not notice.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
-    6. Where the noise is another one given what was found, all of it is done again with that; readings that were set
-       aside stay so. Not on a part, nor with terms that are given.
 
     Parameters
     ----------
@@ -139,14 +136,9 @@ def select(
     given : terms that are in the model from the start and stay there, with a first estimate
     intervals : whether they are searched; else wrong readings alone are
     """
-    selection = _selected(source, alpha, part, given, intervals)
-    if given or part != "all" or not selection.findings:
-        return selection
-    for _ in range(_MOST_NOISES):
-        if not source.renew_noise(selection.final):
-            break
-        selection = _selected(source, alpha, part, given, intervals)
-    return selection
+    most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
+    path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
+    return path.taken_on(most, shortlist)
 
 
 def select_further(source: Source, alpha: float, start: Selection, barred: frozenset[str]) -> Selection:
@@ -170,15 +162,6 @@ def select_further(source: Source, alpha: float, start: Selection, barred: froze
         plain_local=start.plain_local,
         dropped=start.dropped,
     )
-
-
-def _selected(
-    source: Source, alpha: float, part: Part, given: Mapping[Term, FloatArray] | None, intervals: bool
-) -> Selection:
-    """The selection with the noise as it is."""
-    most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
-    path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
-    return path.taken_on(most, shortlist)
 
 
 class _Path:
@@ -245,7 +228,7 @@ class _Path:
         self._steps.append(Step(self._fit, finding.term))
         self._fit = fit
         self.findings.append(finding)
-        self._refused = {key: why for key, why in self._refused.items() if why not in OF_THE_MODEL}
+        self._refused = {key: why for key, why in self._refused.items() if why != SCATTERED}
         if unchanged:  # readings that were set aside beforehand now have a name
             self._offered.drop(finding.term)
             return

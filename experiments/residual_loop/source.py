@@ -63,7 +63,7 @@ class Fit:
     terms : the effects, in order of discovery
     beta, std : of each term
     deviance : -2 log likelihood, up to a constant that is the same for all fits of one source and part between two
-        `set_aside` or `renew_noise`
+        `set_aside`
     part : the data that were used
     detail : what the source needs to go on from here; nobody else looks at it
     """
@@ -249,21 +249,6 @@ class Source(Protocol):
         """Take out the readings in the interval of a term, for good, if they are so few that they are wrong readings
         and no disturbance; whether they are.
         """
-
-    def renew_noise(self, fit: Fit) -> bool:
-        """Find again, with the fit's effects in the model, what counts as noise: an effect may have passed for some.
-
-        Returns whether it changed; fits made before are then of other noise.
-        """
-
-    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Logarithm of the p-value of each term given slow noise, and of an effect given what the plain model
-        neglects by intent, where there may be such, else minus infinity: of a term of the fit as it is, of another to
-        first order.
-        """
-
-    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """Whether a term that is not in the fit would do, at that size, what its derivative predicts, about."""
 
     def suspects(self, fit: Fit) -> Sequence[tuple[Term, Statistic]]:
         """What the errors might follow that is in no catalogue, and the evidence for each about the fit."""

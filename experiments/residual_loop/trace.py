@@ -13,7 +13,7 @@ from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.prove import rolled_back
 from sinan.experiments.residual_loop.remaining import patches, remaining, stands_out
 from sinan.experiments.residual_loop.select import Selection, select, select_further
-from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source, log_p_needed
+from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Finding, fit_without, refitted
 from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
@@ -85,8 +85,6 @@ def _borne_out(
         fallen += dropped
         selection = _without(source, selection, dropped, ROLLED_BACK)
         if not source.is_predicting:
-            if not suspects and source.renew_noise(selection.final):  # noise may have passed for what was rolled back
-                selection = _of_what_is_left(source, selection)
             break
         if round_ < _MOST_FALLS:
             further = select_further(source, alpha, selection, frozenset(term.key for term in fallen))
@@ -276,15 +274,12 @@ def _needed(
 
 
 def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic, alpha: float) -> bool:
-    """Whether a probe explains more than noise would: slow noise follows the place as long as nobody comes back to it,
-    so where the residual is slow the probe is held against that; else against the noise that it leaves.
+    """Whether a probe explains more than noise would: it predicts withheld readings better, or where they cannot be
+    asked explains more than the noise that it leaves.
     """
     gain = without.deviance - fit.deviance
     if source.is_predicting:
         return gain - s.dof >= DETECTABLE_LAMBDA and source.predicts(fit, without)
-    log_p = source.log_p_given_noise(without, [term])[0]
-    if np.isfinite(log_p):
-        return gain - s.dof >= DETECTABLE_LAMBDA and log_p < log_p_needed(source, alpha)
     noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
     return gain / noise - s.dof >= DETECTABLE_LAMBDA
 

@@ -21,7 +21,7 @@ from sinan.estimator.evidence.score import (
 )
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.experiments.residual_loop.noise_left import noise_left
-from sinan.experiments.residual_loop.options import Option, blind_spots, not_slow_noise, option_of
+from sinan.experiments.residual_loop.options import Option, blind_spots, option_of
 from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
 from sinan.experiments.residual_loop.term import Term
@@ -40,17 +40,14 @@ SHORTLISTS = 2
 _COMPARABLE = 0.5
 #: A localised effect is looked for again about its own fit, so often at most: bound of work (`bounds_of_work flight`).
 _RELOCATIONS = 3
-#: Why an option did not stand: slow noise of a stream explains it, or acceleration in step with the turning does; the
-#: refit left no evidence; nor did it where the blocks had scattered too much before; chance would not do it, but an
-#: offset in an interval is less likely still; it cannot be. It was not tried, behind a shortlist of which nothing
-#: stood.
-SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "scattered", "unlikely"
+#: Why an option did not stand: the refit left no evidence; nor did it where the blocks had scattered too much before;
+#: chance would not do it, but an offset in an interval is less likely still; it cannot be. It was not tried, behind a
+#: shortlist of which nothing stood.
+NO_EVIDENCE, SCATTERED, UNLIKELY = "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Why an effect that had been chosen was dropped: it does not stand out given an error that is in no catalogue; the
 #: held-out part does not bear it out, and it is not tried again.
 GIVEN_ERROR, ROLLED_BACK = "beside an error", "rolled back"
-#: Those reasons that may not hold any more once another effect is in the model.
-OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 
 
 @dataclass(frozen=True)
@@ -123,16 +120,15 @@ def best_of(
     if passing:
         ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
         shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
-    to_try = [*not_slow_noise(source, fit, shortlist, threshold), *unseen]
     shortlist += unseen
-    tried = {o.term.key: trial(source, fit, o) for o in to_try}
+    tried = {o.term.key: trial(source, fit, o) for o in shortlist}
     trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
     trials.sort(key=lambda one: -one[1].log_odds)
     if trials:
         return likeliest(source, trials, threshold)
     for option in shortlist:
         key = option.term.key
-        refused[key] = _why(option, tried[key], threshold) if key in tried else SLOW_NOISE
+        refused[key] = _why(option, tried[key], threshold)
     return best_of(source, fit, options, threshold, refused, most, rounds - 1) if rounds > 1 else None
 
 
@@ -269,8 +265,6 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     log_p = min(log_p_of_deviance(evidence, gain, option.dof, scatter) + option.search_raw, 0.0)
     if is_local:  # what slow noise of its stream took off the evidence, and the noise that the refit leaves
         log_p = max(log_p, plain + option.search)
-    if linear:
-        log_p = min(max(log_p, source.log_p_given_noise(refit, [term])[0] + option.search_raw), 0.0)
     log_odds = log_bayes_factor(evidence, term.key, beta, gain, others) - option.search_raw
     if is_local and log_odds < 0.0:
         log_p = 0.0

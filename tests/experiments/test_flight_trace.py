@@ -137,7 +137,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
-    """What a few bumps leave of it is slow; but slow noise, which is everywhere alike, explains it far worse."""
+    """No slow noise is like it, which is everywhere alike."""
     recording = resolve(str(make_one(tmp_path, 6004, 18, KINDS, "mixed", CLASSES)), None)
     source = FlightSource(recording, flight_model(recording))
     result = trace(source)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
-from sinan.experiments.residual_loop.options import not_slow_noise, option_of
+from sinan.experiments.residual_loop.options import option_of
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
@@ -55,14 +55,6 @@ class Line:
         """Nothing is out of sight."""
         return {}
 
-    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """It is linear."""
-        return True
-
-    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """The noise is white."""
-        return [-np.inf] * len(terms)
-
     def residuals(self, fit: Fit) -> Sequence[Any]:
         """Nothing slow."""
         return ()
@@ -86,30 +78,6 @@ def test_a_plausible_one_is_taken_as_the_readings_have_it() -> None:
     taken, refused = tried(3.0, 0.3)
     assert taken == pytest.approx(3.0, rel=2e-3)
     assert refused == {}
-
-
-class Explained(Line):
-    """The same, of a source whose slow noise explains to first order whatever is asked."""
-
-    def __init__(self, first_order: bool) -> None:
-        super().__init__(1.0, 0.1)
-        self._first_order = first_order
-
-    def is_first_order(self, fit: Fit, term: Term, beta: FloatArray) -> bool:
-        """As told."""
-        return self._first_order
-
-    def log_p_given_noise(self, fit: Fit, terms: Sequence[Term]) -> list[float]:
-        """Slow noise explains all."""
-        return [0.0] * len(terms)
-
-
-@pytest.mark.parametrize("first_order", [True, False])
-def test_what_is_not_first_order_is_not_refused_by_it(first_order: bool) -> None:
-    source = cast(Source, Explained(first_order))
-    fit = source.fit(())
-    options = [option_of(statistic_of(source.evidence(fit), "baro.scale"))]
-    assert not_slow_noise(source, fit, options, -8.0) == ([] if first_order else options)
 
 
 class Predicting:
