@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as default
+from itertools import product
 
 import numpy as np
 
@@ -435,21 +436,43 @@ def fit_levels(
     return _likeliest(recording, sizes, first, most) if sizes else first
 
 
-def with_slow_gps(recording: Recording, most: int = MOST) -> Levels:
-    """The levels of a recording that declares its noise, and what its receiver errs by for seconds besides: declared
-    noise is white.
+#: A slow error that is tried first: its size over the white noise, and its time constant [s].
+TRIED = tuple(product((0.3, 1.0), (1.0, 5.0)))
+
+
+def with_slow_gps(recording: Recording) -> Levels:
+    """The levels of a recording that declares its noise, and what its receiver errs by for seconds besides, where that
+    is likelier than declared noise alone, which is white; before the log both are as likely.
+
+    The evidence of the slow error is Laplace's, which neglects how its sizes go together.
     """
-    sizes = slow_error_of_gps(recording)
-    first = first_levels(recording, (), None, None)
+    plain, sizes = first_levels(recording, (), None, None), slow_error_of_gps(recording)
+    first = plain
     for size in sizes:
         first = first.with_size(size, size.median)
-    return _likeliest(recording, sizes, first, most)
+    without = Problem(recording, (), plain).value(np.zeros(0))
+    noise = {"colour_std": "noise_std", "velocity_colour_std": "velocity_noise_std"}
+    problem = Problem(recording, sizes, first)
+
+    def theta(share: float, time: float) -> FloatArray:
+        gps = first.specs["gps"]
+        values = [time if s.key == "colour_time" else share * (getattr(gps, noise[s.key]) or s.median) for s in sizes]
+        return np.array([np.log(value / s.median) / s.spread for value, s in zip(values, sizes, strict=True)])
+
+    start = max((theta(*one) for one in TRIED), key=problem.value)
+    if problem.value(start) < without:
+        return plain
+    found = _likeliest(recording, sizes, first, MOST, start)
+    narrower = sum(float(np.log(sigma / s.spread)) for sigma, s in zip(found.sigmas, sizes, strict=True))
+    return found if found.log_posterior + narrower > without else plain
 
 
-def _likeliest(recording: Recording, sizes: Sequence[Size], first: Levels, most: int) -> Levels:
+def _likeliest(
+    recording: Recording, sizes: Sequence[Size], first: Levels, most: int, start: FloatArray | None = None
+) -> Levels:
     """The likeliest of some sizes, the others as they are at first."""
     problem = Problem(recording, sizes, first)
-    theta, value = problem.maximise(np.zeros(len(sizes)), most)
+    theta, value = problem.maximise(np.zeros(len(sizes)) if start is None else start, most)
     sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), sizes, strict=True))
     return replace(problem.levels(theta), found=tuple(sizes), sigmas=sigmas, log_posterior=value)
 
