@@ -71,6 +71,7 @@ class Size:
     median : of the prior
     spread : standard deviation of its logarithm in the prior; of a time ("latency", "gps") of itself
     linear : it is a time, not a size
+    least : no smaller one is that of what it is the size of
     """
 
     sensor: str
@@ -78,10 +79,17 @@ class Size:
     median: float
     spread: float
     linear: bool = False
+    least: float = 0.0
 
     def at(self, theta: float) -> float:
         """The size at so many spreads from its median."""
         return self.median + self.spread * theta if self.linear else self.median * float(np.exp(self.spread * theta))
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of theta; also of a lateness: what is later is an effect that a trace names."""
+        low = -4.0 if self.least <= 0.0 else float(np.log(self.least / self.median)) / self.spread
+        return max(low, -4.0), 4.0
 
 
 @dataclass(frozen=True)
@@ -344,7 +352,7 @@ class Problem:
                 best[:] = [value, x.copy()]
             return -value, -gradient
 
-        bounds = [(-4.0, 4.0)] * len(theta)  # also of a lateness: what is later is an effect that a trace names
+        bounds = [size.bounds for size in self.sizes]
         options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
         minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
@@ -436,8 +444,10 @@ def fit_levels(
     return _likeliest(recording, sizes, first, most) if sizes else first
 
 
+#: What is slow, where white noise is declared: a time constant of fewer seconds would be that of more white noise [s].
+SLOW = 2.0
 #: A slow error that is tried first: its size over the white noise, and its time constant [s].
-TRIED = tuple(product((0.3, 1.0), (1.0, 5.0)))
+TRIED = tuple(product((0.3, 1.0), (3.0, 10.0)))
 
 
 def with_slow_gps(recording: Recording) -> Levels:
@@ -447,6 +457,7 @@ def with_slow_gps(recording: Recording) -> Levels:
     The evidence of the slow error is Laplace's, which neglects how its sizes go together.
     """
     plain, sizes = first_levels(recording, (), None, None), slow_error_of_gps(recording)
+    sizes = [replace(s, median=5.0, least=SLOW) if s.key == "colour_time" else s for s in sizes]
     first = plain
     for size in sizes:
         first = first.with_size(size, size.median)

@@ -74,8 +74,9 @@ class FlightSource:
     recording : a flight
     model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
         them, and single wrong readings are taken out instead
-    logged : where the noise is found and not declared, all readings as they were logged: wrong readings are then those
-        far from their neighbours, not from the filter
+    logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
+        what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
+        neighbours, not from the filter
     """
 
     def __init__(self, recording: Recording, model: FlightModel, logged: Recording | None = None) -> None:
@@ -452,8 +453,8 @@ class FlightSource:
 
     @property
     def is_predicting(self) -> bool:
-        """Where the log is long enough."""
-        return self._prediction.is_possible
+        """Where the noise is found and not declared, and the log is long enough."""
+        return self._logged is not None and self._prediction.is_possible
 
     def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
         """Whether the withheld readings of all streams are predicted better."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.preparation import prepared
+from sinan.calibration.levels.preparation import as_declared, prepared
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured import flights
@@ -43,7 +43,7 @@ def handheld() -> tuple[Recording, Stream]:
 
 def test_what_declares_everything_is_prepared_as_it_is(handheld: tuple[Recording, Stream]) -> None:
     recording = handheld[0]
-    ready = prepared(recording)
+    ready = as_declared(recording)
     assert ready.recording is recording
     assert ready.notes == ()
     assert all(
