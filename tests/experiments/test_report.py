@@ -54,7 +54,6 @@ from sinan.experiments.residual_loop.trials import (
     NO_EVIDENCE,
     ROLLED_BACK,
     SCATTERED,
-    SLOW_NOISE,
     UNLIKELY,
     UNTRIED,
     Finding,
@@ -174,9 +173,7 @@ def chosen_and_dropped(nothing: Report, why: str) -> Report:
     return worded_report(Traced.alone(part.source, replace(part.trace, selection=selection)))
 
 
-@pytest.mark.parametrize(
-    "why", [SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, GIVEN_ERROR, ROLLED_BACK]
-)
+@pytest.mark.parametrize("why", [NO_EVIDENCE, SCATTERED, UNLIKELY, IMPOSSIBLE, UNTRIED, GIVEN_ERROR, ROLLED_BACK])
 def test_a_candidate_that_passes_and_is_not_accepted_has_its_reason(nothing: Report, tmp_path: Path, why: str) -> None:
     result, document = chosen_and_dropped(nothing, why)
     mark, reason = REFUSED[why]
