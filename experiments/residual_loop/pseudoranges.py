@@ -22,10 +22,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, CONFUSED, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.estimator.positioning.steady_fault import steady_fault
+from sinan.experiments.residual_loop.onsets import SEARCHED, Rows, Step, strongest_onset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import pseudorange_satellite_fault
 from sinan.sensors.effects.declaration import Effect
@@ -328,37 +329,56 @@ def rivals_of(
     return tuple(rivals)
 
 
-def next_fault(
-    location: Location, position: FloatArray, keep: BoolArray, alpha: float, fitting: bool = False
-) -> Called | None:
+def next_fault(location: Location, position: FloatArray, keep: BoolArray, alpha: float) -> Called | None:
     """The satellite whose fault explains most, with its onset, if it passes at family-wise error alpha.
 
     To be asked about a fix that models every known effect: what these explain is no fault. All satellites are scored
-    over the whole time, the strongest of them with every onset; the likelihood names satellite and onset.
+    over the whole time, the strongest of them with every onset by the search that flights and poses use; the likelihood
+    names satellite and onset.
     """
     names = np.unique(location.ranges.satellite[keep & np.isfinite(location.fixes.residual)]).tolist()
     whole = [Candidate(FAULT.name, name) for name in names]
     if not whole:
         return None
-    found = part_of(evidence(location, position, whole, keep), fitting)
+    found = evidence(location, position, whole, keep)
     scores = {candidate: statistic_of(found, candidate.key) for candidate in whole}
     if min(s.log_p for s in scores.values()) > np.log(alpha / ((len(MODELLED) + 1) * len(names))):
         return None
-    strongest = sorted(whole, key=lambda c: -scores[c].statistic)[:SHORTLIST]
-    span = float(np.ptp(location.ranges.t))
-    onsets = [span * k / BLOCKS for k in range(BLOCKS - 1)] if span > 0.0 else [0.0]
-    threshold = alpha / ((len(MODELLED) + 1) * len(names) * len(onsets))
-    options = [Candidate(FAULT.name, c.satellite, onset) for c in strongest for onset in onsets]
-    found = part_of(evidence(location, position, options, keep), fitting)
-    scored = [(statistic_of(found, option.key), option) for option in options]
-    statistic, chosen = max(scored, key=lambda pair: pair[0].statistic)
-    if not statistic.p_value < threshold:
+    strongest = [str(c.satellite) for c in sorted(whole, key=lambda c: -scores[c].statistic)[:SHORTLIST]]
+    ranges = location.ranges
+    span, time = float(np.ptp(ranges.t)), ranges.time - ranges.t[0]
+    stamps = {name: np.unique(time[keep & (ranges.satellite == name)]) for name in strongest}
+
+    def rows_of(steps: Sequence[Step]) -> Rows:
+        found = evidence(location, position, [Candidate(FAULT.name, *step) for step in steps], keep)
+        return rows_with(found, np.concatenate([[1.0, max(span - onset, 1.0)] for _, onset in steps]))
+
+    gain, (satellite, onset) = strongest_onset(rows_of, stamps, FAULT.size, span)
+    chosen = Candidate(FAULT.name, satellite, onset)
+    statistic = statistic_of(evidence(location, position, [chosen], keep), chosen.key)
+    if not statistic.p_value < alpha / ((len(MODELLED) + 1) * len(names) * SEARCHED):
         return None
-    rivals = {
-        o.satellite for s, o in scored if o.satellite != chosen.satellite and s.statistic > statistic.statistic - 10
-    }
-    confused = tuple(sorted(f"{FAULT.name} of {name}" for name in rivals))
-    return Called(FAULT.name, chosen.satellite, statistic, statistic.beta, confused, (chosen.onset, span), False)
+    confused = sorted(name for name in strongest if name != satellite and gain[name] > gain[satellite] - CONFUSED)
+    confused_with = tuple(f"{FAULT.name} of {name}" for name in confused)
+    return Called(FAULT.name, satellite, statistic, statistic.beta, confused_with, (onset, span), False)
+
+
+def rows_with(found: Evidence, unit: FloatArray) -> Rows:
+    """As many rows as columns, with the information and the score of the whole time: L = W'W, b = W' white.
+
+    Parameters
+    ----------
+    unit : (p,) of each parameter; a drift by what it makes of a range until the end is known about as well as an offset
+    """
+    L, b = found.total_information / np.multiply.outer(unit, unit), found.total_score / unit
+    size = np.sqrt(np.maximum(L.diagonal(), 1e-300))
+    power, directions = np.linalg.eigh(L / np.multiply.outer(size, size))
+    there = power > 1e-13 * power[-1]
+    root, directions = np.sqrt(power[there]), directions[:, there]
+    white = directions.T @ (b / size) / root
+    return Rows(
+        np.zeros((len(white), 0)), (directions * root).T * size, white, np.full(len(white), ""), np.zeros(len(white))
+    )
 
 
 def next_steady_fault(location: Location, keep: BoolArray, alpha: float) -> Called | None:
