@@ -1,4 +1,4 @@
-"""Ground against objects: the morphological filter beside a cloth and the lowest point, on scenes made up at random.
+"""Ground against objects: the morphological filter, a cloth and the lowest point, on scenes made up at random.
 
     python -m sinan.experiments.benchmarks.ground_filters [SEED]
 

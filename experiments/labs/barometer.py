@@ -18,7 +18,7 @@ START = 5.0  # s whose mean is the zero of both heights
 
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
-    """A measured flight: pressure, absolute height, relative height beside that of GPS, and what is between them."""
+    """A measured flight: pressure, absolute height, relative height, that of GPS, and what is between them."""
     recording = resolve(LOG)
     baro, gps = recording.streams["baro"], recording.streams["gps"]
     absolute = height_from_pressure(baro["pressure"])

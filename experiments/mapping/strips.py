@@ -35,7 +35,7 @@ NARROW = 0.05
 KNOT = 1.0
 #: A smoothed position's error keeps its rate: Matern 3/2 with this length [s]. One of attitude has a part that lasts
 #: (of the accelerometer's bias), this share of its variance, and one that is forgotten [s]. From the errors of three
-#: flights of `survey.toml`, GPS of 0.3 m beside a consumer's IMU: autocorrelation at 1, 5, 10, 20, 40 s 0.99, 0.84,
+#: flights of `survey.toml`, GPS of 0.3 m with a consumer's IMU: autocorrelation at 1, 5, 10, 20, 40 s 0.99, 0.84,
 #: 0.58, 0.22, 0.0 of position, 0.77, 0.37, 0.20, 0.16, 0.13 of attitude.
 MEMORY, LASTING, FORGOTTEN = 7.0, 0.15, 3.0
 #: Cells whose plane leaves more than so many times the median are edges of something.

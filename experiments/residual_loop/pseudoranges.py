@@ -24,6 +24,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import BLOCKS, CONFUSED, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
+from sinan.estimator.positioning.noise_fit import LASTING as LASTING
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.estimator.positioning.steady_fault import steady_fault
 from sinan.experiments.residual_loop.onsets import SEARCHED, Rows, Step, strongest_onset
@@ -41,10 +42,10 @@ from sinan.sensors.pseudorange import (
     line_of_sight,
     sum_of,
 )
+from sinan.sensors.range_noise import USUAL_ACCURACY as USUAL_ACCURACY
 
 #: Satellites for which the onset of a fault is searched: bound of work (`bounds_of_work ranges`).
 SHORTLIST = 6
-LASTING = 1800.0  # s, correlation time of a satellite's error and of the modelled ionosphere's
 MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
 #: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E). The whole error of one
 #: epoch, with what stays, which is `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
@@ -53,10 +54,9 @@ MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
 #: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.
 #: 61 (2018) 3020); the accuracy that the message promises where that is worse than its usual value.
 SIGNAL_IN_SPACE: Mapping[str, float] = {"G": 0.6, "E": 0.25, "J": 0.6, "C": 1.1, "R": 1.9}
-#: Above what messages usually promise [m]: 2.0, 2.8 and 3.12 m in 2550 of the 2552 messages of Esbjerg and Kamakura
-#: (measured: `pytest tests/experiments/test_gnss.py -k promise`); 4.0 is GPS's URA index 2 (IS-GPS-200).
-USUAL_ACCURACY = 4.0
-TROPOSPHERE_LEFT = 0.1  # 1, share of the zenith delay that weather changes; 2 cm dry and 20 cm wet at the most
+ZENITH_LEFT = (
+    0.1  # m at the zenith that a model of the mean weather leaves: 2 cm of the dry part, up to 20 cm of the wet
+)
 IONOSPHERE = "pseudorange.ionosphere"
 TROPOSPHERE = "pseudorange.troposphere"
 FAULT = pseudorange_satellite_fault.EFFECT
@@ -214,7 +214,7 @@ def state_variance(location: Location, position: FloatArray, rows: IntArray) -> 
     if IONOSPHERE in location.effects:
         variance = variance + (IONOSPHERE_RAY * sum_of(motion, [IONOSPHERE])) ** 2
     if TROPOSPHERE in location.effects:
-        variance = variance + (TROPOSPHERE_LEFT / sine) ** 2
+        variance = variance + (ZENITH_LEFT / sine) ** 2
     column = satellite_columns(location.ranges, ranges)
     mean = (column.T @ variance) / np.maximum(column.sum(axis=0), 1.0)
     return np.concatenate([mean, np.ones(3)])

@@ -48,7 +48,7 @@ SLOW_NOISE, NO_EVIDENCE, SCATTERED, UNLIKELY = "slow noise", "no evidence", "sca
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Why an effect that had been chosen was dropped: it does not stand out given an error that is in no catalogue; the
 #: held-out part does not bear it out, and it is not tried again.
-GIVEN_ERROR, ROLLED_BACK = "beside an error", "rolled back"
+GIVEN_ERROR, ROLLED_BACK = "given an error", "rolled back"
 #: Those reasons that may not hold any more once another effect is in the model.
 OF_THE_MODEL = (SLOW_NOISE, SCATTERED)
 
