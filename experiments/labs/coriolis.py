@@ -142,8 +142,8 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     )
     page.figure(
         figure,
-        "A ball that rolls straight on, as a disc sees it that turns at 90 deg/s. What is read of a turn (100 deg/s), a "
-        "push (20 m/s²), and a vibration in step with the swing (1 m/s²).",
+        "A ball that rolls straight on, as a disc sees it that turns at 90 deg/s. What is read of a turn (100 deg/s), "
+        "a push (20 m/s²), and a vibration in step with the swing (1 m/s²).",
     )
     page.table(["read / (deg/s)", *parts], rows, (1, 2, 3))
     page.text(

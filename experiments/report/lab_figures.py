@@ -51,8 +51,8 @@ def panels(shown: Sequence[Panel], columns: int = 2, height: float = 3.0) -> Fig
         colours = iter(COLOURS * 4)
         for name, (x, y) in panel.curves.items():
             known = name.startswith("known")
-            style = {"color": SOFT, "lw": 3.2, "alpha": 0.6} if known else {"color": NAMED.get(name) or next(colours), "lw": 1.4}
-            one.plot(x, y, label=name, **style)
+            colour = SOFT if known else NAMED.get(name) or next(colours)
+            one.plot(x, y, label=name, color=colour, lw=3.2 if known else 1.4, alpha=0.6 if known else 1.0)
         for name, (x, y) in panel.points.items():
             size = 2.5 if len(x) > 100 else 5.0
             one.plot(x, y, "o", ms=size, mew=0, color=NAMED.get(name) or next(colours), label=name)
