@@ -93,7 +93,7 @@ def facts(effect: Effect) -> list[tuple[str, str]]:
         ("enters", f"`{effect.enters}`"),
         ("form", _form(effect)),
         ("beta", parameters(effect)),
-        ("needs", ", ".join(dict.fromkeys(NEEDS[name] for name in effect.needs)) or "nothing beside the reading"),
+        ("needs", ", ".join(dict.fromkeys(NEEDS[name] for name in effect.needs)) or "nothing besides the reading"),
         ("candidate in", " and ".join(KINDS[kind] for kind in sorted(effect.kinds))),
     ]
     if effect.scenario:

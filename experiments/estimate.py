@@ -82,7 +82,7 @@ class BiasCourse:
 
 
 def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> list[BiasCourse]:
-    """Every bias of a run over time, at most `most` instants, beside that of a reference where it knows it."""
+    """Every bias of a run over time, at most `most` instants, with that of a reference where it knows it."""
     truth = Stream(np.empty(0), {}) if target is None else target.reference
     layout = journal.model.layout
     step = max(1, len(journal.imu_t) // most)

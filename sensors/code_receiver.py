@@ -19,12 +19,11 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.range_noise import LOWEST
 
 CA_CHIP = SPEED_OF_LIGHT / 1.023e6  # m, IS-GPS-200N, 3.3.2.1
 P_CHIP = SPEED_OF_LIGHT / 10.23e6  # m, the same
 LOWEST_STRENGTH, RISE = 36.0, 14.0  # dB-Hz at the horizon, and what the zenith has more: a patch antenna with a plane
-REFERENCE_STRENGTH = 45.0  # dB-Hz
-LOWEST = np.deg2rad(5.0)  # elevation below which multipath grows no more
 
 
 def strength(elevation: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What a recording knows beside the readings: the covariates that effects need, at given instants."""
+"""What a recording knows besides the readings: the covariates that effects need, at given instants."""
 
 from __future__ import annotations
 

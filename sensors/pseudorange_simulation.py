@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.code_receiver import REFERENCE_STRENGTH, CodeReceiver, strength
+from sinan.sensors.code_receiver import CodeReceiver, strength
 from sinan.sensors.constants import EARTH_RATE, SPEED_OF_LIGHT
 from sinan.sensors.ephemeris import kepler_orbit
 from sinan.sensors.formats.rinex_navigation import GLONASS, KEPLER, Navigation, Table
@@ -211,7 +211,6 @@ def simulate_ranges(
 
 
 __all__ = [
-    "REFERENCE_STRENGTH",
     "START",
     "WEEK_NUMBER",
     "Air",

@@ -293,7 +293,7 @@ def check_stream(where: str | Path, name: str, stream: Stream) -> None:
     further = [column for column in stream.columns if column not in known and not column.startswith(_NUMBERED)]
     if len(further) > MOST_COVARIATES:
         found = f"{len(further)} further columns ({', '.join(further[:3])}, ...)"
-        raise InputError(where, found, f"at most {MOST_COVARIATES} beside the format's own", place)
+        raise InputError(where, found, f"at most {MOST_COVARIATES} besides the format's own", place)
     for column in stream.columns:
         if not column.isprintable():
             raise InputError(where, f"column {column!r}", "a name that prints", place)

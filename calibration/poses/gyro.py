@@ -19,6 +19,7 @@ from sinan.calibration.poses.triad import Calibration, calibrate_norm
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import EARTH_RATE
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.plausible import HIGHEST_RATE_AT_REST
 from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_conjugate,
@@ -32,8 +33,6 @@ _OFF_DIAGONAL = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _NAMES = tuple(f"scale {a}" for a in "xyz") + tuple(f"offset {a}" for a in "xyz")
 _NAMES += tuple("T_" + "xyz"[i] + "xyz"[j] for i, j in _OFF_DIAGONAL)
 _PLAUSIBLE = np.array([0.05] * 3 + [0.1] * 3 + [0.05] * 6)  # 1, rad/s, 1: MPU-6050 data sheet, +-3 %, +-20 deg/s, 2 %
-#: Bias of the worst rate gyroscopes that are sold is 40 deg/s; in a pose a gyroscope shows no more [rad/s].
-_HIGHEST_RATE_AT_REST = 1.0
 #: A turn's path over its change of tilt: a few at most; degrees make it 57 times that, thousandths a thousand times.
 _LONGEST_TURN, _SHORTEST_TURN, _NOT_DEGREES = 20.0, 0.1, 300.0
 
@@ -355,12 +354,12 @@ def _require_radians(log: GyroLog, where: str) -> None:
     expected = "a gyroscope in rad/s, after the conversion of a map"
     bias = np.median(log.poses.mean[:, 3:], axis=0)
     at_rest = float(np.linalg.norm(bias))
-    if at_rest > _HIGHEST_RATE_AT_REST:
+    if at_rest > HIGHEST_RATE_AT_REST:
         found = f"gyroscope with a rate of {at_rest:.3g} rad/s ({np.rad2deg(at_rest):.0f} deg/s) at rest"
         raise InputError(
             where,
             f"{found}: looks like deg/s, or another unit",
-            f"{expected}, below {_HIGHEST_RATE_AT_REST:.0f} at rest",
+            f"{expected}, below {HIGHEST_RATE_AT_REST:.0f} at rest",
         )
     speed = np.linalg.norm(log.reading - bias, axis=1)
     angle = np.array([np.sum(speed[turn][:-1] * np.diff(log.t[turn])) for turn in log.turns])

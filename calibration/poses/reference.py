@@ -1,4 +1,4 @@
-"""Calibration against an external reference: directions that something else tells. Unlike a norm it determines T whole.
+"""Calibration against an external reference: directions measured otherwise. Unlike a norm it determines T whole.
 
 A norm says how long the calibrated reading is. A turntable, a known angle or the attitude that a log gives say where it
 points, too: then a rotation of the axes has an effect on the residual, and the course's three angles are found.

@@ -275,7 +275,7 @@ def _cell_length(
     walk: FloatArray,
     grown: tuple[FloatArray, FloatArray],
 ) -> float:
-    """The longest cell, halved from `CELL`, that keeps the process noise in it small beside every reading's own."""
+    """The longest cell, halved from `CELL`, that keeps the process noise in it below every reading's own."""
     span = float(motion.t[-1] - motion.t[0])
     least = span / MOST_CELLS
     edges = np.linspace(motion.t[0], motion.t[-1], PROBES + 1)

@@ -1,4 +1,4 @@
-"""What a model takes of a recording without being told."""
+"""What a model assumes of a recording that does not declare it."""
 
 from __future__ import annotations
 

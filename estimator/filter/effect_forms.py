@@ -184,7 +184,7 @@ def imu_corrections(recording: Recording, terms: Terms, motion: Motion) -> Float
 
 
 def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion:
-    """The motion with what the recording knows beside the readings, at the motion's instants."""
+    """The motion with what the recording knows besides the readings, at the motion's instants."""
     return motion.with_covariates(**covariates_for(recording, stream, motion.t))
 
 

@@ -37,7 +37,9 @@ DRIVERS = ("accel", "gyro")
 GATE_LEVEL = 1e-6
 #: Mean acceleration that `level` allows over its window [m/s^2]; hand-held and multicopter motion alike.
 LEVEL_SIGMA = 1.0
-LEVEL_WINDOW = 0.1  # s
+#: Length of that window [s]. Only `LEVEL_SIGMA` squared times this matters, 0.1 (m/s^2)^2 s of white noise,
+#: because it is shorter than a change of attitude.
+LEVEL_WINDOW = 0.1
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class FlightModel:
     latency : by stream, how late its stamps are [s]: the reading belongs to t - latency
     gate_level : false-alarm rate of the chi-square gate on a whole reading; None: no gate
     robust_level : readings whose NIS has a smaller tail probability are given more noise, not refused; None: off
-    colour : by sensor, first-order noise beside the white noise: first component of the reading, and the process
+    colour : by sensor, first-order noise besides the white noise: first component of the reading, and the process
     in_step : noise of the IMU that goes with the motion
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]

@@ -29,7 +29,7 @@ PIECE = 60.0  # s, of a journal in memory: bound of work (`test_pieces`)
 def journal_pieces(
     recording: Recording, model: FlightModel, engine: Engine = "auto", stride: int = 1, seconds: float = PIECE
 ) -> Iterator[Journal]:
-    """Journals of one run, piece after piece: beside the recording, only one piece is in memory.
+    """Journals of one run, piece after piece: besides the recording, only one piece is in memory.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from sinan.sensors.recording import Recording
 
 __all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "run_relinearised"]
 
-PASSES = 6
+PASSES = 6  # at most; `TOLERANCE` ends them: bound of work (`bounds_of_work coarse`)
 TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end: to its variance it adds 0.01^2
 #: 1-sigma of the attitude about its worst axis above which the plain filter's covariance is not to be trusted
 #: [rad]; docs/notes/filter_consistency.md has the study.
@@ -51,7 +51,7 @@ def run_relinearised(
     *,
     engine: Engine = "auto",
     stride: int = 1,
-    passes: int = PASSES,
+    passes: int | None = None,
     first: tuple[FloatArray, FloatArray] | None = None,
 ) -> Journal:
     """Filter, smooth, and filter again about the smoothed motion until the innovations settle.
@@ -60,11 +60,18 @@ def run_relinearised(
     ----------
     recording, model, engine, stride : as for `run_filter`; the gate judges the last passes, not the first
     betas : effects in the model, in their exact form; what the recording declares is added
-    passes : at most
+    passes : at most; default: `PASSES`
     first : state and covariance to start from; default: those of `first_state`
     """
     terms = (betas or Terms()).joined(declared_terms(recording))
     model = model.replace(relinearise=True)
     return run_with_effects(
-        recording, model, terms, engine=engine, stride=stride, passes=passes, tolerance=TOLERANCE, first=first
+        recording,
+        model,
+        terms,
+        engine=engine,
+        stride=stride,
+        passes=PASSES if passes is None else passes,
+        tolerance=TOLERANCE,
+        first=first,
     )

@@ -15,7 +15,8 @@ from sinan.estimator.filter.journal import Journal
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.recording import Recording
 
-#: Share of a sensor's readings that a gate may refuse before it is the gate that is doubted.
+#: Share of a sensor's readings that a gate may refuse before it is the gate that is doubted: a quarter, where one in a
+#: million should be, are refused if innovations are norm.isf(5e-7) / norm.isf(0.125) = 4.3 times as large as declared.
 LOCKED_OUT = 0.25
 
 

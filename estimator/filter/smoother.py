@@ -23,7 +23,7 @@ from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import B_IMU, CAPACITY, P_N, Q_NB, V_N
 from sinan.estimator.filter.pieces import parts_of, recorded
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import rotate_back
 
@@ -76,6 +76,61 @@ def smooth(journal: Journal, sigmas: bool = False, part: int | None = None) -> S
             r[:], information[:] = 0.0, 0.0
     t_sigma = inputs.imu.t[[one.i0 for one in parts]] if sigmas else np.empty(0)
     return SmoothedStates(inputs.imu.t, x_smooth, t_sigma, sigma)
+
+
+def joint_covariance(journal: Journal, states: IntArray, part: int) -> tuple[FloatArray, FloatArray]:
+    """How the errors of a smoothed run at different instants go together.
+
+    With e_j the error at the start of part j given all readings, P_j and N_j the filter's covariance and what later
+    readings say there, L_j the transition of the filter's error over the part (steps and readings),
+
+        cov(e_j, e_k) = P_j L_j' ... L_{k-1}' (1 - N_k P_k),   j <= k
+
+    Parameters
+    ----------
+    journal : of `run_filter`
+    states : (m,) places in the error state
+    part : IMU samples between two instants
+
+    Returns
+    -------
+    (M,) instants [s], and (M, m, M, m) covariance
+
+    Source: J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed., section 4.7.
+    """
+    inputs = journal.run
+    assert isinstance(inputs, RunInputs)
+    n, m = inputs.model.layout.n, len(states)
+    parts = parts_of(inputs, part)
+    L_T, seen = np.zeros((len(parts), n, n)), np.zeros((len(parts), n, m))
+    r, N = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
+    for place, one in reversed(list(enumerate(parts))):
+        L_T[place] = _part_back(one.inputs, r, N, n)
+        seen[place] = (np.eye(n) - N[:n, :n] @ one.inputs.P)[:, states]
+        if one.begins:
+            r[:], N[:] = 0.0, 0.0
+    covariance = np.zeros((len(parts), m, len(parts), m))
+    before = np.zeros((len(parts), m, n))
+    for k, one in enumerate(parts):
+        before[:k] = 0.0 if one.begins else before[:k] @ L_T[k - 1]
+        before[k] = one.inputs.P[states]
+        covariance[: k + 1, :, k] = before[: k + 1] @ seen[k]
+        covariance[k, :, :k] = covariance[:k, :, k].transpose(2, 0, 1)
+    return inputs.imu.t[[one.i0 for one in parts]], covariance
+
+
+def _part_back(part: RunInputs, r: FloatArray, N: FloatArray, n: int) -> FloatArray:
+    """(n, n) transposed transition of the filter's error over a part; N is carried to its start, in place."""
+    from sinan.estimator.filter.smoother_numba import backward
+
+    engine, trail = recorded(part, 1)
+    row, after = part.events.row, np.zeros((len(trail.steps), CAPACITY))
+    nothing = np.zeros(int(row[-1]))
+    backward(trail, row, nothing, engine.world, r, after, N, True)
+    columns = np.eye(CAPACITY)[:n]
+    for column in columns:
+        backward(trail, row, nothing, engine.world, column, after, N, False)
+    return np.asarray(columns[:, :n].T)
 
 
 def _smooth_part(part: RunInputs, r: FloatArray, information: FloatArray, sigmas: bool) -> FloatArray:

@@ -25,7 +25,7 @@ from sinan.sensors.pseudorange import (
 from sinan.sensors.range_noise import RangeNoise
 
 MOST_PASSES = 8  # of mask, weights and modelled effects: bound of work (`bounds_of_work ranges`)
-MOST_EXCLUDED = 6  # satellites of one epoch
+MOST_EXCLUDED = 6  # satellites of one epoch: bound of work (`bounds_of_work ranges`)
 #: 1-sigma of a pseudorange before any effect but the satellite clocks is modelled [m]: all rows have the same, so that
 #: the weights say nothing (`bounds_of_work ranges`).
 COARSE = 30.0
@@ -167,7 +167,7 @@ class _Rays:
         if not exclude:
             return found
         again = functools.partial(self.fixes, delay=clock, weight=variance, begin=begin)
-        return exclude_faults(again, allowed, found, self.ranges, self.group, variance)[1]
+        return exclude_faults(again, allowed, found, self.ranges, self.group, variance, None, MOST_EXCLUDED)[1]
 
 
 def _noise(
@@ -207,8 +207,8 @@ def exclude_faults(
     ranges: Pseudoranges,
     group: IntArray,
     variance: FloatArray,
-    field: FloatArray | None = None,
-    most: int = MOST_EXCLUDED,
+    field: FloatArray | None,
+    most: int,
 ) -> tuple[BoolArray, Fixes, Integrity]:
     """Leave out, epoch by epoch, the satellite with the largest w until the test passes.
 

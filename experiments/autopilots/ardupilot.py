@@ -32,7 +32,7 @@ from sinan.sensors.arrays import FloatArray
 
 _THROTTLE, _CURRENT = 1, 2  # COMPASS_MOTCT
 _CUSTOM_1 = 101  # COMPASS_ORIENT: CUST_ROT1_*
-_MILLIGAUSS = 1000.0
+MILLIGAUSS = 1000.0
 _TEMPERATURE_SCALE = 1e6  # of INS_TCALn_*
 _MOST_DELAY = 250.0  # ms
 _MOST_PRESSURE = 1.0  # BARO1_WCF_*
@@ -138,7 +138,7 @@ def _put_current(found: Findings, terms: Terms, k: str, A: FloatArray, effects: 
             terms.put_three(form, A @ before, *effects)
         return
     terms.put("COMPASS_MOTCT", _CURRENT, CURRENT, whole=True)
-    terms.put_three(form, A @ (before - _MILLIGAUSS * found.effects[CURRENT]), CURRENT, *effects)
+    terms.put_three(form, A @ (before - MILLIGAUSS * found.effects[CURRENT]), CURRENT, *effects)
     for other in ("", "2", "3"):
         if kind != _CURRENT and other != k and np.any(terms.three(f"COMPASS_MOT{other}_{{}}")):
             terms.put_three(f"COMPASS_MOT{other}_{{}}", np.zeros(3), CURRENT)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from sinan.calibration.poses.triad import Calibration
-from sinan.experiments.autopilots.ardupilot import compass_number
+from sinan.experiments.autopilots.ardupilot import MILLIGAUSS, compass_number
 from sinan.experiments.autopilots.corrections import stretch_then_turn
 from sinan.experiments.autopilots.findings import Findings
 from sinan.experiments.autopilots.orientations import from_degrees, rotation_of
@@ -31,7 +31,6 @@ from sinan.sensors.formats.choice import Choice
 
 #: Where a calibration is named in place of an effect.
 LABEL = {"accel": "accelerometer calibration", "mag": "compass calibration"}
-_MILLIGAUSS = 1000.0
 _BOARD, _CUSTOM = -1, 100  # CAL_MAGn_ROT
 _SMALL = 1e-6
 
@@ -162,7 +161,7 @@ def _ardupilot_mag(terms: Terms, k: str, M: FloatArray, b: FloatArray) -> None:
     D = _symmetric(terms.three(dia), terms.three(odi)) if np.any(terms.three(dia)) else np.eye(3)
     Q, P = stretch_then_turn(M @ D)
     ofs, mot = f"COMPASS_OFS{k}_{{}}", f"COMPASS_MOT{k}_{{}}"
-    terms.put_three(ofs, terms.three(ofs) + np.linalg.solve(D * scale, _MILLIGAUSS * b), LABEL["mag"])
+    terms.put_three(ofs, terms.three(ofs) + np.linalg.solve(D * scale, MILLIGAUSS * b), LABEL["mag"])
     _put_matrix(terms, dia, odi, P)
     if terms.get("COMPASS_MOTCT") and np.any(terms.three(mot)):
         terms.put_three(mot, Q.T @ M @ terms.three(mot), LABEL["mag"])

@@ -1,1 +1,1 @@
-"""Measurements of the project itself, each a command: speed, accuracy beside other programs, what a bound decides."""
+"""Measurements of the project itself, each a command: speed, accuracy against other programs, what a bound decides."""

@@ -1,4 +1,4 @@
-"""Attitude against a reference: this project's filter and smoother beside VQF, in real time and with the whole log.
+"""Attitude against a reference: this project's filter and smoother, and VQF, in real time and with the whole log.
 
     python -m sinan.experiments.benchmarks.attitude [--json FILE] [NAME ...]        (BROAD: all names that begin so)
 

@@ -2,7 +2,7 @@
 
     python -m sinan.experiments.benchmarks.bounds_of_work [CASE ...]
 
-Each constant is halved and doubled by itself, its case is answered again, and the two answers are set beside the first:
+Each constant is halved and doubled by itself, its case is answered again, and both answers are compared with the first:
 whether the words are the same, and by how much a number has moved, in its own sigma where it has one, else relative
 to itself. A list of numbers is halved and doubled as a whole. What one small case shows it shows of that case.
 """
@@ -23,10 +23,13 @@ import numpy as np
 from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import read_corners
 from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.relinearise import run_relinearised
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
 from sinan.experiments.gnss.simulated import load
 from sinan.experiments.gnss.simulated import simulate as ranges_of
+from sinan.experiments.residual_loop.outliers import wrong_among
 from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -67,11 +70,13 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "ranges": {
         _LOOP + "pseudorange_trace": ("MOST_FAULTS",),
         _LOOP + "pseudoranges": ("SHORTLIST",),
-        _RANGES + "location": ("MOST_PASSES", "COARSE"),
+        _RANGES + "location": ("MOST_PASSES", "MOST_EXCLUDED", "COARSE"),
         _RANGES + "noise_fit": ("NEAREST", "FARTHEST"),
         _RANGES + "integrity": ("LEAST_REDUNDANCY",),
         _RANGES + "steady_fault": ("SHORTLIST",),
     },
+    "coarse": {"sinan.estimator.filter.relinearise": ("PASSES",)},
+    "outliers": {_LOOP + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
     "observability": {"sinan.estimator.evidence.observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
     "levels": {_LEVELS + "fit": ("MOST",)},
 }  # fmt: skip
@@ -146,6 +151,30 @@ def _ranges() -> Answer:
     return _relative(np.concatenate([one.full for one in found.called]), words)
 
 
+def _coarse() -> Answer:
+    """Position and velocity at the end of a flight that begins with a heading that nothing shows."""
+    recording = _recording("figure_eight", seed=5)
+    blind = recording.replace(
+        streams={name: stream for name, stream in recording.streams.items() if name != "mag"},
+        initial=replace(recording.initial, quaternion=None, attitude_std=None),
+    )
+    journal = run_relinearised(blind, flight_model(blind), engine="numba", stride=0)
+    return Answer((), journal.x_end[:6], np.sqrt(journal.P_end.diagonal()[:6]))
+
+
+def _outliers() -> Answer:
+    """Of 3000 readings with heavy tails one in a hundred is wrong: how many are found, and the rest of the law."""
+    rng = np.random.default_rng(3)
+    error = rng.standard_normal((3000, 3)) / np.sqrt(rng.chisquare(4.0, (3000, 1)) / 4.0)
+    wrong = rng.choice(3000, 30, replace=False)
+    away = rng.standard_normal((30, 3))
+    error[wrong] += rng.uniform(12.0, 25.0, (30, 1)) * away / np.linalg.norm(away, axis=1, keepdims=True)
+    found = wrong_among(error)
+    assert found is not None
+    hits = len(np.intersect1d(found.row, wrong))
+    return Answer((), np.array([hits, len(found.row) - hits]), np.sqrt([30.0, 30.0]))
+
+
 def _observability() -> Answer:
     """1-sigma of each state at the end of a hover."""
     return _relative([one.posterior for one in study(case_of_recording(_recording("hover")), False).states])
@@ -164,6 +193,8 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "flight": lambda: _of_trace(_recording("hover", "gps.transient=4,0,0@20:30")),
     "camera": _camera,
     "ranges": _ranges,
+    "coarse": _coarse,
+    "outliers": _outliers,
     "observability": _observability,
     "levels": _levels,
 }

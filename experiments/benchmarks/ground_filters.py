@@ -1,4 +1,4 @@
-"""Ground against objects: the morphological filter beside a cloth and the lowest point, on scenes made up at random.
+"""Ground against objects: the morphological filter, a cloth and the lowest point, on scenes made up at random.
 
     python -m sinan.experiments.benchmarks.ground_filters [SEED]
 
@@ -20,7 +20,7 @@ from sinan.experiments.mapping.cloud import Mounting, Scans, east_north_up, plac
 from sinan.experiments.mapping.flight import ANGLES, surveyed
 from sinan.experiments.mapping.making import scans_of, trajectory
 from sinan.experiments.mapping.scene import Ground, Scene, scanned
-from sinan.experiments.mapping.strips import Drift, fit_strips, strips_of
+from sinan.experiments.mapping.strips import fit_strips, strips_of
 from sinan.experiments.mapping.terrain import ground_of, lowest_is_ground
 from sinan.sensors.arrays import BoolArray, FloatArray
 
@@ -134,9 +134,9 @@ FILTERS: dict[str, Filter] = {
 def clouds(scene: Scene, seed: int) -> tuple[dict[str, FloatArray], BoolArray]:
     """By trajectory (m, 3) east, north, up [m]; (m,) whether on an object."""
     recording, truth = surveyed(scene, CROOKED, seed)
-    motion, sigmas = trajectory(recording)
+    motion, _, drift = trajectory(recording)
     scans, straight = scans_of(recording), Mounting(CROOKED.boresight, CROOKED.lever_arm)
-    fit = fit_strips(scans, motion, strips_of(motion, scans.t), None, Drift(sigmas.position, sigmas.attitude))
+    fit = fit_strips(scans, motion, strips_of(motion, scans.t), None, drift)
     assert fit is not None
     exact = scanned(scene, truth, ANGLES, CROOKED, np.random.default_rng([seed, 1]))
     keep = np.isfinite(scans.ranges)

@@ -1,9 +1,9 @@
-"""A long log in pieces: time and memory beside the recording itself.
+"""A long log in pieces: time, and memory in addition to the recording itself.
 
     python -m sinan.experiments.benchmarks.long_log [--hours 10]
 
 The flight of `filter_speed`, played again and again. Each piece is journalled in full and dropped; what stays in memory
-beside the recording are its table of IMU samples and its readings in the order of time.
+in addition to the recording are its table of IMU samples and its readings in the order of time.
 """
 
 from __future__ import annotations

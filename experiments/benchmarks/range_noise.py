@@ -4,7 +4,8 @@
 
 For every log: normalised squared residual a degree of freedom (it should be one) and the RMS position error, by the
 fixed law of `code_variance`; by the mean of what the other sites' logs say; by its own fit with that as the prior; and
-the last third of it by a fit to its first two thirds.
+the last third of it by a fit to its first two thirds. Then, of logs of half an hour and more at a known place, how
+likely their residuals are by how long a satellite's error lasts.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from pathlib import Path
 import numpy as np
 import pymap3d
 
+from sinan.estimator.evidence.score import BLOCKS
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import Problem, fit, problem_of
 from sinan.experiments.gnss.reference import position_error, read_reference
+from sinan.experiments.residual_loop.pseudoranges import Columns, linearise, state_variance
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
@@ -30,6 +33,8 @@ BEGIN = RangeNoise(
     {"G": 0.6, "E": 0.4, "J": 0.6, "C": 1.1, "R": 1.9}, elevation=0.4, strength=0.3, ray=0.1, field=0.3
 )  # what the prior of the sites' own fits is centred at; a log tells what it can
 BEGIN_SPREAD = 1.0
+#: Times that a satellite's error may last, and how long a log is at least that can tell them [s].
+TRIED, LONG_ENOUGH = (900.0, 1800.0, 3600.0, 7200.0, 14400.0), 1500.0
 NAGOYA_BASE = tuple(float(x) for x in pymap3d.geodetic2ecef(35.134707705, 136.977577539, 104.8530))
 FUJISAWA = (-3959400.631, 3385704.533, 3667523.111)
 _ESBJERG = ("esbjerg_static_2020/ESBC00DNK_R_20201770000_01D_MN.rnx", (3582104.895, 532590.207, 5232755.260))
@@ -133,8 +138,41 @@ def nis(location: Location, during: BoolArray) -> float:
     return float(np.sum(location.fixes.sse[epochs]) / max(int(location.fixes.redundancy[epochs].sum()), 1))
 
 
+def likelihoods(log: Log) -> list[float]:
+    """2 log L of the residuals at the known place, for each of the times `TRIED`, less that for the first of them.
+
+    A Kalman filter over blocks of time with the satellites' errors as its state, as the trace has it; the clocks of
+    each epoch are projected out.
+    """
+    location = locate(log.ranges, mask=MASK)
+    keep = (location.elevation > MASK) & location.fixes.solved[log.ranges.epoch]
+    assert log.truth is not None
+    rows = np.flatnonzero(keep & np.isfinite(log.truth[log.ranges.epoch, 0]))
+    columns = linearise(location, log.truth, [], rows, True)
+    variance, block = state_variance(location, log.truth, rows), float(np.ptp(log.ranges.t)) / BLOCKS
+    found = [_log_likelihood(columns, variance, float(np.exp(-block / seconds))) for seconds in TRIED]
+    return [2.0 * (one - found[0]) for one in found]
+
+
+def _log_likelihood(columns: Columns, variance: FloatArray, persistence: float) -> float:
+    """Up to a constant, without an inverse of S = H P H' + 1.
+
+    With nu = z - H x and M = (P^-1 + H'H)^-1: nu' S^-1 nu = nu'nu - (H'nu)' M H'nu, |S| = |1 + P H'H|.
+    """
+    m = len(variance)
+    x, P, total = np.zeros(m), np.diag(variance), 0.0
+    for k in range(BLOCKS):
+        H, z = columns.state[columns.block == k], columns.residual[columns.block == k]
+        A, nu = np.eye(m) + P @ (H.T @ H), z - H @ x
+        M = np.linalg.solve(A, P)
+        total -= 0.5 * float(nu @ nu - (H.T @ nu) @ M @ (H.T @ nu) + np.linalg.slogdet(A)[1])
+        x, P = persistence * (x + M @ (H.T @ nu)), persistence**2 * 0.5 * (M + M.T)
+        P = P + (1.0 - persistence**2) * np.diag(variance)
+    return total
+
+
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     logs = read(Path(os.environ["SINAN_DATA"]) / "gnss")
     names = (*(f"s_{letter}" for letter in "GEJCR"), "elevation", "strength", "ray", "field")
     print("typical:", ", ".join(f"{n} {x:.3f}" for n, x in zip(names, typical(logs).sizes, strict=True)))
@@ -142,6 +180,12 @@ def main() -> None:
     for one in judge(logs):
         cells = [f"{x:.2f}" for x in one.nis] + ["-" if x is None else f"{x:.2f}" for x in one.rms]
         print(f"| {one.name} | {' | '.join(cells)} |")
+    print(
+        f"| log, 2 log L if an error lasts | {' | '.join(f'{t:g} s' for t in TRIED)} |\n|" + " --- |" * (len(TRIED) + 1)
+    )
+    for log in logs:
+        if log.truth is not None and np.ptp(log.ranges.t) > LONG_ENOUGH:
+            print(f"| {log.name} | {' | '.join(f'{x:.0f}' for x in likelihoods(log))} |")
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     python -m sinan.experiments.benchmarks.trace_speed [NAME ...] [--save FILE.json] [--against FILE.json]
 
 Each minute, and some simulated flights, is prepared and traced; seconds are CPU time of this process, kernels compiled
-beforehand. `--save` keeps the reports and the times, `--against` sets them beside kept ones: the ratio of the times and
-the largest relative difference of two numbers of the reports; words must be the same.
+beforehand. `--save` keeps the reports and the times, `--against` compares them with kept ones: the ratio of the times
+and the largest relative difference of two numbers of the reports; words must be the same.
 """
 
 from __future__ import annotations

@@ -126,7 +126,7 @@ class Study:
 
 
 def all_subsets(case: Case) -> tuple[tuple[str, ...], ...]:
-    """Every subset of the sensors, those aboard first; the base receiver only beside a GPS."""
+    """Every subset of the sensors, those aboard first; the base receiver only together with a GPS."""
     names = tuple(case.readings)
     made = [subset for size in range(len(names), -1, -1) for subset in combinations(names, size)]
     made = [subset for subset in made if "base" not in subset or "gps" in subset]

@@ -64,7 +64,7 @@ class FaceWatch:
         return [f"{name:18} {row}" for name, row in zip(_NAMES, marks, strict=True)]
 
     def add(self, accel: FloatArray, mag: FloatArray) -> None:
-        """One reading of the field, any unit, with the specific force beside it [m/s^2]."""
+        """One reading of the field, any unit, with the specific force at the same time [m/s^2]."""
         size = float(np.linalg.norm(accel))
         cosine = _UP @ accel / size if size > 0.0 else np.zeros(len(_NAMES))
         face = int(np.argmax(cosine))

@@ -17,7 +17,7 @@ from sinan.sensors.files import together
 
 
 def run(inputs: Sequence[str], out: Path, workers: int | None, dask: str | None, limits: Limits | None = None) -> str:
-    """Trace all, write `index.html` and `fleet.json` beside reports and pages, return the summary for the terminal."""
+    """Trace all, write `index.html`, `fleet.json`, reports and pages; return the summary for the terminal."""
     logs = logs_in(inputs, out)
     with progress("tracing", flies=True) as step:
         documents = trace_all(logs, out, workers, dask, lambda done, total: step("", done, total), limits)

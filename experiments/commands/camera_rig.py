@@ -17,7 +17,7 @@ from sinan.sensors.recording import GYRO
 
 @dataclass(frozen=True)
 class Beside:
-    """What these need beside the pictures: `--body`, `--gyro`, `--along`, `--cameras`."""
+    """What these need besides the pictures: `--body`, `--gyro`, `--along`, `--cameras`."""
 
     body: Path | None
     gyro: Path | None

@@ -1,1 +1,1 @@
-"""Many logs of many vehicles: each traced by itself, then set beside each other."""
+"""Many logs of many vehicles: each traced by itself, then compared."""

@@ -1,4 +1,4 @@
-"""Logs beside each other: which vehicle has how much of each effect, and what changed since its last log."""
+"""Logs compared: which vehicle has how much of each effect, and what changed since its last log."""
 
 from __future__ import annotations
 

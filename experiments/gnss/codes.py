@@ -1,4 +1,4 @@
-"""C/A and P code beside each other: classes of receivers simulated, and what measured RINEX says of both."""
+"""C/A and P code compared: classes of receivers simulated, and what measured RINEX says of both."""
 
 from __future__ import annotations
 

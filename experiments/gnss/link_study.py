@@ -37,7 +37,7 @@ LONGEST = 1e4  # s: in a study no correction is too old
 
 
 def study(scenario: RangeScenario, seed: int = 0, ages: Sequence[float] = AGES) -> dict[str, Any]:
-    """Simulate, fix alone and over the link, and set the error at each age beside what theory says.
+    """Simulate, fix alone and over the link, and compare the error at each age with what theory says.
 
     Returns
     -------

@@ -262,7 +262,7 @@ def nis_per_dof(location: Location) -> float:
 
 
 def noise_entry(noise: RangeNoise, before: Location, after: Location, truth: FloatArray | None) -> Report:
-    """The law of the ranges' errors that this log calls for, and what it does beside the fixed one."""
+    """The law of the ranges' errors that this log calls for, and what it does compared with the fixed one."""
     entry: Report = {
         "system": {SYSTEM_NAMES[letter]: noise.system[letter] for letter in after.clock_names},
         "elevation": noise.elevation,

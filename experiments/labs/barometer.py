@@ -14,11 +14,11 @@ from sinan.experiments.report.page import Page
 from sinan.sensors.atmosphere import height_from_pressure
 
 LOG = "px4_quad_64a"
-START = 5.0  # s whose mean is the zero of both heights
+START = 1.0  # s whose mean is the zero of both heights: the log begins on the ground and climbs from then on
 
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
-    """A measured flight: pressure, absolute height, relative height beside that of GPS, and what is between them."""
+    """A measured flight: pressure, absolute height, relative height, that of GPS, and what is between them."""
     recording = resolve(LOG)
     baro, gps = recording.streams["baro"], recording.streams["gps"]
     absolute = height_from_pressure(baro["pressure"])

@@ -17,6 +17,7 @@ AMPLITUDE = 5e-6  # m, of the swing
 SENSE, DAMPING = 6000.0, 0.02  # Hz, 1: of each mass across the swing
 SAMPLING = 100_000.0  # Hz
 MISMATCH = 0.01  # 1: by how much one spring is stiffer
+DISC, ROLLED = np.deg2rad(90.0), 1.0  # rad/s and m/s: a disc that turns, a ball that rolls outwards on it
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,26 @@ def pair(t: FloatArray, rate: FloatArray, acceleration: FloatArray, mismatch: fl
     return Pair(one, two)
 
 
+def rolled(t: FloatArray, rate: float, speed: float, centrifugal: bool = True) -> FloatArray:
+    """(n, 2) path [m], as seen from a disc that turns about z, of a ball that leaves its middle along x.
+
+    r'' = -2 w x v - w x (w x r), in the plane (2 w v_y + w^2 x, -2 w v_x + w^2 y)
+
+    Parameters
+    ----------
+    t : (n,) s
+    rate, speed : w [rad/s], m/s
+    centrifugal : with the second term too; the first is the Coriolis force
+    """
+    from scipy.linalg import expm
+
+    A = np.zeros((4, 4))
+    A[:2, 2:] = np.eye(2)
+    A[2, 3], A[3, 2] = 2.0 * rate, -2.0 * rate
+    A[2, 0] = A[3, 1] = rate**2 if centrifugal else 0.0
+    return np.asarray(expm(t[:, None, None] * A)[:, :2, 2] * speed)
+
+
 def demodulated(t: FloatArray, signal: FloatArray) -> FloatArray:
     """(n,) rate [rad/s] that a deflection tells: its part in step with the swing, over ten periods, by its gain."""
     w, w0 = 2.0 * np.pi * DRIVE, 2.0 * np.pi * SENSE
@@ -85,7 +106,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     parts = {"turn": (0.06, 0.09), "push": (0.14, 0.17), "vibration": (0.23, 0.27)}
     rows = []
     for name, value in read.items():
-        each = [np.rad2deg(np.mean(value[(t > a) & (t < b)])) for a, b in parts.values()]
+        each = [round(float(np.rad2deg(np.mean(value[(t > a) & (t < b)]))), 2) + 0.0 for a, b in parts.values()]
         rows.append([name, *(f"{x:.2f}" for x in each)])
         say(f"{name}: turn {each[0]:.2f}, push {each[1]:.2f}, vibration {each[2]:.2f} deg/s")
     page = Page(
@@ -98,12 +119,13 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     pushed = (t > 0.1795) & (t < 0.1815)
     figure = panels(
         [
+            ball(),
             Panel(
                 "time / s",
                 "rate read / (deg/s)",
                 {"known rate": (t[shown], np.rad2deg(rate[shown]))}
                 | {name: (t[shown], np.rad2deg(value[shown])) for name, value in read.items()},
-                title="turn at 0.05, push at 0.13, vibration at 0.22 s",
+                title="a turn, a push, a vibration",
             ),
             Panel(
                 "time after the push / ms",
@@ -115,10 +137,13 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
                 },
                 title="both masses move alike",
             ),
-        ]
+        ],
+        3,
     )
     page.figure(
-        figure, "What is read of a turn (100 deg/s), a push (20 m/s²), and a vibration in step with the swing (1 m/s²)."
+        figure,
+        "A ball that rolls straight on, as a disc sees it that turns at 90 deg/s. What is read of a turn (100 deg/s), "
+        "a push (20 m/s²), and a vibration in step with the swing (1 m/s²).",
     )
     page.table(["read / (deg/s)", *parts], rows, (1, 2, 3))
     page.text(
@@ -127,3 +152,20 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         "effect, `gyro.g_sensitivity`."
     )
     page.write(out / "coriolis.html")
+
+
+def ball() -> Panel:
+    """Figure 7.6: a straight path, seen from a disc that turns; and what the Coriolis force alone makes of it."""
+    t = np.linspace(0.0, 1.0, 101)
+    straight = ROLLED * t[:, None] * np.stack([np.cos(DISC * t), -np.sin(DISC * t)], axis=1)
+    both, coriolis = rolled(t, DISC, ROLLED), rolled(t, DISC, ROLLED, centrifugal=False)
+    return Panel(
+        "x of the disc / m",
+        "y of the disc / m",
+        {
+            "known: straight": (straight[:, 0], straight[:, 1]),
+            "both forces": (both[:, 0], both[:, 1]),
+            "Coriolis alone": (coriolis[:, 0], coriolis[:, 1]),
+        },
+        title="figure 7.6",
+    )

@@ -1,4 +1,4 @@
-"""Calibration against an external reference, an attitude that the log gives, beside self-calibration by the norm."""
+"""Calibration against an external reference, an attitude that the log gives, and self-calibration by the norm."""
 
 from __future__ import annotations
 

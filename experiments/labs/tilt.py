@@ -33,7 +33,7 @@ def tilt_of_rates(t: FloatArray, w: FloatArray, roll: float, pitch: float) -> tu
 
 
 def run(out: Path, say: Callable[[str], None] = print) -> None:
-    """An autopilot turned by hand: two tilts beside that of its own filter; then with a bias of the gyroscope."""
+    """An autopilot turned by hand: two tilts and that of its own filter; then with a bias of the gyroscope."""
     recording = resolve(LOG)
     imu = recording.streams["imu"]
     t, f, w = imu.t, imu.array(ACCEL), imu.array(GYRO)

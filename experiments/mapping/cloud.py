@@ -62,6 +62,11 @@ class Scans:
     angles: FloatArray
     intensity: FloatArray
 
+    def between(self, first: float, last: float) -> Scans:
+        """Those whose stamps lie between two instants [s]."""
+        inside = (self.t > first) & (self.t < last)
+        return Scans(self.t[inside], self.ranges[inside], self.angles, self.intensity[inside[: len(self.intensity)]])
+
 
 def placed(scans: Scans, motion: Motion, mounting: Mounting) -> FloatArray:
     """(n, beams, 3) NED [m]: p + C_nb (l + range B beam) at t - time offset, B = Rx(b0) Ry(b1).

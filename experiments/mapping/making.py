@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.calibration.levels.preparation import prepared
-from sinan.estimator.filter.smoother import estimated_motion, smooth
+from sinan.estimator.filter.layout import DP, DTHETA
+from sinan.estimator.filter.smoother import estimated_motion, joint_covariance
 from sinan.experiments.mapping.budget import Sigmas, budget
 from sinan.experiments.mapping.cloud import Cloud, Mounting, Scans, cloud_of, east_north_up
 from sinan.experiments.mapping.obstacles import Obstacle, obstacles_of
-from sinan.experiments.mapping.strips import Drift, StripFit, fit_strips, strips_of
+from sinan.experiments.mapping.strips import KNOT, Drift, StripFit, fit_strips, strips_of
 from sinan.experiments.mapping.terrain import Grid, grids_of, ground_of
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
@@ -22,6 +23,8 @@ from sinan.sensors.recording import Recording
 ASSUMED_RANGE, ASSUMED_ANGLE, ASSUMED_BORESIGHT, ASSUMED_LEVER_ARM, ASSUMED_TIME = 0.03, 1e-3, 5e-3, 0.02, 2e-3
 #: Scans so near to the ends of the trajectory are left out: their stamps may be late [s].
 MARGIN = 0.2
+#: Position and attitude in the error state.
+POSE = np.r_[DP, DTHETA]
 
 
 @dataclass(frozen=True)
@@ -65,13 +68,12 @@ def mapped(recording: Recording, cell: float, adjust: bool = True) -> Map:
     InputError : no laser, no scan during the flight, or points that cover no area
     """
     scans, declared = scans_of(recording), declared_mounting(recording)
-    motion, sigmas = trajectory(recording)
-    inside = (scans.t - MARGIN > motion.t[0]) & (scans.t + MARGIN < motion.t[-1])
-    scans = Scans(scans.t[inside], scans.ranges[inside], scans.angles, scans.intensity[inside[: len(scans.intensity)]])
+    motion, sigmas, drift = trajectory(recording)
+    scans = scans.between(motion.t[0] + MARGIN, motion.t[-1] - MARGIN)
     if not np.any(np.isfinite(scans.ranges)):
         raise InputError(recording.where, "no scan within the IMU's time", "scans during the flight", "stream laser")
     strip = strips_of(motion, scans.t)
-    fit = fit_strips(scans, motion, strip, declared, Drift(sigmas.position, sigmas.attitude))
+    fit = fit_strips(scans, motion, strip, declared, drift)
     mounting = fit.mounting if adjust and fit is not None else declared
     cloud = cloud_of(scans, motion, mounting, strip)
     points = east_north_up(cloud.p_n, recording.origin)
@@ -116,8 +118,8 @@ def declared_mounting(recording: Recording) -> Mounting:
     )
 
 
-def trajectory(recording: Recording) -> tuple[Motion, Sigmas]:
-    """The smoothed motion, and its median 1-sigma with what else a point depends on.
+def trajectory(recording: Recording) -> tuple[Motion, Sigmas, Drift]:
+    """The smoothed motion, its median 1-sigma with what else a point depends on, and how its errors go together.
 
     Laser and sonar take no part: the filter takes the ground for flat, and the map is there to show that it is not. A
     base receiver of the recording does (DGPS).
@@ -126,13 +128,14 @@ def trajectory(recording: Recording) -> tuple[Motion, Sigmas]:
     streams = {name: stream for name, stream in recording.streams.items() if name not in heights}
     effects = {name: beta for name, beta in recording.effects.items() if not name.startswith(heights)}
     journal = prepared(recording.replace(streams=streams, effects=effects)).run()
-    smoothed = smooth(journal, sigmas=True)
-    motion = estimated_motion(journal, smoothed=smoothed)
-    sigma = np.median(smoothed.sigma, axis=0)
+    motion = estimated_motion(journal)
+    t, covariance = joint_covariance(journal, POSE, max(1, round(KNOT / float(np.median(np.diff(motion.t))))))
+    drift = Drift(t, covariance.reshape(len(t) * len(POSE), -1))
+    sigma = np.median(np.sqrt(np.diag(drift.covariance)).reshape(len(t), -1), axis=0)
     return motion, Sigmas(
-        recording.spec("laser").noise_std or ASSUMED_RANGE, ASSUMED_ANGLE, sigma[6:9], sigma[0:3],
+        recording.spec("laser").noise_std or ASSUMED_RANGE, ASSUMED_ANGLE, sigma[3:], sigma[:3],
         np.full(2, ASSUMED_BORESIGHT), np.full(3, ASSUMED_LEVER_ARM), ASSUMED_TIME,
-    )  # fmt: skip
+    ), drift  # fmt: skip
 
 
 def with_fit(sigmas: Sigmas, fit: StripFit | None) -> Sigmas:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,11 +33,6 @@ CELL, POINTS = 2.0, 8
 NARROW = 0.05
 #: The error of a trajectory is a straight line between knots so far apart [s].
 KNOT = 1.0
-#: A smoothed position's error keeps its rate: Matern 3/2 with this length [s]. One of attitude has a part that lasts
-#: (of the accelerometer's bias), this share of its variance, and one that is forgotten [s]. From the errors of three
-#: flights of `survey.toml`, GPS of 0.3 m beside a consumer's IMU: autocorrelation at 1, 5, 10, 20, 40 s 0.99, 0.84,
-#: 0.58, 0.22, 0.0 of position, 0.77, 0.37, 0.20, 0.16, 0.13 of attitude.
-MEMORY, LASTING, FORGOTTEN = 7.0, 0.15, 3.0
 #: Cells whose plane leaves more than so many times the median are edges of something.
 ROUGH = 2.0
 PASSES, ROBUST = 10, 3.0
@@ -47,16 +42,22 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Drift:
-    """1-sigma by which the trajectory may lie off at an instant: the smoother's.
+    """By what the trajectory may lie off: the smoother's covariance of its errors, of one instant and of two.
 
     Attributes
     ----------
-    position : (3,) m, NED
-    attitude : (3,) rad, of the body's axes
+    t : (k,) s, ascending
+    covariance : (6 k, 6 k), of each instant position [m, NED] and attitude [rad, of the body's axes]
     """
 
-    position: FloatArray = field(default_factory=lambda: np.full(3, 1e-4))
-    attitude: FloatArray = field(default_factory=lambda: np.full(3, 1e-6))
+    t: FloatArray
+    covariance: FloatArray
+
+
+def hardly_any(t: FloatArray) -> Drift:
+    """Of a trajectory that is known, to 0.1 mm and a microradian."""
+    sigma = np.tile(np.repeat([1e-4, 1e-6], 3), 2)
+    return Drift(t[[0, -1]], np.diag(sigma**2))
 
 
 @dataclass(frozen=True)
@@ -112,8 +113,9 @@ def fit_strips(
 
     In every cell each strip is a plane; the difference of the heights of two planes in the cell's middle is linear in
     the parameters, d + (J_A - J_B) beta, J the mean over the points of n . dp/dbeta, n = (-slope, 1). The trajectory
-    may besides lie off in position and attitude as far as the smoother is unsure, by an error that changes as slowly as
-    a smoothed trajectory's does. Weighted least squares with plausible sizes as a prior, differences beyond `ROBUST`
+    may besides lie off in position and attitude as the smoother says: how far, and how alike at two instants. An
+    accelerometer's bias tilts a whole flight alike, as the boresight does; a shorter memory would make of it what
+    strips average. Weighted least squares with plausible sizes as a prior, differences beyond `ROBUST`
     robust sigmas of less weight, repeated.
 
     Parameters
@@ -124,27 +126,27 @@ def fit_strips(
     drift : of the trajectory; default: hardly any
 
     Source: C. K. Toth, Strip adjustment, in: J. Shan, C. Toth, Topographic Laser Ranging and Scanning, 2nd ed.
-    Neglects boresight yaw, and that a trajectory by other instruments may forget its errors sooner or later.
+    Neglects boresight yaw, and what the trajectory's error is between knots beside a straight line.
     """
     if not np.any(np.isfinite(scans.ranges[strip >= 0])):
         return None
-    start, drift = start or Mounting(), drift or Drift()
+    start, drift = start or Mounting(), drift or hardly_any(scans.t[strip >= 0])
     plausible = np.array([entry[2] for entry in SOUGHT])
     first = np.array([*start.boresight, *start.lever_arm[:2], start.time_offset])
     beta, up = first.copy(), float(start.lever_arm[2])
-    knots = knots_of(scans.t[strip >= 0])
-    size = np.concatenate([plausible, *[drift.position, drift.attitude] * len(knots)])
-    prior = _prior(knots)
+    drifts = np.sqrt(np.diag(drift.covariance))
+    size = np.concatenate([plausible, drifts])
+    prior = _prior(drift.covariance / np.outer(drifts, drifts))
     before = after = 0.0
     sigma, count = plausible, 0
     for turn in range(PASSES):
-        difference, J, share = _differences(_planes(scans, motion, strip, beta, up), knots)
+        difference, J, share = _differences(_planes(scans, motion, strip, beta, up), drift.t)
         count = len(difference)
         if count < 4 * len(beta):
             return None
         after = _robust_rms(difference)
         before = after if turn == 0 else before
-        pull = np.concatenate([(beta - first) / plausible, np.zeros(6 * len(knots))])
+        pull = np.concatenate([(beta - first) / plausible, np.zeros(len(drifts))])
         step, covariance = _robust_step(difference, J * size[None, :], share, prior, pull)
         sigma = plausible * np.sqrt(np.diag(covariance)[: len(beta)])
         moved = plausible * step[: len(beta)]
@@ -159,23 +161,11 @@ def _robust_rms(difference: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.minimum(np.abs(difference), bound) ** 2)))
 
 
-def knots_of(t: FloatArray) -> FloatArray:
-    """(k,) instants between which the trajectory's error is a straight line [s]; they begin and end with `t`."""
-    return np.linspace(t[0], t[-1], max(2, int(np.ceil((t[-1] - t[0]) / KNOT)) + 1))
-
-
-def _prior(knots: FloatArray) -> FloatArray:
-    """Information in plausible sizes: what is sought by itself, the trajectory's errors alike as `MEMORY` says."""
-    apart = np.abs(knots[:, None] - knots)
-    position = (1.0 + apart / MEMORY) * np.exp(-apart / MEMORY)
-    attitude = LASTING + (1.0 - LASTING) * np.exp(-apart / FORGOTTEN)
+def _prior(alike: FloatArray) -> FloatArray:
+    """Information in plausible sizes: what is sought by itself, the trajectory's errors as their correlation says."""
     known = len(SOUGHT)
-    prior = np.eye(known + 6 * len(knots))
-    axes = np.eye(6)
-    inverse = [np.linalg.inv(alike + ROUNDING * np.eye(len(knots))) for alike in (position, attitude)]
-    prior[known:, known:] = np.kron(inverse[0], np.diag(axes[:3].sum(axis=0))) + np.kron(
-        inverse[1], np.diag(axes[3:].sum(axis=0))
-    )
+    prior = np.eye(known + len(alike))
+    prior[known:, known:] = np.linalg.inv(alike + ROUNDING * np.eye(len(alike)))
     return prior
 
 
@@ -234,9 +224,8 @@ def _differences(planes: Planes, knots: FloatArray) -> tuple[FloatArray, csr_arr
         [planes.by_mounting[first] - planes.by_mounting[second]],
         [np.tile(np.arange(known), (len(first), 1))],
     )
-    place = np.clip((planes.t - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
-    before = np.minimum(place.astype(np.int64), len(knots) - 2)
-    late = (place - before)[:, None]
+    before = np.clip(np.searchsorted(knots, planes.t, side="right") - 1, 0, len(knots) - 2)
+    late = np.clip((planes.t - knots[before]) / np.diff(knots)[before], 0.0, 1.0)[:, None]
     for one, sign in ((first, 1.0), (second, -1.0)):
         for knot, share in ((before[one], 1.0 - late[one]), (before[one] + 1, late[one])):
             value.append(sign * share * planes.by_pose[one])

@@ -43,7 +43,7 @@ def ground_of(points: FloatArray) -> BoolArray:
 
     The lowest points of cells are opened with discs of growing radius r; what an opening takes down by more than
     `SLOPE` r is no ground. Between the cells that are left lies the provisional ground (linear), and points that are
-    hardly above it are ground. docs/notes/ground.md measures it beside a cloth.
+    hardly above it are ground. docs/notes/ground.md compares it with a cloth.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
 
 
 def _biases(document: Mapping[str, Any]) -> list[str]:
-    """The biases at the end: a line a sensor; beside a truth a line a component, with the truth and how far off."""
+    """The biases at the end: a line a sensor; with a known truth a line a component, and how far off it is."""
     rows = bias_rows(document)
     if all(row.truth is None for row in rows):
         lines = ["  biases at the end ± 1 sigma"]

@@ -68,7 +68,7 @@ def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label
         one.plot(x, y, styles[k % 4], color=colours[k % 4], lw=1.6, label=name)
     one.set_xlabel(x_label, fontsize=9)
     one.set_ylabel(y_label, fontsize=9)
-    one.legend(frameon=False, fontsize=9)
+    one.legend(frameon=False, fontsize=9, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
 
 

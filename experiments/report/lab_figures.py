@@ -15,6 +15,8 @@ from sinan.experiments.report.figures import AFTER, BEFORE, CHANCE, SOFT, new_fi
 Curve = tuple[NDArray[Any], NDArray[Any]]
 #: Colours of curves in their order; grey is for what is known or expected.
 COLOURS = (AFTER, BEFORE, CHANCE, "#6b8f3a", "#7a5195", "#1c2733")
+#: Colours of what a calibration changes.
+NAMED = {"before": BEFORE, "as it is": BEFORE, "after": AFTER, "calibrated": AFTER}
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,11 @@ def panels(shown: Sequence[Panel], columns: int = 2, height: float = 3.0) -> Fig
         colours = iter(COLOURS * 4)
         for name, (x, y) in panel.curves.items():
             known = name.startswith("known")
-            style = {"color": SOFT, "lw": 3.2, "alpha": 0.6} if known else {"color": next(colours), "lw": 1.4}
-            one.plot(x, y, label=name, **style)
+            colour = SOFT if known else NAMED.get(name) or next(colours)
+            one.plot(x, y, label=name, color=colour, lw=3.2 if known else 1.4, alpha=0.6 if known else 1.0)
         for name, (x, y) in panel.points.items():
             size = 2.5 if len(x) > 100 else 5.0
-            one.plot(x, y, "o", ms=size, mew=0, color=next(colours), label=name)
+            one.plot(x, y, "o", ms=size, mew=0, color=NAMED.get(name) or next(colours), label=name)
         if "x" in panel.logarithmic:
             one.set_xscale("log")
         if "y" in panel.logarithmic:
@@ -62,5 +64,5 @@ def panels(shown: Sequence[Panel], columns: int = 2, height: float = 3.0) -> Fig
         one.set_ylabel(panel.y_label, fontsize=9)
         one.set_title(panel.title, loc="left", fontsize=9)
         if len(panel.curves) + len(panel.points) > 1:
-            one.legend(frameon=False, fontsize=8)
+            one.legend(fontsize=8, framealpha=0.85, edgecolor="none")
     return figure

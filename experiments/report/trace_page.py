@@ -61,7 +61,7 @@ def trace_page(
     Parameters
     ----------
     document : the report with its words
-    hidden : of a simulated recording, the effects that are in it: shown beside what was found
+    hidden : of a simulated recording, the effects that are in it: shown with what was found
     review : the recording over time
     """
     page = _head(document)
@@ -276,7 +276,7 @@ def _local_caption(before: StreamResidual, after: StreamResidual, term: Term, is
     if is_last and len(rms) == 2 and rms["all the rest"][1] < rms["all the rest"][0]:
         text += (
             f" Without {term.name} the whole model is pulled towards the yellow readings, at the cost of the others: "
-            "single ones may get worse with it, perhaps those beside the yellow part, but together they get better."
+            "single ones may get worse with it, perhaps those next to the yellow part, but together they get better."
         )
     return text
 
@@ -319,7 +319,7 @@ def _evidence_figure(bars: Sequence[Bar], document: Mapping[str, Any]) -> tuple[
             "model: none of them passes the dashed line."
         )
     else:
-        beside = " beside the error that none of them explains" if document["verdict"] == "unexplained" else ""
+        beside = " given the error that none of them explains" if document["verdict"] == "unexplained" else ""
         caption = f"Every candidate{beside}: none reaches the dashed line."
     if any(bar.kind == "left" for bar in others):
         caption = caption.split(": none")[0].rstrip(".") + (

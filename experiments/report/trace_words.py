@@ -33,7 +33,7 @@ REFUSED = {
         "not tried",
         "it was not tried: stronger ones came first, or enough effects were found",
     ),
-    GIVEN_ERROR: ("other error", "it does not stand out beside the error that no effect of the catalogue explains"),
+    GIVEN_ERROR: ("other error", "it does not stand out from the error that no effect of the catalogue explains"),
     ROLLED_BACK: ("held out", "it does not reduce the error on held-out data"),
 }
 #: The mark of an effect that passes its test on all data but does not predict the held-out part.

@@ -405,7 +405,7 @@ def errors_against_a_truth(error: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _strongest(document: Mapping[str, Any]) -> str:
-    # one that cannot be seen beside an error outside the catalogue was not judged: its place there is null
+    # one that cannot be seen given an error outside the catalogue was not judged: its place there is null
     asked = [c for c in document["candidates"] if c["dof"] > 0 and c.get("judged_log10_p_value", 0.0) is not None]
     unseen = sum(c["dof"] == 0 for c in document["candidates"])
     if not asked:

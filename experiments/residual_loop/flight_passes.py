@@ -28,7 +28,8 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 
-#: The last third of the samples is held out.
+#: The last third of the samples is held out: a fit to the rest has sqrt(3/2) times the sigmas of one to all, a fifth
+#: more.
 _FITTING_SHARE = 2.0 / 3.0
 #: Steps, and halvings of them, at most: bound of work (`bounds_of_work flight`).
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
@@ -43,13 +44,15 @@ _ALIKE, _BOUND_KNOWN = 0.1, 0.02
 #: An effect whose loss the derivative predicts to cost less of -2 log L may have a size that no derivative sees; it
 #: has none where its loss costs no more than that.
 _HARDLY = 9.0
-#: What a size that is a bound is multiplied by to see that it changes no reading.
+#: What a size that may be a bound is multiplied by to see whether the readings change. Above a bound all sizes do the
+#: same, so that any factor shows it that exceeds what `_BOUND_KNOWN` leaves open.
 _LARGER = 1.5
 #: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
 _LONGEST_STEP = 20.0
 #: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
 _TIMES_KNOWN = 5.0
-#: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad].
+#: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad]: the
+#: vertical force is then off by g theta^2 / 2 = 0.2 m/s^2, of second order, and so is what a pass about it says.
 _WIDE_START = 0.2
 #: Declared 1-sigma of the first attitude up to which its heading is kept: forces along the ground turn with it, to 1 %
 #: of second order at that sigma [rad].

@@ -39,7 +39,7 @@ from sinan.sensors.errors import InputError
 
 #: Rows of a block at the least, where there are fewer than `BLOCKS` of that: bound of work (`bounds_of_work poses`).
 _ROWS_A_BLOCK = 8
-#: A single reading so many sigma off is kept out of the search for intervals.
+#: A single reading so many sigma off is kept out of the search for intervals: of good ones 2 norm.sf(4), one in 16,000.
 _SUSPECT = 4.0
 #: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
 _ENDS_WITHIN = 3

@@ -23,8 +23,8 @@ CLASS_BOUND = 0.8
 #: A scenario can decide where it would detect each effect, the other one allowed for, at its plausible size: the
 #: unit of a size is that.
 SEEN_FROM = 1.0
-#: Among scenarios whose r^2 is this close to the lowest, a tenth of the lead in 2 log L, the one that sees both effects
-#: best is the better advice.
+#: Among scenarios whose r^2 is this close to the lowest the one that sees both effects best is the better advice: what
+#: tells the two apart is lambda (1 - r^2), of which a tenth is lost at the most where r^2 is next to zero.
 AS_GOOD = 0.1
 
 
@@ -117,7 +117,7 @@ def looks(first: str, other: str) -> tuple[Look, ...]:
 
 
 def deciding(first: str, *rivals: str) -> tuple[Look, ...]:
-    """How `first` looks beside each rival in the scenario that tells it best from all of them; empty: none does.
+    """How `first` looks compared with each rival in the scenario that tells it best from all of them; empty: none does.
 
     The best has the lowest r^2 or one `AS_GOOD`, and of these sees all effects from the smallest sizes on.
     """

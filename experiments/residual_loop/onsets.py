@@ -1,7 +1,9 @@
-"""Search for the interval of a step or a transient in a flight, where an offset lives on in the filter's state.
+"""Search for the interval of a step or a transient where an offset lives on in a state: flights, poses with a wandering
+bias, and ranges, whose satellites' errors last.
 
 The sensitivity of the innovations to a step at each of a grid of onsets comes from one pass; a transient is the
-difference of two steps, so all intervals follow from the steps' joint information.
+difference of two steps, so all intervals follow from the steps' joint information. A step may have parameters besides
+its offset: a satellite's has a drift.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ class Rows:
         return replace(self, own=self.own[:, ~mine], white=self.white + self.own[:, mine] @ beta)
 
 
-#: A stream, and the time from which on it is off [s].
+#: A stream or a satellite, and the time from which on it is off [s].
 Step = tuple[str, float]
 #: steps -> sensitivities to them
 Pass = Callable[[Sequence[Step]], Rows]
@@ -132,6 +134,41 @@ def _joints(
 
 def _steps(stream: str, onsets: FloatArray) -> list[Step]:
     return [(stream, float(t)) for t in onsets]
+
+
+def strongest_onset(
+    rows_of: Pass, stamps: Mapping[str, FloatArray], size: int, end: float
+) -> tuple[dict[str, float], Step]:
+    """Which of several streams is off from when on to the end of the data, if one of them is.
+
+    Parameters
+    ----------
+    rows_of : the sensitivity pass
+    stamps : by stream, those of its readings [s], from 0 on
+    size : parameters of a step, of which the first is its offset
+    end : of the data [s]
+
+    Returns
+    -------
+    The largest drop of -2 log L by a step of each on the grid; the strongest, its onset on a stamp
+    """
+    grid = np.unique(grid_of((0.0, end)))
+    rows = rows_of([step for stream in stamps for step in _steps(stream, grid)])
+    parts = _columns(rows, [len(grid) * size] * len(stamps))
+    gain = {
+        stream: _Joint(part, size, grid, span=(0.0, end)).gain(_to_the_end(np.arange(len(grid))))[0]
+        for stream, part in zip(stamps, parts, strict=True)
+    }
+    best = max(gain, key=lambda stream: float(np.max(gain[stream])))
+    onset = float(grid[np.argmax(gain[best])])
+    if len(stamps[best]) > 1 and len(grid) > 1:
+        interval = onset, end
+        onset = refined(rows_of, best, interval, end / _ONSETS, stamps[best], 0.0, end, size, 1).interval[0]
+    return {stream: float(np.max(gain[stream])) for stream in gain}, (best, onset)
+
+
+#: Onsets among which `strongest_onset` takes the best.
+SEARCHED = _ONSETS * _FINER
 
 
 def declared_step(step: Step) -> Effect:
@@ -300,8 +337,7 @@ class _Joint:
     def steps(self) -> IntArray:
         """(k, 2) onsets after the first part; the second number -1 stands for "to the end"."""
         begin, end = self.span
-        inner = np.flatnonzero(self.onsets > begin + _EDGE * (end - begin))
-        return np.stack([inner, np.full(len(inner), -1)], axis=1)
+        return _to_the_end(np.flatnonzero(self.onsets > begin + _EDGE * (end - begin)))
 
     def transients(self) -> IntArray:
         """(pairs, 2) onset and end."""
@@ -325,6 +361,11 @@ class _Joint:
         return gain_of(L, b, lambda values: float(_FLOOR * np.max(values)))
 
 
+def _to_the_end(first: IntArray) -> IntArray:
+    """(k, 2) pairs of onsets that stand for intervals to the end of the data."""
+    return np.stack([first, np.full(len(first), -1)], axis=1)
+
+
 def _times(grid: FloatArray, pair: IntArray, end: float) -> tuple[float, float]:
     return float(grid[pair[0]]), float(grid[pair[1]]) if pair[1] >= 0 else end
 
@@ -337,6 +378,8 @@ def refined(
     stamps: FloatArray,
     start: float,
     end: float,
+    size: int | None = None,
+    offsets: int | None = None,
 ) -> _Best:
     """The interval on finer and finer grids, at last on the stamps of the readings themselves.
 
@@ -351,24 +394,27 @@ def refined(
     spacing : how far the ends may be off [s]
     stamps : of the stream's readings [s]
     start, end : of the data [s]
+    size : parameters of a step; default: those of the stream's
+    offsets : how many of them, the first, are its offset; default: all
     """
     a, b = interval
+    size = size or effect(f"{stream}.step").size
     to_the_end = b >= end
     for last_round in (False, False, True):
         near = _stamps_near if last_round else _grid_near
         first = near(a, spacing, stamps, start, end)
         last = np.array([]) if to_the_end else near(b, spacing, stamps, start, end)
         onsets = np.unique(np.concatenate([first, last]))
-        joint = _Joint(rows_of(_steps(stream, onsets)), effect(f"{stream}.step").size, onsets)
+        joint = _Joint(rows_of(_steps(stream, onsets)), size, onsets)
         i = np.searchsorted(onsets, first)
         if to_the_end:
-            pairs = np.stack([i, np.full(len(i), -1)], axis=1)
+            pairs = _to_the_end(i)
         else:
             j = np.searchsorted(onsets, last)
             pairs = np.array([(p, q) for p in i for q in j if q > p])
         gain, dof, beta = joint.gain(pairs)
         alike = np.flatnonzero(gain > np.max(gain) - _ALIKE)
-        k = int(alike[np.argmin(np.linalg.norm(beta[alike], axis=1))])
+        k = int(alike[np.argmin(np.linalg.norm(beta[alike, :offsets], axis=1))])
         a, b = _times(onsets, pairs[k], end)
         best = _Best((a, b), float(gain[k]), int(dof[k]), beta[k], joint.columns(pairs[k]))
         spacing /= _FINER

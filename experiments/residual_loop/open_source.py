@@ -23,13 +23,11 @@ from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import effect
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.header import LARGEST
+from sinan.sensors.formats.plausible import OTHER_UNIT
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 
 #: Rows closer than this are a full-rate log, in which static poses have to be found; else each row is a pose [s].
 _FULL_RATE_STEP = 0.1
-#: Readings whose size is off by this factor are in another unit: T, mT, G, uT and nT are ten apart or more, which
-#: leaves 40 % for the scale of the sensor.
-_OTHER_UNIT = 7.0
 
 Made = TypeVar("Made")
 
@@ -181,7 +179,7 @@ def _require_unit_of_field(where: str, reading: FloatArray, norm: float) -> None
     """
     spread = float(np.median(np.linalg.norm(reading - np.median(reading, axis=0), axis=1)))
     longest = float(np.max(np.linalg.norm(reading, axis=1)))
-    if spread > _OTHER_UNIT * norm or max(spread, longest) * _OTHER_UNIT < norm:
+    if spread > OTHER_UNIT * norm or max(spread, longest) * OTHER_UNIT < norm:
         raise InputError(
             where,
             f"magnetometer readings that spread over {spread:.3g}, a declared magnetic_field of {norm:.3g}: looks like "

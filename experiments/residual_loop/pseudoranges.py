@@ -22,10 +22,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, CONFUSED, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
+from sinan.estimator.positioning.noise_fit import LASTING as LASTING
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.estimator.positioning.steady_fault import steady_fault
+from sinan.experiments.residual_loop.onsets import SEARCHED, Rows, Step, strongest_onset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import pseudorange_satellite_fault
 from sinan.sensors.effects.declaration import Effect
@@ -40,10 +42,10 @@ from sinan.sensors.pseudorange import (
     line_of_sight,
     sum_of,
 )
+from sinan.sensors.range_noise import USUAL_ACCURACY as USUAL_ACCURACY
 
 #: Satellites for which the onset of a fault is searched: bound of work (`bounds_of_work ranges`).
 SHORTLIST = 6
-LASTING = 1800.0  # s, correlation time of a satellite's error and of the modelled ionosphere's
 MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
 #: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E). The whole error of one
 #: epoch, with what stays, which is `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
@@ -52,10 +54,9 @@ MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
 #: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.
 #: 61 (2018) 3020); the accuracy that the message promises where that is worse than its usual value.
 SIGNAL_IN_SPACE: Mapping[str, float] = {"G": 0.6, "E": 0.25, "J": 0.6, "C": 1.1, "R": 1.9}
-#: Above what messages usually promise [m]: 2.0, 2.8 and 3.12 m in 2550 of the 2552 messages of Esbjerg and Kamakura
-#: (measured: `pytest tests/experiments/test_gnss.py -k promise`); 4.0 is GPS's URA index 2 (IS-GPS-200).
-USUAL_ACCURACY = 4.0
-TROPOSPHERE_LEFT = 0.1  # 1, share of the zenith delay that weather changes; 2 cm dry and 20 cm wet at the most
+ZENITH_LEFT = (
+    0.1  # m at the zenith that a model of the mean weather leaves: 2 cm of the dry part, up to 20 cm of the wet
+)
 IONOSPHERE = "pseudorange.ionosphere"
 TROPOSPHERE = "pseudorange.troposphere"
 FAULT = pseudorange_satellite_fault.EFFECT
@@ -213,7 +214,7 @@ def state_variance(location: Location, position: FloatArray, rows: IntArray) -> 
     if IONOSPHERE in location.effects:
         variance = variance + (IONOSPHERE_RAY * sum_of(motion, [IONOSPHERE])) ** 2
     if TROPOSPHERE in location.effects:
-        variance = variance + (TROPOSPHERE_LEFT / sine) ** 2
+        variance = variance + (ZENITH_LEFT / sine) ** 2
     column = satellite_columns(location.ranges, ranges)
     mean = (column.T @ variance) / np.maximum(column.sum(axis=0), 1.0)
     return np.concatenate([mean, np.ones(3)])
@@ -328,37 +329,56 @@ def rivals_of(
     return tuple(rivals)
 
 
-def next_fault(
-    location: Location, position: FloatArray, keep: BoolArray, alpha: float, fitting: bool = False
-) -> Called | None:
+def next_fault(location: Location, position: FloatArray, keep: BoolArray, alpha: float) -> Called | None:
     """The satellite whose fault explains most, with its onset, if it passes at family-wise error alpha.
 
     To be asked about a fix that models every known effect: what these explain is no fault. All satellites are scored
-    over the whole time, the strongest of them with every onset; the likelihood names satellite and onset.
+    over the whole time, the strongest of them with every onset by the search that flights and poses use; the likelihood
+    names satellite and onset.
     """
     names = np.unique(location.ranges.satellite[keep & np.isfinite(location.fixes.residual)]).tolist()
     whole = [Candidate(FAULT.name, name) for name in names]
     if not whole:
         return None
-    found = part_of(evidence(location, position, whole, keep), fitting)
+    found = evidence(location, position, whole, keep)
     scores = {candidate: statistic_of(found, candidate.key) for candidate in whole}
     if min(s.log_p for s in scores.values()) > np.log(alpha / ((len(MODELLED) + 1) * len(names))):
         return None
-    strongest = sorted(whole, key=lambda c: -scores[c].statistic)[:SHORTLIST]
-    span = float(np.ptp(location.ranges.t))
-    onsets = [span * k / BLOCKS for k in range(BLOCKS - 1)] if span > 0.0 else [0.0]
-    threshold = alpha / ((len(MODELLED) + 1) * len(names) * len(onsets))
-    options = [Candidate(FAULT.name, c.satellite, onset) for c in strongest for onset in onsets]
-    found = part_of(evidence(location, position, options, keep), fitting)
-    scored = [(statistic_of(found, option.key), option) for option in options]
-    statistic, chosen = max(scored, key=lambda pair: pair[0].statistic)
-    if not statistic.p_value < threshold:
+    strongest = [str(c.satellite) for c in sorted(whole, key=lambda c: -scores[c].statistic)[:SHORTLIST]]
+    ranges = location.ranges
+    span, time = float(np.ptp(ranges.t)), ranges.time - ranges.t[0]
+    stamps = {name: np.unique(time[keep & (ranges.satellite == name)]) for name in strongest}
+
+    def rows_of(steps: Sequence[Step]) -> Rows:
+        found = evidence(location, position, [Candidate(FAULT.name, *step) for step in steps], keep)
+        return rows_with(found, np.concatenate([[1.0, max(span - onset, 1.0)] for _, onset in steps]))
+
+    gain, (satellite, onset) = strongest_onset(rows_of, stamps, FAULT.size, span)
+    chosen = Candidate(FAULT.name, satellite, onset)
+    statistic = statistic_of(evidence(location, position, [chosen], keep), chosen.key)
+    if not statistic.p_value < alpha / ((len(MODELLED) + 1) * len(names) * SEARCHED):
         return None
-    rivals = {
-        o.satellite for s, o in scored if o.satellite != chosen.satellite and s.statistic > statistic.statistic - 10
-    }
-    confused = tuple(sorted(f"{FAULT.name} of {name}" for name in rivals))
-    return Called(FAULT.name, chosen.satellite, statistic, statistic.beta, confused, (chosen.onset, span), False)
+    confused = sorted(name for name in strongest if name != satellite and gain[name] > gain[satellite] - CONFUSED)
+    confused_with = tuple(f"{FAULT.name} of {name}" for name in confused)
+    return Called(FAULT.name, satellite, statistic, statistic.beta, confused_with, (onset, span), False)
+
+
+def rows_with(found: Evidence, unit: FloatArray) -> Rows:
+    """As many rows as columns, with the information and the score of the whole time: L = W'W, b = W' white.
+
+    Parameters
+    ----------
+    unit : (p,) of each parameter; a drift by what it makes of a range until the end is known about as well as an offset
+    """
+    L, b = found.total_information / np.multiply.outer(unit, unit), found.total_score / unit
+    size = np.sqrt(np.maximum(L.diagonal(), 1e-300))
+    power, directions = np.linalg.eigh(L / np.multiply.outer(size, size))
+    there = power > 1e-13 * power[-1]
+    root, directions = np.sqrt(power[there]), directions[:, there]
+    white = directions.T @ (b / size) / root
+    return Rows(
+        np.zeros((len(white), 0)), (directions * root).T * size, white, np.full(len(white), ""), np.zeros(len(white))
+    )
 
 
 def next_steady_fault(location: Location, keep: BoolArray, alpha: float) -> Called | None:

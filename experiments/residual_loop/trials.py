@@ -47,7 +47,7 @@ NO_EVIDENCE, SCATTERED, UNLIKELY = "no evidence", "scattered", "unlikely"
 IMPOSSIBLE, UNTRIED = "impossible", "untried"
 #: Why an effect that had been chosen was dropped: it does not stand out given an error that is in no catalogue; the
 #: held-out part does not bear it out, and it is not tried again.
-GIVEN_ERROR, ROLLED_BACK = "beside an error", "rolled back"
+GIVEN_ERROR, ROLLED_BACK = "given an error", "rolled back"
 
 
 @dataclass(frozen=True)

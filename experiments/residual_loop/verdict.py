@@ -1,8 +1,8 @@
 """What a trace says of a recording: one record, of which head line, sentences, figures and JSON are made.
 
-An effect that passes its test on all data is found. It is in the head line, and in the model whose errors are told, if
-the error of the held-out data falls with it, or if no held-out reading can tell. Else it is said to pass the test on
-all data but not to predict, with the errors that show it, and the model that is told has it not.
+An effect that passes its test on all data is found. It is in the head line, and in the model whose errors are reported,
+if the error of the held-out data falls with it, or if no held-out reading can tell. Else it is said to pass the test on
+all data but not to predict, with the errors that show it, and the model that is reported does not contain it.
 """
 
 from __future__ import annotations

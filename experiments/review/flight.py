@@ -37,7 +37,7 @@ class Flown:
     journal : whose innovations are shown
     translation : position and velocity are estimated
     target : what it is compared with, in its axes and on its clock; None: nothing
-    events : that are known beside those of the journal
+    events : that are known besides those of the journal
     """
 
     recording: Recording

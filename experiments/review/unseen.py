@@ -12,9 +12,9 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import ACCEL, Recording
 
 _MOST_NAMES = 12
-#: What effects need that streams beside the sensor's own tell, and where each comes from.
+#: What effects need that streams other than the sensor's own show, and where each comes from.
 _TOLD_BY = {
-    "temperature": "a temperature that varies beside the readings", "current": "a supply or motors that vary",
+    "temperature": "a temperature that varies, logged with the readings", "current": "a supply or motors that vary",
     "voltage": "a supply that varies", "airspeed": "an airspeed or a wind that varies", "wind": "a wind that varies",
     "throttle": "motors that vary", "m_n": "the field of the place, from [origin] or a GPS",
     "rotor_drag": "a declared motion.rotor_drag", "vibration": "an IMU that is fast enough",

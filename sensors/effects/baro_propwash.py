@@ -31,5 +31,5 @@ EFFECT = Effect(
     needs=("p_n", "throttle"),
     regressor=regressor,
     scenario="takeoff_landing",
-    separates="take-off, landing and low passes beside a second height sensor",
+    separates="take-off, landing and low passes with a second height sensor",
 )

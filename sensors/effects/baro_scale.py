@@ -28,5 +28,5 @@ EFFECT = Effect(
     needs=("p_n",),
     regressor=regressor,
     scenario="climb_descent",
-    separates="climbs and descents beside a second height sensor",
+    separates="climbs and descents with a second height sensor",
 )

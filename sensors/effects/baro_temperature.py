@@ -26,5 +26,5 @@ EFFECT = Effect(
     needs=("temperature",),
     regressor=regressor,
     scenario="warm_up",
-    separates="a change of temperature beside a second height sensor",
+    separates="a change of temperature with a second height sensor",
 )

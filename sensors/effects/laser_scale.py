@@ -29,5 +29,5 @@ EFFECT = Effect(
     needs=("p_n", "q_nb"),
     regressor=regressor,
     scenario="climb_descent",
-    separates="several heights beside a second height sensor",
+    separates="several heights with a second height sensor",
 )

@@ -24,7 +24,7 @@ EFFECT = Effect(
     summary="The wind tilts what the accelerometer takes for down.",
     enters="horizontal specific force in the body += drag x wind,  wind = b",
     physics=(
-        "Rotor drag sees v - wind: the horizontal specific force is +drag wind beside the -drag v of "
+        "Rotor drag sees v - wind: the horizontal specific force is +drag wind in addition to the -drag v of "
         "`motion.rotor_drag`. Only the product with the drag is seen, so the drag has to be declared (covariate "
         "`rotor_drag`)."
     ),

@@ -29,5 +29,5 @@ EFFECT = Effect(
     needs=("p_n", "q_nb"),
     regressor=regressor,
     scenario="low_pass",
-    separates="several heights beside a second height sensor",
+    separates="several heights with a second height sensor",
 )

@@ -38,5 +38,5 @@ def for_stream(stream: str) -> Effect:
         regressor=regressor,
         exact=exact,
         scenario="low_pass",
-        separates="legs across the ground beside a barometer",
+        separates="legs across the ground with a barometer",
     )

@@ -107,7 +107,7 @@ def describes_itself(path: Path) -> bool:
 
 
 def facts_of(path: Path) -> Facts | None:
-    """What a log that describes itself says beside its readings; None of any other."""
+    """What a log that describes itself says besides its readings; None of any other."""
     known = _READERS.get(what_is(path))
     if known is None:
         return None

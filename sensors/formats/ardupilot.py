@@ -17,7 +17,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.dataflash_messages import Dataflash, read_messages
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import averaged, beside, recording_of
+from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_from_rpy
 
@@ -30,7 +30,6 @@ ULTRASOUND = (2, 9, 13, 30, 31)
 #: `SERVOn_FUNCTION` of a motor: 1 to 8, 9 to 12, throttle, left and right throttle.
 _MOTORS = (*range(33, 41), *range(82, 86), 70, 73, 74)
 #: Pulse widths of no and of full throttle where no parameter says them [us].
-_PULSES = (1000.0, 2000.0)
 #: `AP_Compass` takes a scale between this and one over it; a matrix whose determinant is smaller has no inverse.
 _LARGEST_SCALE, _SINGULAR = 1.5, 1e-6
 #: The text by which a board tells its name and its chip's number.
@@ -276,10 +275,10 @@ def motor_outputs(parameters: Mapping[str, float], most: int) -> list[int]:
 def motor_stream(t: FloatArray, pulses: Sequence[FloatArray], parameters: Mapping[str, float]) -> Stream:
     """Commands from no throttle 0 to full throttle 1, of pulse widths [us]."""
     least, most = (
-        parameters.get(name, 0.0) or pulse for name, pulse in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), _PULSES, strict=True)
+        parameters.get(name, 0.0) or pulse for name, pulse in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PULSES, strict=True)
     )
     if not least < most:
-        least, most = _PULSES
+        least, most = PULSES
     columns = {f"motor_{m}": np.clip((one - least) / (most - least), 0.0, 1.0) for m, one in enumerate(pulses, 1)}
     return Stream(t, columns)
 

@@ -18,7 +18,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.formats.columns import FileOptions, names_of, read_columns
 from sinan.sensors.formats.facts import Facts
-from sinan.sensors.formats.logged import recording_of, turned
+from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, recording_of, turned
 from sinan.sensors.formats.named_columns import meaning
 from sinan.sensors.formats.packed import read_plain, require_numbers
 from sinan.sensors.recording import (
@@ -37,8 +37,6 @@ from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matri
 _NANOSECOND = 1e-9
 #: Forward-right-down of forward-left-up; north-east-down of east-north-up; forward-right-down of a camera that looks
 #: forward (its x to the right, y down, z forward).
-_FRD = np.diag([1.0, -1.0, -1.0])
-_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _OF_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 #: Where the ground truth of EuRoC, its raw cameras, and TUM-VI's are.
 _TRUTHS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
@@ -125,15 +123,15 @@ def _truth(root: Path, C: FloatArray) -> Stream | None:
     table = _table(file, _state_column)
     if not {"t", "px", "py", "pz", "qw", "qx", "qy", "qz"} <= set(table):
         raise InputError(file, f"columns {', '.join(table)}", "timestamp, p_RS_R, q_RS", "line 1")
-    columns = dict(zip(POSITION, turned(_NED, _three(table, ("px", "py", "pz"))).T, strict=True))
+    columns = dict(zip(POSITION, turned(NED_OF_ENU, _three(table, ("px", "py", "pz"))).T, strict=True))
     if {"vx", "vy", "vz"} <= set(table):
-        columns |= dict(zip(VELOCITY, turned(_NED, _three(table, ("vx", "vy", "vz"))).T, strict=True))
+        columns |= dict(zip(VELOCITY, turned(NED_OF_ENU, _three(table, ("vx", "vy", "vz"))).T, strict=True))
     q = _three(table, ("qw", "qx", "qy", "qz"))
     with np.errstate(invalid="ignore", over="ignore"):
         norm = np.linalg.norm(q, axis=1)
     good = (norm > 0.5) & (norm < 2.0)
     unit = np.where(good[:, None], q, [1.0, 0.0, 0.0, 0.0]) / np.where(good, norm, 1.0)[:, None]
-    C_nb = _NED @ matrix_from_quaternion(unit) @ C.T
+    C_nb = NED_OF_ENU @ matrix_from_quaternion(unit) @ C.T
     columns |= dict(zip(QUATERNION, np.where(good[:, None], quaternion_from_matrix(C_nb), np.nan).T, strict=True))
     return Stream(table["t"] * _NANOSECOND, columns)
 
@@ -215,11 +213,11 @@ def read_kitti(path: Path, choice: Choice = FIRST) -> Recording:
     t = _kitti_times(root / "timestamps.txt")
     if len(t) != len(table) or len(t) == 0:
         raise InputError(root, f"{len(table)} files and {len(t)} times", "one time a file", "timestamps.txt")
-    axes = np.hstack([turned(_FRD, table[:, columns]) for columns in (_ACCEL, _GYRO)])
+    axes = np.hstack([turned(FRD_OF_FLU, table[:, columns]) for columns in (_ACCEL, _GYRO)])
     gps = dict(zip(GEODETIC, table[:, _LLA].T, strict=True))
     gps |= dict(zip(VELOCITY, (table[:, _V_NE[0]], table[:, _V_NE[1]], -table[:, _V_UP]), strict=True))
     gps |= {"eph": table[:, _POSITION_STD], "s_variance": table[:, _VELOCITY_STD]}
-    C = _NED @ matrix_from_quaternion(quaternion_from_rpy(table[:, _RPY])) @ _FRD
+    C = NED_OF_ENU @ matrix_from_quaternion(quaternion_from_rpy(table[:, _RPY])) @ FRD_OF_FLU
     attitude = dict(zip(QUATERNION, quaternion_from_matrix(C).T, strict=True))
     found = {"imu": Stream(t, dict(zip((*ACCEL, *GYRO), axes.T, strict=True))), "gps": Stream(t, gps)}
     notes = ["gps: the inertial unit's own fused position and velocity"]

@@ -1,4 +1,4 @@
-"""What a log says of itself beside its readings: who wrote it, its parameters, what it holds."""
+"""What a log says of itself besides its readings: who wrote it, its parameters, what it holds."""
 
 from __future__ import annotations
 

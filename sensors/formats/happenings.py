@@ -1,4 +1,4 @@
-"""What a log that describes itself says of its flight beside the readings: when it was armed, and in which mode.
+"""What a log that describes itself says of its flight besides the readings: when it was armed, and in which mode.
 
 Sources: PX4 message definitions `vehicle_status`, `actuator_armed`; ArduPilot `LogStructure.h`, `AP_Logger.h`
 (LogEvent) and the modes of ArduCopter and ArduPlane; MAVLink common message set, `MAV_MODE_FLAG`,

@@ -1,4 +1,4 @@
-"""From what a log that describes itself holds to a checked recording: what is damaged left out and told."""
+"""From what a log that describes itself holds to a checked recording: what is damaged is left out and reported."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ _FILLED = 0.5
 #: A clock that leaps by more than a day within a log is damaged: no flight has such a gap, a stamp with a wrong bit
 #: has [s].
 _LEAP = 86_400.0
+#: Least and full throttle as widths of pulses to a motor [us], where a log does not say.
+PULSES = (1000.0, 2000.0)
+#: Forward-right-down of forward-left-up, and north-east-down of east-north-up (REP-103).
+FRD_OF_FLU = np.diag([1.0, -1.0, -1.0])
+NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 #: Topics or kinds of messages that an error names.
 _MOST_NAMES = 10
 

@@ -1,7 +1,7 @@
 """What MAVLink's messages mean: which of them make which stream, in SI units.
 
 A stream is found once, in a whole log or in the first second of a link: which message it is read from, and which of
-its columns the vehicle tells. What was found then reads any later part of the vehicle's messages into these columns.
+its columns the vehicle sends. What was found then reads any later part of the vehicle's messages into these columns.
 Source: MAVLink common message set.
 """
 

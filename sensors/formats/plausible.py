@@ -17,8 +17,9 @@ from sinan.sensors.rotation import cross
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
 _NEAR_GRAVITY = 1.6
 _ACCEL_UNITS = (("g", 1.0), ("milli-g", 1000.0))
-#: A sensor at rest in poses whose norm is off gravity by this factor is in another unit.
-_OTHER_UNIT = 7.0
+#: A sensor at rest in poses whose norm is off by this factor is in another unit: g and milli-g, or T, mT, G, uT and nT
+#: are ten apart or more, which leaves 40 % for the scale of the sensor.
+OTHER_UNIT = 7.0
 #: Norm of the field on the Earth's surface [gauss] (World Magnetic Model); units are ten apart or more, and a reading's
 #: scale, iron of the vehicle and steel of a room may make it three times as large or small.
 _FIELD = (0.2, 0.7)
@@ -30,7 +31,7 @@ _HIGHEST_MEDIAN_FORCE = 100.0
 #: The widest range of a rate gyroscope that is sold for vehicles is 4000 deg/s.
 _HIGHEST_RATE = np.radians(4000.0)
 #: Bias of the worst rate gyroscopes that are sold is 40 deg/s; a body at rest cannot turn faster than its gyro's bias.
-_HIGHEST_RATE_AT_REST = 1.0
+HIGHEST_RATE_AT_REST = 1.0
 #: Fewer readings say nothing of their unit.
 _FEWEST = 10
 #: Share of the turn of a direction that the rates explain: below it the scale between the two says nothing.
@@ -73,7 +74,7 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
     if not poses and force > _HIGHEST_MEDIAN_FORCE:
         raise InputError(recording.where, f"{found}: looks like raw counts", "m/s^2", f"stream {name}")
     times = force / STANDARD_GRAVITY
-    if poses and not 1.0 / _OTHER_UNIT < times < _OTHER_UNIT:
+    if poses and not 1.0 / OTHER_UNIT < times < OTHER_UNIT:
         ratio = f"{times:.0f} times gravity" if times > 1.0 else f"gravity / {1.0 / max(times, 1e-9):.0f}"
         found += f", {ratio}: looks like another unit"
         expected = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest; a map converts units and raw counts"
@@ -144,7 +145,7 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
     at_rest = np.all(np.std(force, axis=0) < 0.2) and len(imu) > 1
     mean_force = force.mean(axis=0)
     across = np.median(np.linalg.norm(cross(rate, mean_force), axis=1)) / max(float(np.linalg.norm(mean_force)), 1e-9)
-    if at_rest and across > _HIGHEST_RATE_AT_REST:
+    if at_rest and across > HIGHEST_RATE_AT_REST:
         raise _gyro_error(recording, f"gyroscope with a rate of {across:.3g} at rest: looks like deg/s")
 
 

@@ -21,7 +21,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import beside, recording_of, turned
+from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, beside, recording_of, turned
 from sinan.sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
 from sinan.sensors.formats.plausible import check_field
 from sinan.sensors.recording import (
@@ -41,8 +41,6 @@ from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matri
 #: What the library tells a file by, which need not be its name's end.
 _SUFFIXES = {"rosbag": ".bag", "sqlite": ".db3", "mcap": ".mcap"}
 #: Axes: forward-right-down of forward-left-up, and north-east-down of east-north-up; both are their own inverses.
-_FRD = np.diag([1.0, -1.0, -1.0])
-_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _GAUSS = 1e4  # in a tesla
 #: The frames that a body may be called, best first.
 _BODIES = ("base_link", "base_link_frd", "body", "base_footprint", "imu_link")
@@ -197,7 +195,7 @@ class _Bag:
                 break
             frame, C_step = self.frames[frame]
             C = C_step @ C
-        return np.asarray(_FRD @ C if frame in _BODIES else _FRD)
+        return np.asarray(FRD_OF_FLU @ C if frame in _BODIES else FRD_OF_FLU)
 
 
 def read_rosbag(path: Path, choice: Choice = FIRST) -> Recording:
@@ -381,7 +379,7 @@ def _gps(bag: _Bag, number: int, notes: list[str]) -> Stream | None:
         if topic.frame in _BODIES or len(topic) < 2:
             notes.append(f"gps: {other} is not read, a velocity about the body")
             continue
-        when, velocity = topic.t(bag.start), turned(_NED, topic.table())
+        when, velocity = topic.t(bag.start), turned(NED_OF_ENU, topic.table())
         if np.mean((t >= when[0]) & (t <= when[-1])) < _COVERED or np.any(np.diff(when) < 0.0):
             continue
         columns |= {axis: np.interp(t, when, velocity[:, k]) for k, axis in enumerate(VELOCITY)}
@@ -445,7 +443,7 @@ def _reference(bag: _Bag, with_gps: bool, number: int) -> tuple[Stream | None, s
         table = bag.topics[name].table()
         own = any(word in name.lower() for word in _OWN)
         kind = "cameras" if max(rank) else "autopilot" if own else "other"
-        columns = {} if with_gps else dict(zip(POSITION, turned(_NED, table[:, :3]).T, strict=True))
+        columns = {} if with_gps else dict(zip(POSITION, turned(NED_OF_ENU, table[:, :3]).T, strict=True))
         q = table[:, 3:7]
     else:
         imus = bag.of("Imu")
@@ -455,7 +453,7 @@ def _reference(bag: _Bag, with_gps: bool, number: int) -> tuple[Stream | None, s
         table = bag.topics[name].table()
         q = np.where(table[:, 10:11] < 0.0, np.nan, table[:, 6:10])  # -1: no estimate
     with np.errstate(invalid="ignore", over="ignore"):
-        q_nb = quaternion_multiply(np.broadcast_to(quaternion_from_matrix(_NED), q.shape), q)
-        q_nb = quaternion_multiply(q_nb, np.broadcast_to(quaternion_from_matrix(_FRD), q.shape))
+        q_nb = quaternion_multiply(np.broadcast_to(quaternion_from_matrix(NED_OF_ENU), q.shape), q)
+        q_nb = quaternion_multiply(q_nb, np.broadcast_to(quaternion_from_matrix(FRD_OF_FLU), q.shape))
     columns |= dict(zip(QUATERNION, q_nb.T, strict=True))
     return Stream(bag.topics[name].t(bag.start), columns), kind

@@ -11,7 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import averaged, beside, recording_of
+from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
 from sinan.sensors.formats.ulog_messages import Topics, read_topics
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 
@@ -27,7 +27,6 @@ _HECTOPASCAL = 100.0
 #: Medians of a pressure on the ground or in the air lie below in hPa, above in Pa.
 _PRESSURE_IN_PASCAL = 2000.0
 #: Pulse widths of no and of full throttle [us].
-_PULSES = (1000.0, 2000.0)
 _MOST_MOTORS = 16
 #: Further sensors of one kind are numbered, `topic#1` to `topic#15`.
 _MOST_INSTANCES = 16
@@ -289,7 +288,7 @@ def _commands(topics: Topics) -> Stream | None:
     """`actuator_motors` 0 to 1, NaN where there is no motor; before PX4 1.13 `actuator_outputs`, pulse widths in us."""
     for topic, field, (least, most) in (
         ("actuator_motors", "control", (0.0, 1.0)),
-        ("actuator_outputs", "output", _PULSES),
+        ("actuator_outputs", "output", PULSES),
     ):
         names = {f"motor_{k + 1}": f"{field}[{k}]" for k in range(_MOST_MOTORS) if f"{topic}.{field}[{k}]" in topics}
         stream = _columns(topics, topic, names) if names else None

@@ -7,10 +7,12 @@ import pytest
 
 from sinan.estimator.evidence.consistency import autocorrelation, chi_square, coverage, cross_correlation, nees
 from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.layout import DP, DTHETA, DV
 from sinan.estimator.filter.run_filter import run_filter
-from sinan.estimator.filter.smoother import estimated_motion, smooth
+from sinan.estimator.filter.smoother import estimated_motion, joint_covariance, smooth
 from sinan.sensors.arrays import FloatArray
-from tests.estimator.analytic_flight import fly
+from sinan.sensors.recording import POSITION, VELOCITY, Recording, Stream
+from tests.estimator.analytic_flight import SPECS, fly
 
 RUNS = 30
 FALSE_ALARM = 0.001  # of each statistical test below; seeds are fixed
@@ -55,6 +57,43 @@ def test_smoother_does_not_depend_on_its_stretches() -> None:
     recording, _ = fly(1, duration=6.0)
     journal = run_filter(recording, flight_model(recording), engine="numba")
     assert np.max(np.abs(smooth(journal, part=100).x - smooth(journal, part=1200).x)) < 1e-9
+
+
+def test_the_covariance_of_two_instants_is_what_fixes_at_one_tell_of_the_other() -> None:
+    """Fixes more at one instant take C_jk H' (H C_kk H' + R)^-1 H C_kj from the covariance at another."""
+    recording, _ = fly(5, duration=12.0)
+    model, fixes, part = flight_model(recording), 100, 200
+    states = np.r_[DP, DV, DTHETA, model.layout.slice("b_gps")]
+    journal = run_filter(recording, model, engine="numba")
+    t, C = joint_covariance(journal, states, part)
+    before = smooth(journal, sigmas=True, part=part).sigma[:, states]
+    assert np.allclose(np.sqrt(np.einsum("jaja->ja", C)), before, rtol=1e-9)
+    k = len(t) // 2
+    crowded = with_fixes(recording, t[k], fixes)
+    after = smooth(run_filter(crowded, flight_model(crowded), engine="numba"), sigmas=True, part=part).sigma[:, states]
+    H = np.zeros((6, 12))
+    H[:3, :3] = H[:3, 9:] = H[3:, 3:6] = np.eye(3)
+    R = np.diag(np.repeat([SPECS["gps"].noise_std, SPECS["gps"].velocity_noise_std], 3)) ** 2 / fixes
+    seen = np.einsum("jab,cb->jac", C[:, :, k], H)
+    taken = np.einsum("jac,cd,jad->ja", seen, np.linalg.inv(H @ C[k, :, k] @ H.T + R), seen)
+    assert np.min(after / before) < 0.7
+    assert np.min(after[[k - 1, k + 1]] / before[[k - 1, k + 1]]) < 0.95
+    assert np.max(np.abs(np.sqrt(before**2 - taken) / after - 1.0)) < 0.02  # the states differ a little too
+
+
+def with_fixes(recording: Recording, instant: float, number: int) -> Recording:
+    """The fix nearest to an instant again, `number` times within two milliseconds after it."""
+    gps = recording.streams["gps"]
+    near = int(np.argmin(np.abs(gps.t - instant)))
+    v = np.stack([gps[name][near] for name in VELOCITY])
+    again = instant + 2e-3 * (np.arange(number) + 0.5) / number
+    columns = {name: np.full(number, values[near]) for name, values in gps.columns.items()}
+    for name, speed in zip(POSITION, v, strict=True):
+        columns[name] = columns[name] + speed * (again - gps.t[near])
+    order = np.argsort(np.concatenate([gps.t, again]))
+    joined = {name: np.concatenate([values, columns[name]])[order] for name, values in gps.columns.items()}
+    stream = Stream(np.concatenate([gps.t, again])[order], joined)
+    return recording.replace(streams={**recording.streams, "gps": stream})
 
 
 def test_smoothed_end_is_the_filtered_end() -> None:

@@ -10,9 +10,11 @@ import pytest
 from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
+from sinan.estimator.evidence.score import BLOCKS
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import fit, fitted, likelihood, problem_of
 from sinan.experiments.benchmarks import range_noise as benchmark
+from sinan.experiments.residual_loop.pseudoranges import Columns
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.range_noise import RangeNoise
 from tests.estimator import gnss_simulation as simulation
@@ -104,3 +106,18 @@ def test_logs_that_took_no_part_are_weighed_right_and_fixed_better(measured_data
     assert np.sqrt(np.mean(rms[:, 2] ** 2)) < 0.92 * np.sqrt(np.mean(rms[:, 0] ** 2))
     default, found = RangeNoise().sizes, benchmark.typical(logs).sizes
     np.testing.assert_allclose(default, found, rtol=0.1)
+
+
+def test_how_long_an_error_lasts_is_as_likely_as_the_dense_covariance_says() -> None:
+    """Differences between two times, against the normal law of all rows at once."""
+    rng, blocks, rows = np.random.default_rng(4), np.repeat(np.arange(BLOCKS), 3), 3 * BLOCKS
+    variance = np.array([0.5, 2.0])
+    columns = Columns(rng.standard_normal((rows, 2)), np.zeros((rows, 0)), rng.standard_normal(rows), blocks)
+
+    def dense(f: float) -> float:
+        fading = f ** np.abs(blocks[:, None] - blocks[None, :])
+        S = np.eye(rows) + (columns.state * variance) @ columns.state.T * fading
+        return float(multivariate_normal(np.zeros(rows), S).logpdf(columns.residual))
+
+    found = [benchmark._log_likelihood(columns, variance, f) for f in (0.4, 0.9)]
+    assert found[1] - found[0] == pytest.approx(dense(0.9) - dense(0.4), abs=1e-9)

@@ -57,7 +57,7 @@ def test_the_maker_s_camera_reads_what_the_sensor_does(name: str) -> None:
 def test_recordings_have_what_a_camera_needs_and_hide_its_effects(tmp_path: Path) -> None:
     recordings = tmp_path / "recordings"
     names = set()
-    for folder in make(recordings, 4, 6, [CAMERA], "mixed", ["one"]):
+    for folder in make(recordings, 3, 6, [CAMERA], "mixed", ["one"]):
         recording = resolve(str(folder), None)
         stream, points = recording.streams["camera"], recording.points
         assert points is not None

@@ -18,7 +18,7 @@ from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.study import run
 from sinan.experiments.report.gnss_words import summary
 from sinan.experiments.residual_loop import pseudoranges as source
-from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
+from sinan.experiments.residual_loop.pseudorange_trace import find_faults, trace_ranges
 from sinan.sensors.constants import EARTH_RATE
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.rinex import read_navigation, read_observations
@@ -221,6 +221,36 @@ def test_estimates_scatter_as_their_standard_deviation_says() -> None:
         z.append(statistic.beta[0] / statistic.std[0])
     assert abs(np.mean(z)) < 5.0 / np.sqrt(100)
     assert abs(np.var(z) - 1.0) < 5.0 * np.sqrt(2.0 / 100)
+
+
+@pytest.mark.parametrize(("offset", "drift"), [(15.0, 0.0), (0.0, 0.03)])
+def test_the_onset_of_a_fault_is_found_to_its_epoch(offset: float, drift: float) -> None:
+    """A step to one epoch of 30 s; a drift, which begins at nothing, to where it is as large as a range is known."""
+    ranges = simulation.simulated("GE", epochs=120)
+    location = locate(ranges, EXACT, exclude=False)
+    names = np.unique(ranges.satellite)
+    satellite = str(names[np.argmax([np.sum(location.elevation[ranges.satellite == name]) for name in names])])
+    since = ranges.t - ranges.t[60]
+    bad = simulation.with_bias(draws(location, 1)[0], satellite, (offset + drift * since) * (since >= 0.0))
+    faults, rows = find_faults(bad, 0.17, 0.01)
+    assert [fault.satellite for fault in faults] == [satellite]
+    assert faults[0].interval is not None
+    assert abs(faults[0].interval[0] - (ranges.t[60] - ranges.t[0])) < (31.0 if offset else 2.0 / drift)
+    assert faults[0].full == pytest.approx([offset, drift], abs=max(2.0, 0.1 * offset))
+    assert set(bad.satellite[rows]) == {satellite}
+
+
+def test_rows_have_the_information_and_the_score_of_the_blocks() -> None:
+    location = locate(draws(locate(simulation.simulated("G", epochs=40), EXACT), 1)[0], EXACT, exclude=False)
+    satellite = str(location.ranges.satellite[np.argmax(location.elevation)])
+    candidates = [source.Candidate(source.FAULT.name, satellite, t) for t in (0.0, 300.0, 600.0)]
+    found = source.evidence(location, location.fixes.position, candidates, location.elevation > 0.17)
+    unit = np.array([1.0, 1200.0, 1.0, 900.0, 1.0, 600.0])
+    rows = source.rows_with(found, unit)
+    information, score = found.total_information / np.outer(unit, unit), found.total_score / unit
+    size = np.sqrt(information.diagonal())
+    assert np.max(np.abs(rows.wanted.T @ rows.wanted - information) / np.outer(size, size)) < 1e-9
+    assert np.max(np.abs(rows.wanted.T @ rows.white - score) / size) < 1e-9 * np.linalg.norm(rows.white)
 
 
 def test_clean_recordings_have_no_fault() -> None:

@@ -52,6 +52,7 @@ COMMANDS = {
     "estimate": ["estimate", "{flight}", "--smooth", "--to", "20"],
     "calibrate": ["calibrate", "mag", "{poses}"],
     "montecarlo": ["montecarlo", "hover", "--runs", "2"],
+    "observability": ["observability", "{flight}"],
     "info": ["info", "{flight}"],
     "ranges": ["ranges", "{ranges}"],
     "allan": ["allan", "{rest}"],

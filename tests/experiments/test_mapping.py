@@ -9,7 +9,9 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import pymap3d
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sinan.experiments.commands.map import run
 from sinan.experiments.labs import run as run_lab
@@ -26,6 +28,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
+from tests.experiments.test_json_keys import documented, written
 
 TRUE = Mounting(np.array([0.01, -0.015]), np.array([0.05, -0.03, 0.0]), 0.03)
 MILLIMETRE, CENTIMETRE, TEN_PER_CENT = 1e-3, 1e-2, 0.1
@@ -51,6 +54,26 @@ def test_points_lie_on_the_ground() -> None:
     p = placed(scans, motion, TRUE)[np.isfinite(ranges)]
     assert len(p) > 5000
     assert np.max(np.abs(-p[:, 2] - hills(p[:, 0], p[:, 1]))) < MILLIMETRE
+
+
+def test_points_are_those_of_scipy_s_rotations_and_pymap3d_s_earth() -> None:
+    """Instant by instant: mounting and attitude as intrinsic turns, position over the ellipsoid."""
+    rng, origin = np.random.default_rng(8), (39.98, 116.34, 50.0)
+    t, tilt = np.arange(0.0, 2.0, 0.1), rng.uniform(-0.3, 0.3, (20, 3))
+    turns = Rotation.from_euler("ZYX", tilt + np.array([2.0, 0.0, 0.0]))
+    p_n, v_n = np.column_stack([300.0 + 5.0 * t, -200.0 + 2.0 * t, -40.0 + t]), np.tile([5.0, 2.0, 1.0], (20, 1))
+    motion = Motion(t, p_n, v_n, q_nb=turns.as_quat(scalar_first=True))
+    mounting = Mounting(np.array([0.1, -0.2]), np.array([0.3, -0.1, 0.2]), 0.1)
+    scans = Scans(t[1:], rng.uniform(10.0, 60.0, (19, 5)), np.linspace(-0.6, 0.6, 5), np.empty(0))
+    found = east_north_up(placed(scans, motion, mounting).reshape(-1, 3), origin).reshape(19, 5, 3)
+    board = Rotation.from_euler("XY", mounting.boresight)
+    for k in range(19):  # the scan of stamp k + 1 is of instant k
+        beams = np.column_stack([np.zeros(5), np.sin(scans.angles), np.cos(scans.angles)])
+        ned = p_n[k] + turns[k].apply(mounting.lever_arm + board.apply(scans.ranges[k][:, None] * beams))
+        place = pymap3d.ecef2geodetic(*pymap3d.ned2ecef(*ned.T, *origin))
+        assert np.max(np.abs(found[k, :, 2] - place[2])) < MILLIMETRE
+        east, north, _ = pymap3d.geodetic2enu(place[0], place[1], 0.0, origin[0], origin[1], 0.0)
+        assert np.max(np.abs(found[k, :, :2] - np.column_stack([east, north]))) < 2.0 * MILLIMETRE
 
 
 def test_strips_show_boresight_lever_arm_and_time() -> None:
@@ -230,6 +253,8 @@ def test_a_recording_becomes_a_map(tmp_path: Path) -> None:
         assert one["value"] == pytest.approx(hidden, abs=3.0 * one["std"])
     assert told["strips"]["rms_after"] < 0.3 * told["strips"]["rms_before"]
     assert len(told["obstacles"]) == len(COUNTRY.houses) + len(COUNTRY.trees)
+    keys = documented("map")
+    assert not [path for path in written(told) if not any(key.fullmatch(path) for key in keys)]
     assert "laser.boresight roll" in text
     made = {path.name for path in (tmp_path / "map").iterdir()}
     assert made == {f"{name}.{kind}" for name in ("terrain", "surface", "objects") for kind in ("asc", "png")} | {

@@ -50,6 +50,14 @@ def test_a_pair_reads_a_rate_and_no_acceleration() -> None:
     assert np.min(np.abs(np.mean(coriolis.demodulated(t, shaken.one)[middle]))) > 0.1
 
 
+def test_a_turning_frame_bends_a_straight_path_as_its_two_forces_say() -> None:
+    t = np.linspace(0.0, 2.0, 21)
+    straight = 1.5 * t[:, None] * np.stack([np.cos(0.7 * t), -np.sin(0.7 * t)], axis=1)
+    assert np.max(np.abs(coriolis.rolled(t, 0.7, 1.5) - straight)) < 1e-12
+    sideways = coriolis.rolled(np.array([0.01]), 0.7, 1.5, centrifugal=False)[0, 1]
+    assert sideways == pytest.approx(-0.7 * 1.5 * 0.01**2, rel=1e-3)  # half of 2 w v t^2
+
+
 def test_a_bridge_answers_to_the_field_and_its_flip_takes_the_offset_out() -> None:
     """Small fields: ratio h / (1 + ratio / 2), from R = R0 (1 + ratio cos^2) about 45 deg by hand."""
     field = np.array([0.2])

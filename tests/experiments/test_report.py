@@ -203,7 +203,7 @@ def test_an_effect_that_does_not_stand_out_beside_an_error_without_a_name_is_sai
     assert [(f.term.name, why) for f, why in result.parts[0].trace.selection.dropped] == [
         ("mag.cross_axis", GIVEN_ERROR)
     ]
-    assert "it does not stand out beside the error" in lead(document)
+    assert "it does not stand out from the error" in lead(document)
     assert "mag.cross_axis (other error)" in [bar.label for bar in evidence(result)]
     assert "mag.cross_axis: from" not in trace_summary(document)
 

@@ -57,6 +57,13 @@ def test_the_seals_that_are_installed_are_those_of_the_labs(
 
 
 @pytest.mark.parametrize("name", TITLES)
+def test_the_notebook_names_what_is_to_be_answered(name: str) -> None:
+    for language in ("en", "zh"):
+        text = notebook(name, language)
+        assert not [q.name for q in lab_of(name).questions if f"`{q.name}`" not in text]
+
+
+@pytest.mark.parametrize("name", TITLES)
 def test_both_languages_have_the_same_code_and_as_many_texts(name: str) -> None:
     cells = [re.split(r"^# %%(.*)\n", notebook(name, language), flags=re.MULTILINE) for language in ("en", "zh")]
     code = [[text for head, text in zip(c[1::2], c[2::2], strict=True) if not head] for c in cells]

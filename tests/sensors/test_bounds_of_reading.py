@@ -176,7 +176,7 @@ def test_covariates_are_bounded(tmp_path: Path) -> None:
     names = ",".join(f"c{k}" for k in range(65))
     text = error(lambda: read_recording(imu(tmp_path, f"{PLAIN},{names}", ROW + ",1" * 65)))
     assert "imu.csv, stream imu: 65 further columns" in text
-    assert "expected at most 64 beside the format's own" in text
+    assert "expected at most 64 besides the format's own" in text
 
 
 def test_a_row_without_end_is_bounded(tmp_path: Path) -> None:

@@ -212,3 +212,27 @@ def test_broadcast_orbits_against_precise_ones(measured_data: Path) -> None:
     assert used.sum() > 300
     assert error[used & (name.astype("<U1") == "G")].max() < 6.0
     assert error[used & (name.astype("<U1") == "R")].max() < 10.0
+
+
+@pytest.mark.measured
+def test_broadcast_clocks_against_precise_ones(measured_data: Path) -> None:
+    """Polynomial and group delay of GPS within 5 ns of the precise clocks but for their common time scale."""
+    folder = measured_data / "gnss/esbjerg_static_2020"
+    rows, time = [], 0.0
+    for line in (folder / "GRG0MGXFIN_20201770000_01D_15M_ORB.SP3").read_text().splitlines():
+        words = line.split()
+        if line.startswith("*"):
+            time = float(gps_seconds(*map(int, words[1:6])) or 0.0)
+        elif line[:2] == "PG" and time % 7200.0 == 900.0 and float(words[4]) < 999999.0:
+            rows.append((line[1:4], time, 1e-6 * float(words[4])))
+    name, t, clock = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+    navigation = read_navigation(folder / "ESBC00DNK_R_20201770000_01D_MN.rnx")
+    week = int(t[0] // WEEK)
+    states = satellite_states(navigation, name, week, t - week * WEEK, np.zeros(len(t)))
+    used = states.status == 0
+    left = (states.clock - clock)[used]
+    for instant in np.unique(t[used]):
+        left[t[used] == instant] -= np.median(left[t[used] == instant])
+    assert used.sum() > 200
+    assert np.ptp(clock[used]) > 1e-4  # what is taken out
+    assert np.sqrt(np.mean(left**2)) < 5e-9

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import SPEED_OF_LIGHT, WGS84_A
@@ -166,6 +167,19 @@ def test_directions_over_the_equator(direction: list[float], elevation: float, a
     satellite = (EQUATOR + 1e7 * np.array(direction))[None]
     found = elevation_azimuth(satellite, EQUATOR[None], np.zeros(1), np.zeros(1))
     np.testing.assert_allclose(np.degrees(np.concatenate(found)), [elevation, azimuth], atol=1e-4)
+
+
+def test_directions_over_any_place_are_those_of_scipy_s_turns() -> None:
+    """Turned by the longitude about z and by minus the latitude about y, x, y, z become up, east, north."""
+    rng = np.random.default_rng(2)
+    latitude, longitude = rng.uniform(-1.5, 1.5, 50), rng.uniform(-3.1, 3.1, 50)
+    elevation, azimuth = rng.uniform(-0.1, 1.5, 50), rng.uniform(-3.1, 3.1, 50)
+    level = np.cos(elevation)
+    told = np.column_stack([np.sin(elevation), level * np.sin(azimuth), level * np.cos(azimuth)])
+    receiver = rng.uniform(-6e6, 6e6, (50, 3))
+    turns = Rotation.from_euler("ZY", np.column_stack([longitude, -latitude]))
+    found = elevation_azimuth(receiver + 2e7 * turns.apply(told), receiver, latitude, longitude)
+    np.testing.assert_allclose(found, [elevation, azimuth], atol=1e-9)
 
 
 def test_the_direction_of_a_satellite_is_what_the_distance_falls_by() -> None:

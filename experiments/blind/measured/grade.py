@@ -1,4 +1,4 @@
-"""The grade of one minute: what was put in against what is named, beside the control."""
+"""The grade of one minute: what was put in against what is named, compared with the control."""
 
 from __future__ import annotations
 
