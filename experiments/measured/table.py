@@ -71,7 +71,9 @@ def row_of(name: str) -> Row:
     recording = resolve(LOGS[name])
     ready = prepared(recording)
     journal = ready.run()
-    streams = {"imu": recording.streams["imu"]} | {n: recording.streams[n] for n in journal.sensors if n in recording.streams}
+    streams = {"imu": recording.streams["imu"]} | {
+        n: recording.streams[n] for n in journal.sensors if n in recording.streams
+    }
     entry, words = measured(name, ready), list[str]()
     if attitude := entry.get("attitude"):
         words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
