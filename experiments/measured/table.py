@@ -71,9 +71,8 @@ def row_of(name: str) -> Row:
     recording = resolve(LOGS[name])
     ready = prepared(recording)
     journal = ready.run()
-    streams = {"imu": recording.streams["imu"]} | {
-        n: recording.streams[n] for n in journal.sensors if n in recording.streams
-    }
+    read = [name for name in journal.sensors if name in recording.streams]  # not what is assumed of the motion
+    streams = {name: recording.streams[name] for name in ("imu", *read)}
     entry, words = measured(name, ready), list[str]()
     if attitude := entry.get("attitude"):
         words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
