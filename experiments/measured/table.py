@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,28 +17,31 @@ from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
-from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement
+from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement, shortened
 from sinan.experiments.measured.flights import LOGS, measured
 from sinan.experiments.report.words import number
 from sinan.sensors.files import write_text
 
+#: Part of a log over which the engines are compared [s]; `experiments.measured.engines`: all of it.
+COMPARED = 30.0
 #: A bias whose sigma at the end is more than this share of its first one was not seen.
 UNSEEN = 0.7
 
 HEAD = f"""# Measured logs through the filter
 
 Written by `python -m sinan.experiments.measured.table docs/notes/measured_logs.md`; with the name of a log behind it,
-that row alone. `sinan estimate INPUT` shows a run in full. Noise levels, field, hard iron and first heading come from
-the log where its map declares none (`docs/notes/noise_levels.md`).
+that row alone. `sinan estimate INPUT` shows a run in full. What a map does not declare of noise, field, hard iron and
+lateness comes from the log ([noise levels](noise_levels.md)).
 
 - **attitude**: RMS of tilt and heading [deg] against the reference that is named; mounting, delay and one constant
   heading taken off. An autopilot's own estimate is a comparison, not a truth.
 - **position**: RMS [m] of what the filter predicts 1, 5 and 10 s after the last fix, where ten seconds of fixes are
-  withheld in every thirty. Some logs ask for a delay of their GPS: `python -m sinan.experiments.measured.flights`
-  says which.
-- **NIS**: a degree of freedom, at the noise levels found. Of a magnetometer without GPS it is far below one by intent.
+  withheld in every thirty.
+- **NIS**: a degree of freedom, at the noise levels found, by a law with heavy tails; `place` and `speed` bound the
+  motion where no position is measured.
 - **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
-  reading, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used and the other refused.
+  reading of the first {COMPARED:g} s, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used
+  and the other refused. `python -m sinan.experiments.measured.engines` compares whole logs.
 """
 
 
@@ -74,6 +77,7 @@ def row_of(name: str) -> Row:
     read = [name for name in journal.sensors if name in recording.streams]  # not what is assumed of the motion
     streams = {name: recording.streams[name] for name in ("imu", *read)}
     entry, words = measured(name, ready), list[str]()
+    begun = replace(ready, recording=shortened(ready.recording, COMPARED))
     if attitude := entry.get("attitude"):
         words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
     if "gps" in journal.sensors:
@@ -81,7 +85,7 @@ def row_of(name: str) -> Row:
     return Row(
         name, LOGS[name], journal.t_end - journal.t_start,
         {n: 1.0 / float(np.median(np.diff(s.t))) for n, s in streams.items()}, ", ".join(words) or "none",
-        entry, agreement(ready), undecided(ready, journal, recording.notes),
+        entry, agreement(begun), undecided(ready, journal, recording.notes),
     )  # fmt: skip
 
 

@@ -70,23 +70,6 @@ def test_the_right_effect_alone(scenario: str, effect: str) -> None:
         np.testing.assert_allclose(finding.term.interval, (present.t0, present.t1), atol=0.5)
 
 
-@pytest.mark.parametrize(
-    ("effect", "first_order"),
-    [
-        ("sonar.beam_cone=0.02", True),
-        ("sonar.beam_cone=0.5", False),  # wider than any tilt
-        ("accel.scale=0.02,0.01,-0.03", True),
-        ("accel.scale_nonlinearity=0.002,0.001,0.001", True),
-        ("laser.boresight=0.03,0.02", True),
-        ("baro.lag=1.5", True),  # by declaration
-    ],
-)
-def test_first_order_holds_for_what_is_small(effect: str, first_order: bool) -> None:
-    recording, _ = flown("aerobatics", 21)
-    source, present = FlightSource(recording, flight_model(recording)), parse_effect(effect)
-    assert source.is_first_order(source.fit(()), Term(present.effect.name), present.beta) == first_order
-
-
 @pytest.mark.parametrize("scenario", ["figure_eight", "square"])
 def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
     recording, _ = flown(scenario, 22)
@@ -101,7 +84,7 @@ def test_coloured_positions_pass_for_no_effect(seed: int, index: int, tmp_path: 
     slowest so well that the GPS itself is white; the last starts in flight, its attitude unknown.
     """
     recording = resolve(str(make_one(tmp_path, seed, index, KINDS, "mixed", {"none": 1.0})), None)
-    names = select(FlightSource(recording, flight_model(recording))).names
+    names = select(flight_source(recording)).names
     assert names
     assert [name for name in names if not name.endswith(".outliers")] == []
 
