@@ -14,6 +14,7 @@ from sinan.calibration.levels.noise_start import within_imu
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.recording import Recording
 
 
@@ -121,6 +122,19 @@ def is_declared(recording: Recording) -> bool:
         return True
     within = within_imu(recording)
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
+
+
+def near_level_or_a_place(recording: Recording) -> Prepared:
+    """A recording that declares everything but measures no position: its accelerometer shows the vertical on average
+    (`level`), or the body stays near a place; the likelier by what its instruments read.
+    """
+
+    def log_likelihood(ready: Prepared) -> float:
+        journal = ready.run()
+        read = np.isin(np.array(journal.sensors)[journal.sensor], ASSUMED, invert=True)
+        return float(np.sum(journal.log_density[read & journal.accepted]))
+
+    return max((as_declared(recording), prepared(recording, late=False)), key=log_likelihood)
 
 
 def level_notes(levels: Levels) -> list[str]:

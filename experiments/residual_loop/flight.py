@@ -41,7 +41,6 @@ from sinan.experiments.residual_loop.source import (
     held_out,
 )
 from sinan.experiments.residual_loop.term import Term, declaration
-from sinan.experiments.residual_loop.turning import turning_point, turning_regressor
 from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,
@@ -398,15 +397,6 @@ class FlightSource:
             for note in self._passes.notes
             if isinstance(note, Note) and note.kind in ("frozen", "saturated")
         ]
-
-    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
-        """Of `level` the acceleration of a body that turns about a point."""
-        level = next((r for r in self.residuals(fit) if r.stream == "level"), None)
-        if level is None:
-            return ()
-        G = turning_regressor(self.recording, self.model, _state(fit).motion)
-        found = turning_point(G, level.residual, level.row)
-        return () if found is None else (("level", found.share, found.p_value, found.words),)
 
     def gated(self) -> Journal:
         """The filter with its gate over the recording as it is."""

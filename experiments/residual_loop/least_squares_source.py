@@ -349,10 +349,6 @@ class LeastSquaresSource:
         """Stretches in which the sensor did not measure; they are in no fit."""
         return self._problem.faults
 
-    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
-        """Nothing: poses stand still."""
-        return ()
-
     # ---- residuals
 
     def set_aside(self, fit: Fit) -> bool:

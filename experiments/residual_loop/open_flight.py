@@ -18,10 +18,15 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
     ----------
     slow_gps : see `as_declared`
     """
-    from sinan.calibration.levels.preparation import as_declared, is_declared, prepared
+    from sinan.calibration.levels.preparation import as_declared, is_declared, near_level_or_a_place, prepared
     from sinan.estimator.filter.relinearise import is_coarse
 
     declared = is_declared(recording)
-    ready = as_declared(recording, slow_gps) if declared else prepared(recording, late=False)
+    if not declared:
+        ready = prepared(recording, late=False)
+    elif "gps" in recording.streams:
+        ready = as_declared(recording, slow_gps)
+    else:
+        ready = near_level_or_a_place(recording)
     model = ready.model.replace(relinearise=is_coarse(ready.recording, ready.model))
     return FlightSource(ready.recording, model, None if declared else recording)

@@ -36,8 +36,6 @@ _MIXED = 0.1
 _LEFT_BY_PROBES = 0.1
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error.
 _LEAST_FAULT = 1e-3
-#: What the plain model neglects by intent is told from this share of a residual's variance on.
-_TOLD = 0.2
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,7 @@ class Remaining:
     Attributes
     ----------
     kind : "variance", "colour" or "local"
-    excess : relative size: of the variance over 1, largest autocorrelation, offset over sigma; share of the variance
-        that is neglected by intent
+    excess : relative size: of the variance over 1, largest autocorrelation, offset over sigma
     follows : "time", "place" or the name of a covariate
     in_mean : whether it is structure of the mean, which the catalogue should explain
     what : in words, where kind and excess do not say it
@@ -91,9 +88,6 @@ def remaining(
         if colour is not None and is_coloured and (r.stream not in ASSUMED or not source.is_predicting):
             found.append(Remaining(r.stream, "colour", colour[0], "time", colour[1], False))
         found += _bursts(r, alpha, known)
-    for stream, share, p, words in source.neglected(fit):
-        if p < alpha and share > _TOLD:
-            found.append(Remaining(stream, "colour", share, "time", p, False, words))
     for option in left:
         if option.term.interval is not None:
             p = float(np.exp(option.log_p))

@@ -256,11 +256,6 @@ class Source(Protocol):
     def faults(self) -> Sequence[tuple[str, str, float, float]]:
         """(stream, what, start [s], end [s]) of stretches in which a sensor has not measured: frozen, saturated."""
 
-    def neglected(self, fit: Fit) -> Sequence[tuple[str, float, float, str]]:
-        """(stream, share of the variance of its residual, p-value, words) of what the plain model neglects by intent
-        and what is no error of an instrument.
-        """
-
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all data, everything in it fitted on the fit's part."""
 

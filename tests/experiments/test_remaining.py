@@ -250,9 +250,6 @@ class OnlyResiduals:
     def faults(self) -> list[tuple[str, str, float, float]]:
         return []
 
-    def neglected(self, fit: Fit) -> list[tuple[str, float, float, str]]:
-        return []
-
 
 NOTHING = Fit((), {}, {}, 0.0, "all", None)
 
