@@ -276,6 +276,7 @@ def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
     document = {"nis": {"gps": 3.0, "baro": 1e10}, "nis_interval": {"gps": [0.9, 1.1], "baro": [0.9, 1.1]}}
     warnings = innovation_warnings({**document, "doubted": shares}, "sinan trace run1")
     assert warnings[0].startswith("the filter believes 1 % of the barometer readings: their unit, axis or frame")
+    assert "or the first attitude is wrong" in warnings[0]
     assert len(warnings) == 2
     assert "GPS" in warnings[1]
 
