@@ -1,4 +1,4 @@
-"""Streams that the filter does not believe, wholly or nearly: no fault does that, a wrong unit, axis, frame or start does."""
+"""Streams that the filter hardly believes, or not at all: a wrong unit, axis, frame or start does that, no fault."""
 
 from __future__ import annotations
 
