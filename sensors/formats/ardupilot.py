@@ -22,6 +22,8 @@ from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELO
 from sinan.sensors.rotation import quaternion_from_rpy
 
 _AXES = "XYZ"
+#: What the text that names ArduPilot's firmware begins with; "APM:Copter" until 2016.
+FIRMWARES = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
 _GOOD_FIX = 3
 #: `RFND.Stat` of a good range, `.Orient` of one that looks down; `RNGFNDn_TYPE` of those that work by ultrasound.
 _GOOD_RANGE, _DOWN = 4, 25
@@ -80,9 +82,8 @@ def ardupilot_facts(path: Path) -> Facts:
     """What a log says of itself."""
     log = read_messages(path)
     texts = log.texts("MSG", "Message") if log.has("MSG", "Message") else []
-    names = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
     told = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
-    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(names)), "")
+    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(FIRMWARES)), "")
     tables = tuple(
         Table(name, count, _table_rate(log, name), kind.fields, tuple(kind.units))
         for name, (count, kind) in ((name, (log.counts[name], log.kinds[name])) for name in sorted(log.kinds))
@@ -94,7 +95,7 @@ def ardupilot_facts(path: Path) -> Facts:
     what = "ArduPilot dataflash, " + ("text" if log.as_text else "binary")
     boards = (_BOARD.fullmatch(text.strip()) for text in texts)
     board = next((found[1] for found in boards if found), "")
-    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts), board)
+    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts), board, "ArduPilot")
 
 
 def parameters_of(log: Dataflash) -> dict[str, float]:

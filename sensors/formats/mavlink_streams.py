@@ -14,7 +14,7 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
-from sinan.sensors.formats.ardupilot import motor_outputs, motor_stream
+from sinan.sensors.formats.ardupilot import FIRMWARES, motor_outputs, motor_stream
 from sinan.sensors.formats.choice import Choice, not_there
 from sinan.sensors.formats.logged import beside
 from sinan.sensors.formats.mavlink_frames import Telemetry
@@ -97,10 +97,22 @@ def instances_of(log: Telemetry) -> dict[str, int]:
 
 
 def autopilot_of(log: Telemetry) -> int:
-    """Which autopilot says that it is alive; 0: none."""
+    """Which autopilot says most often that it is alive; where none does, whose firmware tells its name; 0: none.
+
+    A text is asked last, since ArduPilot also tells what PX4's middleware its board runs on ("PX4: b0cb142b NuttX: ...").
+    """
     kinds = log.numbers("HEARTBEAT", "autopilot").astype(int) if "HEARTBEAT" in log else np.empty(0, int)
     known = [kind for kind in kinds.tolist() if kind in AUTOPILOTS]
-    return known[0] if known else 0
+    if known:
+        return max(sorted(set(known)), key=known.count)
+    return next((kind for kind in AUTOPILOTS if firmware_of(log, kind)), 0)
+
+
+def firmware_of(log: Telemetry, autopilot: int) -> str:
+    """The text by which an autopilot's firmware tells its name; empty: there is none."""
+    names = {"ArduPilot": FIRMWARES, "PX4": ("PX4",)}.get(AUTOPILOTS.get(autopilot, ""), ())
+    texts = log.texts("STATUSTEXT", "text") if "STATUSTEXT" in log else []
+    return next((text for text in texts if names and text.startswith(names)), "")
 
 
 def parameters_of(log: Telemetry, autopilot: int) -> dict[str, float]:

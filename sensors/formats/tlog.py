@@ -23,6 +23,7 @@ from sinan.sensors.formats.mavlink_streams import (
     OWN_CLOCKS,
     WRAP,
     autopilot_of,
+    firmware_of,
     instances_of,
     parameters_of,
     readers_of,
@@ -60,10 +61,10 @@ def tlog_facts(path: Path) -> Facts:
         tables.append(Table(name, count, (float(np.min(t)), float(np.max(t)))))
     texts = tuple(log.texts("STATUSTEXT", "text")) if "STATUSTEXT" in log else ()
     autopilot = autopilot_of(log)
-    version = next((text for text in texts if text.startswith(("Ardu", "PX4", "Rover", "Blimp"))), "")
-    firmware = version or AUTOPILOTS.get(autopilot, "")
+    name = AUTOPILOTS.get(autopilot, "")
+    firmware = firmware_of(log, autopilot) or name
     parameters = parameters_of(log, autopilot)
-    return Facts("MAVLink telemetry log", firmware, parameters, tuple(tables), instances_of(log), texts)
+    return Facts("MAVLink telemetry log", firmware, parameters, tuple(tables), instances_of(log), texts, autopilot=name)
 
 
 class _Clock:

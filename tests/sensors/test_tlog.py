@@ -181,7 +181,7 @@ def test_px4_sends_a_finer_message_and_parameters_byte_by_byte(tmp_path: Path) -
     facts = facts_of(path)
     assert facts is not None
     assert facts.parameters == {"SYS_AUTOSTART": 4001.0, "CAL_MAG0_XOFF": 0.25}
-    assert facts.firmware == "PX4"
+    assert (facts.autopilot, facts.firmware) == ("PX4", "PX4")
 
 
 def test_what_a_log_says_of_itself(log: Path) -> None:
@@ -191,6 +191,24 @@ def test_what_a_log_says_of_itself(log: Path) -> None:
     assert facts.parameters["MOT_PWM_MAX"] == 1900.0
     assert facts.instances == {"imu": 2, "mag": 2, "baro": 1, "gps": 1}
     assert {table.name: table.rows for table in facts.tables}["RAW_IMU"] == 40
+
+
+@pytest.mark.parametrize("said", [{"autopilot": 3}, {"autopilot": 8}], ids=["by its heart", "by its texts"])
+def test_whose_autopilot_it_is(tmp_path: Path, said: dict[str, Any]) -> None:
+    """ArduPilot before 2016 called itself APM, and told the middleware of its board, which is PX4's."""
+    texts = (b"APM:Copter V3.4-dev (bdddfae5)", b"PX4: b0cb142b NuttX: d447403a")
+    sent: list[Sent] = [
+        (1.0, "HEARTBEAT", said),
+        *((1.0, "STATUSTEXT", {"severity": 3, "text": text}) for text in reversed(texts)),
+        (1.0, "PARAM_VALUE", {"param_id": b"SERVO1_FUNCTION", "param_value": 33.0, "param_type": 4}),
+        *(raw_imu(1.0 + 0.1 * k) for k in range(40)),
+    ]
+    path = tmp_path / "a.tlog"
+    path.write_bytes(written(sent))
+    facts = facts_of(path)
+    assert facts is not None
+    assert (facts.autopilot, facts.firmware) == ("ArduPilot", texts[0].decode())
+    assert facts.parameters == {"SERVO1_FUNCTION": 33.0}
 
 
 def test_the_vehicle_that_sends_most_is_read(tmp_path: Path) -> None:
