@@ -57,6 +57,8 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         choice.require_none(path, "a plain recording")
         return read_recording(path if path.is_dir() else path.parent)
     content = what_is(path)
+    if choice.boot and content != "tlog":
+        raise InputError(path, "a log of one start of its autopilot", "a telemetry log (.tlog)", "--boot")
     if (reader := _reader_of(content)) is not None:
         return reader(path, choice)
     choice.require_none(path, "which has no choice")
