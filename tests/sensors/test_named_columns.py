@@ -156,8 +156,28 @@ def test_what_is_wrong_is_said(tmp_path: Path, header: str, expected: str) -> No
 
 
 def test_a_header_that_says_nothing_needs_a_map(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="text or unknown data"):
+    with pytest.raises(InputError, match="text or unknown data: no accelerometer .* among the columns `one, two, three`"):
         open_log(table(tmp_path / "log", "one,two,three", np.eye(3)))
+
+
+def test_two_lines_of_names_are_seen(tmp_path: Path) -> None:
+    """Names of the sensor over those of the axis: a map as the message says reads it."""
+    rows = np.column_stack([np.arange(20.0), np.tile([0.3, 0.0, -9.8], (20, 1))])
+    path = table(tmp_path / "log", "sensor,left,left,left\naxis,acc_x,acc_y,acc_z", rows)
+    with pytest.raises(InputError, match=r"two lines of names \(`sensor, left, left, left`; `axis, acc_x, .*skip_lines = 2"):
+        open_log(path)
+    text = 'kind = "poses"\n[file]\nskip_lines = 2\ncolumns = ["n", "x", "y", "z"]\n[streams.poses]\naccel = ["x", "y", "z"]\n'
+    (tmp_path / "map.toml").write_text(text)
+    assert len(open_log(path, tmp_path / "map.toml").streams["poses"]) == 20
+
+
+def test_a_topic_as_rostopic_prints_it(tmp_path: Path) -> None:
+    rows = turning()
+    rows = np.column_stack([1e7 * np.arange(50.0), np.arange(50.0), GRAVITY * rows[:, 1:4], np.radians(rows[:, 4:7])])
+    axes = [f"field.{what}.{axis}" for what in ("linear_acceleration", "angular_velocity") for axis in "xyz"]
+    streams = open_log(table(tmp_path / "log", ",".join(["%time", "field.header.seq", *axes]), rows)).streams
+    np.testing.assert_allclose(streams["imu"].t, 0.01 * np.arange(50), atol=1e-9)
+    np.testing.assert_allclose(streams["imu"].array(GYRO)[0], [0.0, 0.0, np.pi / 2])
 
 
 FLIGHT = ("TimeFromStart (s),AccelX (m/s^2),AccelY (m/s^2),AccelZ (m/s^2),AngRateX (rad/s),AngRateY (rad/s),AngRateZ (rad/s),"
