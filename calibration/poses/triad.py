@@ -253,8 +253,8 @@ def require_possible(result: Calibration, norm: float, where: str) -> None:
         found = f"readings whose length is {left:.0%} of gravity off after the fit (RMS)"
     else:
         return
-    raise InputError(where, f"{found}: no accelerometer that rests", "one reading of a sensor at rest a row, in m/s^2, in "
-                     "many attitudes")  # fmt: skip
+    expected = "one reading of a sensor at rest a row, in many attitudes"
+    raise InputError(where, f"{found}: no accelerometer that rests", expected)
 
 
 def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) -> None:

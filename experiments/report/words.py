@@ -122,7 +122,8 @@ def change(before: float, *after: float) -> str:
 
 #: how a unit is written in a sentence
 _UNIT_WORDS = {
-    "1": "", "1/A": "per ampere", "1/full throttle": "per full throttle", "1/K": "per kelvin", "1/s": "per second", "m/s^2": "m/s²", "m/K": "m per kelvin",
+    "1": "", "1/A": "per ampere", "1/full throttle": "per full throttle",
+    "1/K": "per kelvin", "1/s": "per second", "m/s^2": "m/s²", "m/K": "m per kelvin",
     "(m/s^2)/K": "m/s² per kelvin", "(rad/s)/K": "rad/s per kelvin", "(rad/s)/(m/s^2)": "rad/s per m/s²",
     "field": "in the unit of the field",
 }  # fmt: skip

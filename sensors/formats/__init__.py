@@ -78,8 +78,8 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
     if content == "text" and (seen := seen_in(path)):
-        raise InputError(path, f"{found}: {seen}", "names that say what the columns are (ax, gyro_x [deg/s]) in the first line, "
-                         "or --map FILE.toml")  # fmt: skip
+        named = "names that say what the columns are (ax, gyro_x [deg/s]) in the first line, or --map FILE.toml"
+        raise InputError(path, f"{found}: {seen}", named)
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
 

@@ -334,12 +334,13 @@ def _air(log: Dataflash) -> Stream | None:
 
 
 def trim_of(parameters: Mapping[str, float], notes: list[str]) -> FloatArray:
-    """(3,) `AHRS_TRIM` [rad]: by how much the vehicle is turned against the board, which reads; told where it is not zero."""
+    """(3,) `AHRS_TRIM` [rad]: by how much the vehicle is turned against the board, which reads; told where not zero."""
     trim = _three(parameters, "AHRS_TRIM", 0.0)
     trim = np.where(np.isfinite(trim), trim, 0.0)
     if np.any(trim):
         told = ", ".join(f"{angle:.3g}" for angle in np.degrees(trim[:2]))
-        notes.append(f"reference: the autopilot's attitude is that of its board, without AHRS_TRIM ({told} deg of roll, pitch)")
+        what = f"without AHRS_TRIM ({told} deg of roll, pitch)"
+        notes.append(f"reference: the autopilot's attitude is that of its board, {what}")
     return trim
 
 

@@ -163,14 +163,16 @@ def seen_in(path: Path) -> str:
     if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
         return ""
     delimiter = _delimiter(first)
-    heads = [[cell.strip() for cell in (line.split(delimiter) if delimiter else line.split())] for line in (first, second)]
+    heads = [[cell.strip() for cell in line.split(delimiter or None)] for line in (first, second)]
     if len(heads[0]) < 2 or any(map(is_number, heads[0])):
         return ""
     shown = [", ".join(cells[:_SHOWN]) + (", ..." if len(cells) > _SHOWN else "") for cells in heads]
     if len(heads[1]) == len(heads[0]) and not any(map(is_number, heads[1])):
-        return f"two lines of names (`{shown[0]}`; `{shown[1]}`), which a map passes over with skip_lines = 2 and its own `columns`"
+        names = f"two lines of names (`{shown[0]}`; `{shown[1]}`)"
+        return f"{names}, which a map passes over with skip_lines = 2 and its own `columns`"
     doubled = doubled_name(heads[0])
-    return f"{f'column {doubled} twice' if doubled else 'no accelerometer or magnetometer'} among the columns `{shown[0]}`"
+    what = f"column {doubled} twice" if doubled else "no accelerometer or magnetometer"
+    return f"{what} among the columns `{shown[0]}`"
 
 
 def names_of(path: Path) -> list[str]:

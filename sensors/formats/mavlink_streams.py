@@ -98,7 +98,7 @@ def instances_of(log: Telemetry) -> dict[str, int]:
 def autopilot_of(log: Telemetry) -> int:
     """Which autopilot says most often that it is alive; where none does, whose firmware tells its name; 0: none.
 
-    A text is asked last, since ArduPilot also tells what PX4's middleware its board runs on ("PX4: b0cb142b NuttX: ...").
+    A text is asked last: ArduPilot also tells the middleware of its board, which is PX4's ("PX4: b0cb142b NuttX: ...").
     """
     kinds = log.numbers("HEARTBEAT", "autopilot").astype(int) if "HEARTBEAT" in log else np.empty(0, int)
     known = [kind for kind in kinds.tolist() if kind in AUTOPILOTS]

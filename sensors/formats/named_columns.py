@@ -173,8 +173,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     kind: Kind = "flight" if ("accel", "accel_x") in values and ("gyro", "gyro_x") in values else "poses"
     t = values.get(("", "t"))
     if t is None and kind == "flight":
-        raise InputError(path, f"no time among the columns ({', '.join(list(columns)[:12])})", "a column t [s], or a map "
-                         "whose `time` counts the rows: `time = { rate = 100 }` [Hz] (--map FILE.toml)")  # fmt: skip
+        there = f"no time among the columns ({', '.join(list(columns)[:12])})"
+        way = "a map whose `time` counts the rows: `time = { rate = 100 }` [Hz] (--map FILE.toml)"
+        raise InputError(path, there, f"a column t [s], or {way}")
     if t is None:
         t = np.arange(len(next(iter(values.values()))), dtype=np.float64)
     if len(t) == 0:
@@ -186,8 +187,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     if kind == "poses":
         _require_rests(path, t, values, unread)
     notes = [f"{UNREAD}: {unread}"] if left else []
-    if any(one.column == "airspeed" and "".join(_words(name)).startswith(_AS_INDICATED) for name, one in known.values()):
-        notes.append("air: an indicated airspeed stands for the true one, which is 5 % larger for each 1000 m of height")
+    indicated = "".join(_words(known["air", "airspeed"][0])) if ("air", "airspeed") in known else ""
+    if indicated.startswith(_AS_INDICATED):
+        notes.append("air: an indicated airspeed stands for the true one, 5 % larger for each 1000 m of height")
     mended = {name: sound(name, stream) for name, stream in _streams(kind, t, values).items()}
     notes += [note for _, told in mended.values() for note in told]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream)}

@@ -44,7 +44,8 @@ def read_tlog(path: Path, choice: Choice = FIRST) -> Recording:
     """A telemetry log as a recording: IMU, magnetometer, barometer, GPS, range, supply, motors; attitude as reference.
 
     A reading is stamped by the autopilot's clock where its message has one, else by its arrival less the least delay of
-    the IMU's. Each start of the autopilot begins that clock anew, and is a recording of its own. Neglected: velocities (`GPS_RAW_INT` has none downward), what the autopilot estimates but its attitude.
+    the IMU's. Each start of the autopilot begins that clock anew, and is a recording of its own.
+    Neglected: velocities (`GPS_RAW_INT` has none downward), what the autopilot estimates but its attitude.
 
     Raises
     ------
@@ -121,7 +122,8 @@ def boots_of(log: Telemetry) -> list[Telemetry]:
     """The parts of a log between two starts of the autopilot, by its IMU's messages; one where nothing says so.
 
     A start sets the autopilot's clock back to zero, and not that of the ground station: what is to be added to the one
-    to have the other, constant but for the link's delay, grows and stays so. Parts are cut where nothing came for longest.
+    to have the other, constant but for the link's delay, grows and stays so.
+    Parts are cut where nothing came for longest.
     """
     own, arrived, places = _imu_clocks(log)
     if len(own) < 2 * _TOGETHER:

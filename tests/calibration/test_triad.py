@@ -222,9 +222,9 @@ def test_a_poor_accelerometer_at_rest_is_calibrated(unit: float) -> None:
 def test_what_cannot_be_an_accelerometer_at_rest_is_refused() -> None:
     rng = np.random.default_rng(4)
     true = 9.81 * directions(rng, 60)
-    with pytest.raises(InputError, match="scales .* differ by more than half: no accelerometer that rests"):
+    with pytest.raises(InputError, match=r"scales .* differ by more than half: no accelerometer that rests"):
         fitted(true * [1.0, 2.4, 2.4])
-    with pytest.raises(InputError, match="offsets -0.8, .* of gravity: no accelerometer that rests"):
-        fitted(true + [7.85, 0.0, 0.0])
+    with pytest.raises(InputError, match=r"offsets -0.8, .* of gravity: no accelerometer that rests"):
+        fitted(true + np.array([7.85, 0.0, 0.0]))
     with pytest.raises(InputError, match="of gravity off after the fit"):
         fitted(true * rng.uniform(0.6, 1.4, (60, 1)))

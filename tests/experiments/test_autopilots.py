@@ -467,7 +467,9 @@ def test_a_compass_that_turns_with_its_board_is_not_turned_alone(motion: Motion)
     new = px4_mag(raw, current, loaded("px4", effects, before))
     np.testing.assert_allclose(new, plain, atol=3.0 * SINGLE)
     terms = terms_for(
-        "px4", Findings({"mag.misalignment": np.array([0.1, 0.0, 0.0])}), Facts("PX4 ULog", autopilot="PX4", parameters=before)
+        "px4",
+        Findings({"mag.misalignment": np.array([0.1, 0.0, 0.0])}),
+        Facts("PX4 ULog", autopilot="PX4", parameters=before),
     )
     assert not terms.settings
     assert "turns with the board" in terms.without["mag.misalignment"]

@@ -154,7 +154,9 @@ def test_localised_effect_is_drawn_where_it_acts(disturbed: Report, tmp_path: Pa
     assert "The residual around the interval" in (tmp_path / "page.html").read_text()
 
 
-@pytest.mark.parametrize(("size", "summary"), [(0.134, "The GPS reports late."), (-0.056, "The GPS's time stamps are early.")])
+@pytest.mark.parametrize(
+    ("size", "summary"), [(0.134, "The GPS reports late."), (-0.056, "The GPS's time stamps are early.")]
+)
 def test_a_negative_lateness_is_early(size: float, summary: str) -> None:
     entry = CATALOGUE["gps.latency"]
     told = entry.opposite if entry.is_opposite([size]) else entry.summary

@@ -474,7 +474,7 @@ def through_both_attitudes() -> np.ndarray:
 
 
 def vehicle_of(rpy: np.ndarray, kind: str) -> np.ndarray:
-    """(n, 3) what ArduPilot logs of a board's attitude [deg]: an EKF angles less the trim; the DCM those of C_nb C(trim)'."""
+    """(n, 3) what ArduPilot logs of a board's attitude [deg]: an EKF its angles less the trim, DCM those of C_nb C'."""
     if kind != "AHR2":
         return np.degrees(rpy - TRIM)
     C = Rotation.from_euler("ZYX", rpy[:, ::-1]) * Rotation.from_euler("ZYX", TRIM[::-1]).inv()
@@ -486,7 +486,8 @@ def test_the_reference_is_the_attitude_of_the_board_that_reads(tmp_path: Path, k
     """A board that lies at the attitude of the reference reads gravity and field along it, in every attitude."""
     rpy = through_both_attitudes()
     kinds = KINDS | {"AHR2": ("Qfff", "TimeUS,Roll,Pitch,Yaw", "sddh", "F000")}
-    messages: list[Message] = [("PARM", (1, f"AHRS_TRIM_{axis}", value, 0.0)) for axis, value in zip("XYZ", TRIM)]
+    trim = zip("XYZ", TRIM.tolist(), strict=True)
+    messages: list[Message] = [("PARM", (1, f"AHRS_TRIM_{axis}", value, 0.0)) for axis, value in trim]
     for k, logged in enumerate(vehicle_of(rpy, kind)):
         us = 10_000_000 + 20_000 * k
         C = Rotation.from_euler("ZYX", rpy[k, ::-1])

@@ -30,7 +30,8 @@ GRAVITY = 9.80665
         ("lat", "latitude", "deg"), ("lon [1e-7 deg]", "longitude", "1e-7 deg"), ("vel_n_m/s", "vel_north", "m/s"),
         ("current_mA", "current", "mA"),
         ("AccelX (m/s^2)", "accel_x", "m/s^2"), ("IMU_AccelZ", "accel_z", "m/s^2"), ("imuGyroY", "gyro_y", "rad/s"),
-        ("AngleRateX (rad/s)", "gyro_x", "rad/s"), ("AngRateZ [deg/s]", "gyro_z", "deg/s"), ("GyroX", "gyro_x", "rad/s"),
+        ("AngleRateX (rad/s)", "gyro_x", "rad/s"), ("AngRateZ [deg/s]", "gyro_z", "deg/s"),
+        ("GyroX", "gyro_x", "rad/s"),
         ("MagFieldY (G)", "mag_y", "gauss"), ("RawMagX", "mag_x", ""), ("TimeFromStart (s)", "t", "s"),
         ("Time_s", "t", "s"), ("TimeUS", "t", "us"), ("time_boot_ms", "t", "ms"), ("Timestamp [ms]", "t", "ms"),
         ("%time", "t", "ns"), ("field.linear_acceleration.x", "accel_x", "m/s^2"),
@@ -48,9 +49,11 @@ def test_what_a_name_means(name: str, column: str, unit: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["label", "x", "ax [uT]", "gyro", "accel_x_std", "max", "image x", "status_ms", "", "[g]", "nav_lat", "nav_alt", "GNSSTime",
-             "field.header.stamp", "AccelX_filtered", "INSVelN", "throttle"]  # fmt: skip
-)
+    [
+        "label", "x", "ax [uT]", "gyro", "accel_x_std", "max", "image x", "status_ms", "", "[g]", "nav_lat", "nav_alt",
+        "GNSSTime", "field.header.stamp", "AccelX_filtered", "INSVelN", "throttle",
+    ],
+)  # fmt: skip
 def test_what_a_name_does_not_mean(name: str) -> None:
     assert meaning(name) is None
 
@@ -156,7 +159,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, header: str, expected: str) -> No
 
 
 def test_a_header_that_says_nothing_needs_a_map(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="text or unknown data: no accelerometer .* among the columns `one, two, three`"):
+    with pytest.raises(InputError, match=r"unknown data: no accelerometer .* among the columns `one, two, three`"):
         open_log(table(tmp_path / "log", "one,two,three", np.eye(3)))
 
 
@@ -164,9 +167,10 @@ def test_two_lines_of_names_are_seen(tmp_path: Path) -> None:
     """Names of the sensor over those of the axis: a map as the message says reads it."""
     rows = np.column_stack([np.arange(20.0), np.tile([0.3, 0.0, -9.8], (20, 1))])
     path = table(tmp_path / "log", "sensor,left,left,left\naxis,acc_x,acc_y,acc_z", rows)
-    with pytest.raises(InputError, match=r"two lines of names \(`sensor, left, left, left`; `axis, acc_x, .*skip_lines = 2"):
+    with pytest.raises(InputError, match=r"two lines of names \(`sensor, left, .*`; `axis, .*skip_lines = 2"):
         open_log(path)
-    text = 'kind = "poses"\n[file]\nskip_lines = 2\ncolumns = ["n", "x", "y", "z"]\n[streams.poses]\naccel = ["x", "y", "z"]\n'
+    text = 'kind = "poses"\n[file]\nskip_lines = 2\ncolumns = ["n", "x", "y", "z"]\n'
+    text += '[streams.poses]\naccel = ["x", "y", "z"]\n'
     (tmp_path / "map.toml").write_text(text)
     assert len(open_log(path, tmp_path / "map.toml").streams["poses"]) == 20
 
@@ -180,7 +184,8 @@ def test_a_topic_as_rostopic_prints_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(streams["imu"].array(GYRO)[0], [0.0, 0.0, np.pi / 2])
 
 
-FLIGHT = ("TimeFromStart (s),AccelX (m/s^2),AccelY (m/s^2),AccelZ (m/s^2),AngRateX (rad/s),AngRateY (rad/s),AngRateZ (rad/s),"
+FLIGHT = ("TimeFromStart (s),AccelX (m/s^2),AccelY (m/s^2),AccelZ (m/s^2),"
+          "AngRateX (rad/s),AngRateY (rad/s),AngRateZ (rad/s),"
           "GNSSPosLat (deg),GNSSPosLon (deg),GNSSPosAlt (m),GNSSVelN,GNSSVelE,GNSSVelD,vias,nav_lat")  # fmt: skip
 
 
@@ -190,8 +195,9 @@ def flown() -> np.ndarray:
     a, zero, second = 0.5 * 0.02 * k, 0.0 * k, np.floor(k / 50.0)
     course = 0.5 * second
     return np.column_stack([
-        0.02 * k, zero, zero + 10.0, zero - GRAVITY + 0.3 * np.sin(a), zero, zero, zero + 0.5, 45.0 + 1e-5 * np.sin(course),
-        8.0 + 1e-5 * np.cos(course), zero + 400.0, 20.0 * np.cos(course), 20.0 * np.sin(course), zero, 20.0 + np.sin(a), zero + 45.0,
+        0.02 * k, zero, zero + 10.0, zero - GRAVITY + 0.3 * np.sin(a), zero, zero, zero + 0.5,
+        45.0 + 1e-5 * np.sin(course), 8.0 + 1e-5 * np.cos(course), zero + 400.0,
+        20.0 * np.cos(course), 20.0 * np.sin(course), zero, 20.0 + np.sin(a), zero + 45.0,
     ])  # fmt: skip
 
 
@@ -208,7 +214,7 @@ def test_names_of_a_sensor_an_axis_and_a_unit_are_a_flight(tmp_path: Path) -> No
 def test_readings_milliseconds_apart_are_no_poses(tmp_path: Path) -> None:
     """Without a gyroscope that is known such a table is no flight, and one pose a row it is not."""
     header = FLIGHT.replace("AngRate", "Swing")
-    with pytest.raises(InputError, match=r"every 0.02 s and no gyroscope.*not read: SwingX \(rad/s\), SwingY") as caught:
+    with pytest.raises(InputError, match=r"0.02 s and no gyroscope.*not read: SwingX \(rad/s\)") as caught:
         open_log(table(tmp_path / "log", header, flown()))
     assert "gyro_x, gyro_y, gyro_z [rad/s], a map" in str(caught.value)
 

@@ -254,7 +254,7 @@ LENGTHS, PAUSES = (20.0, 60.0, 30.0), (35.0, 100.0)
 
 
 def started_again(missed: float = 0.0) -> bytes:
-    """Three starts in one log; the ground station missed the first seconds of the last two. Current 10 k + t of start k."""
+    """Three starts in one log, of the last two without the first seconds; the current is the time since the start."""
     parts, since = [], 0.0
     for k, (length, pause) in enumerate(zip(LENGTHS, (*PAUSES, 0.0), strict=True)):
         first = missed if k else 0.0
@@ -264,7 +264,8 @@ def started_again(missed: float = 0.0) -> bytes:
             t = first + 0.2 * m
             sent.append(raw_imu(t, az=-1000 - k))
             if m % 5 == 0:
-                sent.append((t, "BATTERY_STATUS", {"voltages": [16000, *[65535] * 9], "current_battery": round(100 * t)}))
+                now = {"voltages": [16000, *[65535] * 9], "current_battery": round(100 * t)}
+                sent.append((t, "BATTERY_STATUS", now))
         parts.append(written(sent, delay=0.03 + since))
         since += length + pause
     return b"".join(parts)
