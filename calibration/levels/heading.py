@@ -1,4 +1,7 @@
-"""The first heading of a log without a magnetometer: the one that makes its flight likeliest."""
+"""The first heading of a log without a magnetometer: the one that makes its flight likeliest.
+
+A start in a manoeuvre shows it already (`estimator.filter.alignment_in_motion`).
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,15 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import collect
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import prepare
-from sinan.estimator.filter.layout import Q_NB
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.rotation import quaternion_multiply
 
 #: Headings that are tried [rad] and the step of the second round: a filter started within 10 deg
 #: finds home.
 COARSE, FINE = np.deg2rad(20.0), np.deg2rad(4.0)
+#: 1-sigma of a first attitude that needs no search [rad]: twice that is within 10 deg.
+KNOWN = np.deg2rad(5.0)
 #: What the search leaves, about each axis [rad].
 LEFT = np.deg2rad(5.0)
 #: Readings with a smaller tail probability of their NIS weigh less: far from the right heading most of them do.
@@ -26,7 +31,8 @@ OUTLIER_LEVEL = 1e-3
 
 
 def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recording:
-    """The recording with the first attitude that its GPS and IMU agree on best; unchanged where a compass shows it.
+    """The recording with the first attitude that its GPS and IMU agree on best; unchanged where a compass shows it, or
+    the first seconds do.
 
     The filter runs once for each of 18 headings about the vertical of the first second, and again about the best one.
     Its linearisation does not find the way from a heading that is half a circle off.
@@ -40,8 +46,10 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
     if "mag" in recording.streams or "gps" not in recording.streams or initial.quaternion is not None:
         return recording
     model = flight_model(recording, specs=specs, gate_level=None, robust_level=OUTLIER_LEVEL)
+    x, P = first_state(recording, model)
+    if np.linalg.eigvalsh(P[DTHETA, DTHETA])[-1] < KNOWN**2:
+        return recording
     events = collect(recording, model)
-    x, _ = first_state(recording, model)
 
     def turned(heading: float) -> Recording:
         turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])

@@ -144,7 +144,8 @@ def level_notes(levels: Levels) -> list[str]:
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
     for sensor, late in levels.latency.items():
-        lines.append(f"{sensor}: stamps {1e3 * late:.0f} ms late, by the likelihood")
+        when = "late" if late >= 0.0 else "early"
+        lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, by the likelihood")
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(

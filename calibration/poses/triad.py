@@ -24,6 +24,9 @@ AXES: tuple[Axes, ...] = ("none", "triangular", "full")
 UPPER = tuple((i, j) for i in range(3) for j in range(3) if i < j)
 _AXIS = "xyz"
 _SMALLEST = 1e-60  # of a reading: fourth powers of it and of its inverse are numbers
+#: No accelerometer that is sold is off by so much: initial tolerances are a tenth of it (+-3 %, +-0.08 g: MPU-6050 data
+#: sheet). Lengths of readings at rest agree to noise and non-linearity, some percent; those in flight do not.
+_LARGEST_SCALE_ERROR, _LARGEST_OFFSET, _LARGEST_RESIDUAL = 0.5, 0.5, 0.1
 _PLAUSIBLE_SCALE = 0.05  # 1, of K about its start: initial tolerance of consumer parts is +-3 % (MPU-6050 data sheet)
 _PLAUSIBLE_TURN = 0.05  # rad, of the entries of T: cross-axis sensitivity +-2 % and mounting (MPU-6050 data sheet)
 
@@ -231,6 +234,27 @@ def calibrate_norm(
     if np.any(~np.isfinite(fit.std[9:])):
         T[~np.eye(3, dtype=bool)] = np.nan
     return Calibration(sensor, T, fit.x[:3], fit.x[3:6], fit, axes, len(readings), normalised_by, T_seen)
+
+
+def require_possible(result: Calibration, norm: float, where: str) -> None:
+    """Raise where a fit is no accelerometer's: readings that are no rests are fitted, too, by some ellipsoid.
+
+    Raises
+    ------
+    InputError : a scale or an offset that no accelerometer has; lengths that differ as those of a moving one do
+    """
+    K, b = result.K, result.offset * result.K / norm
+    left = float(np.sqrt(result.fit.sse / result.n)) / norm
+    if np.any(np.abs(K / np.median(K) - 1.0) > _LARGEST_SCALE_ERROR):  # the median is the unit's
+        found = f"scales {', '.join(f'{k:.3g}' for k in K)}, which differ by more than half"
+    elif np.any(np.abs(b) > _LARGEST_OFFSET):
+        found = f"offsets {', '.join(f'{one:.2g}' for one in b)} of gravity"
+    elif left > _LARGEST_RESIDUAL:
+        found = f"readings whose length is {left:.0%} of gravity off after the fit (RMS)"
+    else:
+        return
+    expected = "one reading of a sensor at rest a row, in many attitudes"
+    raise InputError(where, f"{found}: no accelerometer that rests", expected)
 
 
 def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) -> None:

@@ -1,7 +1,8 @@
 """The first state: from what the recording declares, and what it does not declare from its first readings.
 
-Attitude from the mean specific force (down) and the field (heading), with the covariance that biases, noise and the
-motion during the window leave, and its correlation with the biases. Position and velocity from the first readings of
+Attitude from the mean specific force (down) and the field (heading), in motion from force and velocities of the first
+seconds (`alignment_in_motion`), with the covariance that biases, noise and motion leave, and its correlation with the
+biases. Position and velocity from the first readings of
 GPS and barometer, with a sigma so wide that using them again as updates does not count them twice.
 """
 
@@ -11,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from sinan.estimator.filter.alignment_in_motion import Field, align_in_motion
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
@@ -121,8 +123,8 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with the biases and the colour in it.
 
     Force and field are turned back to the first instant with the gyroscope and averaged; the force is that of gravity
-    and,
-    where a GPS gives velocities, of the acceleration between them.
+    and, where a GPS gives velocities, of the acceleration between them. A body in motion that has enough of those
+    starts as `align_in_motion` has it.
 
         d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n) + J_n d(m_n)
 
@@ -133,41 +135,53 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     Neglects accel.scale, accel.misalignment and every mag.* effect; the gyroscope's bias over the window.
     """
     imu = recording.streams["imu"]
-    t0, window = imu.t[0], imu.t <= imu.t[0] + WINDOW
+    window = imu.t <= imu.t[0] + WINDOW
     turn = turned_since_start(imu.t[window], imu.array(GYRO)[window])
     f = rotate(turn, imu.array(ACCEL)[window])
     f_b = f.mean(axis=0)
     if np.linalg.norm(f_b) < 0.1 * np.linalg.norm(model.g_n):
         raise InputError(recording.where, "free fall in the first second", "[initial] quaternion", "stream imu")
-    a_n, spread = _acceleration(recording, model)
     at_rest = _at_rest(f, imu.array(GYRO)[window], model)
+    field = _first_field(recording, model, imu.t[window], turn)
+    moving = None if at_rest else align_in_motion(recording, model, field)
+    if moving is not None:
+        return moving
+    a_n, spread = _acceleration(recording, model)
     if spread is None:
         a_n, spread = np.zeros(3), _unknown_acceleration(f, f_b, model, at_rest)
-    f_n, m_b = a_n - model.g_n, None
-    if "mag" in model.sensors and float(np.hypot(*model.m_n[:2])) > 0.0:
-        stream = recording.streams["mag"]
-        near = np.flatnonzero((stream.t >= t0) & (stream.t <= t0 + WINDOW))
-        near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t0)))])
-        back = quaternion_interpolate(np.clip(stream.t[near], t0, imu.t[window][-1]), imu.t[window], turn)
-        m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    f_n, m_b = a_n - model.g_n, None if field is None else field.m_b
     q = attitude_from_vectors(f_b, m_b, f_n, model.m_n)
     J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
     noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
     covariance = noise * J_f @ J_f.T
     beside = {"b_accel": -(model.accel.bias_std**2) * J_f}
-    if m_b is None:
+    if field is None:
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
         return q, covariance, beside
-    mag, field_b = model.sensors["mag"], m_b
-    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field_b, q)
-    errors = [process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None]
-    variance = sum(process.std**2 for process in errors) + float(mag.R[0, 0])
-    covariance = covariance + variance * J_m @ J_m.T
-    beside |= {e.block: -(e.std**2) * J_m for e in errors}
-    if model.field is not None:
-        J_n = _differences(lambda v: attitude_from_vectors(f_b, field_b, f_n, v), model.m_n, q)
-        covariance, beside["field"] = covariance + J_n @ model.field @ J_n.T, J_n @ model.field
+    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field.m_b, q)
+    read = field.variance * np.eye(3) + sum(P for _, P in field.errors)
+    covariance = covariance + J_m @ read @ J_m.T
+    beside |= {name: -J_m @ P for name, P in field.errors}
+    if field.of_place is not None:
+        J_n = _differences(lambda v: attitude_from_vectors(f_b, m_b, f_n, v), model.m_n, q)
+        covariance, beside["field"] = covariance + J_n @ field.of_place @ J_n.T, J_n @ field.of_place
     return q, covariance, beside
+
+
+def _first_field(recording: Recording, model: FlightModel, t: FloatArray, turn: FloatArray) -> Field | None:
+    """The field of the window, its readings turned back (t, turn: the IMU's) and averaged; None: no compass."""
+    if "mag" not in model.sensors or float(np.hypot(*model.m_n[:2])) == 0.0:
+        return None
+    stream, mag = recording.streams["mag"], model.sensors["mag"]
+    near = np.flatnonzero((stream.t >= t[0]) & (stream.t <= t[0] + WINDOW))
+    near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t[0])))])
+    back = quaternion_interpolate(np.clip(stream.t[near], t[0], t[-1]), t, turn)
+    m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    processes = [
+        process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None
+    ]
+    errors = tuple((process.block, process.std**2 * np.eye(3)) for process in processes)
+    return Field(m_b, model.m_n, float(mag.R[0, 0]), errors, model.field)
 
 
 def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:

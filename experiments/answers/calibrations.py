@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sinan.calibration.poses.gyro import GyroCalibration
-from sinan.calibration.poses.triad import Calibration
+from sinan.calibration.poses.triad import Calibration, require_possible
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.calibrate import Calibrated, as_json, calibrate_triad, calibrate_turns, without_declared
 from sinan.experiments.report.calibration_words import residual_notes, summary, warnings_of
@@ -20,6 +20,7 @@ from sinan.experiments.residual_loop.open_source import (
     sensors_in_poses,
     triad_readings,
 )
+from sinan.sensors.formats.named_columns import UNREAD
 from sinan.sensors.recording import Recording
 
 if TYPE_CHECKING:
@@ -167,6 +168,9 @@ def calibrate_sensor(recording: Recording, sensor: str, axes: str | None, gravit
     else:
         readings = without_declared(recording, triad_readings(recording, sensor, gravity))
         result = calibrate_triad(recording, readings, axes or "none")
+        if sensor == "accel":
+            unread = "; ".join(note for note in recording.notes if note.startswith(UNREAD))
+            require_possible(result, readings.norm, f"{recording.where}{f' ({unread})' if unread else ''}")
     document = as_json(sensor, result)
     if readings is not None:
         document["unit"] = readings.unit

@@ -26,8 +26,8 @@ AUTOPILOTS: Mapping[str, tuple[str, Callable[[Findings, Mapping[str, float], Pat
 
 def autopilot_of(facts: Facts | None) -> str:
     """Whose log it is, by name in `AUTOPILOTS`; empty: nobody says."""
-    said = "" if facts is None else f"{facts.format} {facts.firmware}"
-    return next((name for name, (title, _) in AUTOPILOTS.items() if title.lower() in said.lower()), "")
+    said = "" if facts is None else facts.autopilot
+    return next((name for name, (title, _) in AUTOPILOTS.items() if title == said), "")
 
 
 def facts_beside(path: Path) -> Facts | None:

@@ -1,4 +1,4 @@
-"""Streams that the filter does not believe, wholly or nearly: no fault does that, a wrong unit, axis or frame does."""
+"""Streams that the filter hardly believes, or not at all: a wrong unit, axis, frame or start does that, no fault."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ NEARLY_ALL = 0.95
 
 
 def refused(shares: Mapping[str, float]) -> dict[str, str]:
-    """A sentence for each stream of which the filter believes hardly a reading; the level is no sensor of its own."""
+    """A sentence for each stream of which the filter believes hardly a reading; the level is no sensor of its own.
+
+    A filter that starts with a wrong attitude is lost as well, and then most positions do not fit its motion.
+    """
     return {
         sensor: f"the filter believes {_few(share)} of the {SENSORS.get(sensor, sensor)} readings: their unit, axis or "
-        "frame is another than the recording says"
+        "frame is another than the recording says, or the first attitude is wrong (try a later --from)"
         for sensor, share in shares.items()
         if share >= NEARLY_ALL and sensor != "level"
     }

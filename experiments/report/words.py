@@ -122,7 +122,8 @@ def change(before: float, *after: float) -> str:
 
 #: how a unit is written in a sentence
 _UNIT_WORDS = {
-    "1": "", "1/A": "per ampere", "1/K": "per kelvin", "1/s": "per second", "m/s^2": "m/s²", "m/K": "m per kelvin",
+    "1": "", "1/A": "per ampere", "1/full throttle": "per full throttle",
+    "1/K": "per kelvin", "1/s": "per second", "m/s^2": "m/s²", "m/K": "m per kelvin",
     "(m/s^2)/K": "m/s² per kelvin", "(rad/s)/K": "rad/s per kelvin", "(rad/s)/(m/s^2)": "rad/s per m/s²",
     "field": "in the unit of the field",
 }  # fmt: skip
@@ -130,7 +131,7 @@ _UNIT_WORDS = {
 
 def unit_words(unit: str) -> str:
     """A unit as a sentence writes it; a pure number has none."""
-    for ending, words in (("/A", " per ampere"), ("/K", " per kelvin")):
+    for ending, words in (("/A", " per ampere"), ("/K", " per kelvin"), ("/full throttle", " per full throttle")):
         if unit not in _UNIT_WORDS and unit.endswith(ending):  # that of a magnetometer: gauss/A
             return unit.removesuffix(ending) + words
     return _UNIT_WORDS.get(unit, unit.replace("^2", "²"))

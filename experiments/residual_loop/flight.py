@@ -109,7 +109,7 @@ class FlightSource:
     @property
     def field(self) -> FieldUnit:
         """The unit of a magnetometer's readings."""
-        return FieldUnit(self.recording.environment.field_unit)
+        return field_of(self.recording)
 
     @property
     def held_out_from(self) -> float:
@@ -480,3 +480,10 @@ class FlightSource:
 def _state(fit: Fit) -> Fitted:
     assert isinstance(fit.detail, Fitted)
     return fit.detail
+
+
+def field_of(recording: Recording) -> FieldUnit:
+    """In what effects on a flight's magnetometer are said; where no current is known, throttle stands for it."""
+    streams = recording.streams
+    known = any("current" in streams[name] for name in ("power", "mag") if name in streams)
+    return FieldUnit(recording.environment.field_unit, by_throttle=not known)

@@ -161,7 +161,7 @@ def _effect(part: Part, finding: Finding) -> dict[str, object]:
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
         "interval_unit": "reading" if time_is_count(part) else "s",
         "satellite": finding.term.satellite,
-        "summary": entry.summary,
+        "summary": entry.opposite if entry.is_opposite(finding.beta) else entry.summary,
     }
 
 

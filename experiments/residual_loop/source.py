@@ -39,16 +39,20 @@ class FieldUnit:
     ----------
     name : of the log's own unit; empty: nobody says it, and they are said as they are fitted
     size : of what they are fitted in, in that unit
+    by_throttle : the current is not known, and mean throttle (0 to 1) stands for it
     """
 
     name: str = ""
     size: float = 1.0
+    by_throttle: bool = False
 
     def of(self, entry: Effect) -> tuple[float, tuple[str, ...]]:
         """What a fitted parameter is multiplied by, and the units of all, of an effect."""
-        if not self.name or not entry.in_field_units:
-            return 1.0, entry.units
-        return self.size, entry.units_in(self.name)
+        told = bool(self.name) and entry.in_field_units
+        units = entry.units_in(self.name) if told else entry.units
+        if self.by_throttle:
+            units = tuple(unit.replace("/A", "/full throttle") for unit in units)
+        return self.size if told else 1.0, units
 
 
 NO_UNIT = FieldUnit()

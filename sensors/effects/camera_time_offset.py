@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="camera.time_offset",
     stream="camera",
     summary="The camera's time stamps are late.",
+    opposite="The camera's time stamps are early.",
     enters="pixel -> that of t - b",
     physics=(
         "The picture was taken at t - b, b > 0 if it is stamped after it was exposed: exposure, readout, transfer, or "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +66,7 @@ class Effect:
     interval, localised : of a time-localised effect: start and end [s]; the same effect as a function of them
     other_instants : its exact form uses the motion at instants other than that of the reading
     in_field_units : its parameters scale with the unit of the magnetic field; `plausible` is for a field of norm one
+    opposite : the summary of a negative size, where that is another thing: what is late is early then
     """
 
     name: str
@@ -85,6 +86,7 @@ class Effect:
     localised: Localised | None = None
     other_instants: bool = False
     in_field_units: bool = False
+    opposite: str = ""
 
     @property
     def size(self) -> int:
@@ -99,6 +101,10 @@ class Effect:
     def units_in(self, field: str) -> tuple[str, ...]:
         """The same where the magnetic field has a unit of its own: its share an ampere becomes gauss an ampere."""
         return tuple(field + unit[1:] for unit in self.units) if self.in_field_units else self.units
+
+    def is_opposite(self, beta: FloatArray | Sequence[float]) -> bool:
+        """Whether a size is told by `opposite`."""
+        return bool(self.opposite) and bool(beta[0] < 0.0)
 
     @property
     def plausible(self) -> FloatArray:

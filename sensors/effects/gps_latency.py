@@ -27,6 +27,7 @@ EFFECT = Effect(
     name="gps.latency",
     stream="gps",
     summary="The GPS reports late.",
+    opposite="The GPS's time stamps are early.",
     enters="position and velocity -> those of t - b,  b > 0",
     physics=(
         "Position and velocity are those of t - b (of the antenna, where there is a lever arm), b > 0: the receiver "

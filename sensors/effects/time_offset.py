@@ -55,6 +55,7 @@ def for_stream(stream: str) -> Effect:
         name=f"{stream}.time_offset",
         stream=stream,
         summary=f"The {ALL_STREAMS[stream].title}'s time stamps are late.",
+        opposite=f"The {ALL_STREAMS[stream].title}'s time stamps are early.",
         enters="reading -> that of t - b",
         physics=(
             "The reading belongs to t - b, b > 0 if it is stamped after it was taken: transfer and buffers, or another "

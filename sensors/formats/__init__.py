@@ -57,6 +57,8 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         choice.require_none(path, "a plain recording")
         return read_recording(path if path.is_dir() else path.parent)
     content = what_is(path)
+    if choice.boot and content != "tlog":
+        raise InputError(path, "a log of one start of its autopilot", "a telemetry log (.tlog)", "--boot")
     if (reader := _reader_of(content)) is not None:
         return reader(path, choice)
     choice.require_none(path, "which has no choice")
@@ -64,7 +66,7 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return read_recording(path)
     if content == "matlab":
         return _poses_of_matlab(path)
-    from sinan.sensors.formats.columns import read_named
+    from sinan.sensors.formats.columns import read_named, seen_in
 
     if content in ("text", "parquet") and (columns := read_named(path)) is not None:
         from sinan.sensors.formats.named_columns import recording_of_names
@@ -75,6 +77,9 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         "zip": "a zip", "text": "text or unknown data",
         "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
+    if content == "text" and (seen := seen_in(path)):
+        named = "names that say what the columns are (ax, gyro_x [deg/s]) in the first line, or --map FILE.toml"
+        raise InputError(path, f"{found}: {seen}", named)
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
 

@@ -19,9 +19,11 @@ from sinan.sensors.formats.dataflash_messages import Dataflash, read_messages
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
-from sinan.sensors.rotation import quaternion_from_rpy
+from sinan.sensors.rotation import quaternion_from_rpy, quaternion_multiply
 
 _AXES = "XYZ"
+#: What the text that names ArduPilot's firmware begins with; "APM:Copter" until 2016.
+FIRMWARES = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
 _GOOD_FIX = 3
 #: `RFND.Stat` of a good range, `.Orient` of one that looks down; `RNGFNDn_TYPE` of those that work by ultrasound.
 _GOOD_RANGE, _DOWN = 4, 25
@@ -73,16 +75,16 @@ def recording_of_dataflash(log: Dataflash, choice: Choice = FIRST) -> Recording:
         found["imu"], found["mag"] = _raw_imu(log, found["imu"], parameters, choice), _raw_mag(log, parameters, choice)
     if found["gps"] is not None:
         notes.append("gps: heights above the sea stand for those above the ellipsoid")
-    return recording_of(log.path, found, _attitude(log), sensors, notes, sorted(log.kinds))
+    attitude = _attitude(log, parameters, notes)
+    return recording_of(log.path, found, attitude, sensors, notes, sorted(log.kinds))
 
 
 def ardupilot_facts(path: Path) -> Facts:
     """What a log says of itself."""
     log = read_messages(path)
     texts = log.texts("MSG", "Message") if log.has("MSG", "Message") else []
-    names = ("ArduCopter", "ArduPlane", "ArduRover", "ArduSub", "Rover", "Blimp", "AntennaTracker", "APM:")
     told = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
-    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(names)), "")
+    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(FIRMWARES)), "")
     tables = tuple(
         Table(name, count, _table_rate(log, name), kind.fields, tuple(kind.units))
         for name, (count, kind) in ((name, (log.counts[name], log.kinds[name])) for name in sorted(log.kinds))
@@ -94,7 +96,7 @@ def ardupilot_facts(path: Path) -> Facts:
     what = "ArduPilot dataflash, " + ("text" if log.as_text else "binary")
     boards = (_BOARD.fullmatch(text.strip()) for text in texts)
     board = next((found[1] for found in boards if found), "")
-    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts), board)
+    return Facts(what, firmware, parameters_of(log), tables, several, tuple(texts), board, "ArduPilot")
 
 
 def parameters_of(log: Dataflash) -> dict[str, float]:
@@ -331,13 +333,41 @@ def _air(log: Dataflash) -> Stream | None:
         "temperature": ("Temp", "temperature", "degC")})  # fmt: skip
 
 
-def _attitude(log: Dataflash) -> Stream | None:
-    """The attitude of the autopilot's own estimate, of its first core."""
+def trim_of(parameters: Mapping[str, float], notes: list[str]) -> FloatArray:
+    """(3,) `AHRS_TRIM` [rad]: by how much the vehicle is turned against the board, which reads; told where not zero."""
+    trim = _three(parameters, "AHRS_TRIM", 0.0)
+    trim = np.where(np.isfinite(trim), trim, 0.0)
+    if np.any(trim):
+        told = ", ".join(f"{angle:.3g}" for angle in np.degrees(trim[:2]))
+        what = f"without AHRS_TRIM ({told} deg of roll, pitch)"
+        notes.append(f"reference: the autopilot's attitude is that of its board, {what}")
+    return trim
+
+
+def board_attitude(logged: FloatArray, trim: FloatArray) -> FloatArray:
+    """(n, 4) q_nb of the board, whose axes the readings have, where the vehicle's is logged.
+
+    Parameters
+    ----------
+    logged : (n, 3) angles of an EKF, which are the board's less the trim, axis by axis, in every attitude; or (n, 4)
+        quaternions of the vehicle, which is turned by the trim in the board: C_nb = C_nv C(trim)
+    trim : (3,) [rad]
+
+    Source: ArduPilot, `NavEKF3_core::getEulerAngles`, `AP_AHRS_DCM::update`, `AP_AHRS::update_trim_rotation_matrices`
+    """
+    if logged.shape[1] == 3:
+        return quaternion_from_rpy(logged + trim)
+    return quaternion_multiply(logged, quaternion_from_rpy(trim[None, :]))
+
+
+def _attitude(log: Dataflash, parameters: Mapping[str, float], notes: list[str]) -> Stream | None:
+    """The board's attitude as the autopilot estimated it, of its first core; `AHR2` is its DCM's, a rotation."""
     rules = {axis: (axis.capitalize(), "degrees", "deg") for axis in ("roll", "pitch", "yaw")}
     for kind in _ATTITUDES:
         stream = _stream(log, log.rows_of(kind, 0), rules)
         if stream is not None and len(stream):
-            q = quaternion_from_rpy(np.radians(stream.array(("roll", "pitch", "yaw"))))
+            rpy = np.radians(stream.array(("roll", "pitch", "yaw")))
+            q = board_attitude(quaternion_from_rpy(rpy) if kind == "AHR2" else rpy, trim_of(parameters, notes))
             return Stream(stream.t, dict(zip(QUATERNION, q.T, strict=True)))
     return None
 

@@ -18,6 +18,7 @@ class Choice:
     ----------
     imu, mag, baro, gps : which of several, counted from 0 as autopilots do
     raw : take off the offsets, scales and compensation that the autopilot has put into the readings
+    boot : which of several starts of the autopilot in one telemetry log, counted from 1; 0: the longest
     """
 
     imu: int = 0
@@ -25,6 +26,7 @@ class Choice:
     baro: int = 0
     gps: int = 0
     raw: bool = False
+    boot: int = 0
 
     @property
     def words(self) -> list[str]:

@@ -19,6 +19,8 @@ from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, 
 from sinan.sensors.formats.records import RecordLayout, read_records
 from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
 
+#: Names of columns that a message shows.
+_SHOWN = 6
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": ""}
 
 
@@ -146,6 +148,31 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     return {name: table[name] for name in names if name in wanted} | {
         name: np.empty(0) for name in names if name not in wanted
     }
+
+
+def seen_in(path: Path) -> str:
+    """What the first lines of a text look like, in words; empty: no table.
+
+    Names that stand in two lines are told, and how a map passes over them.
+    """
+    try:
+        with text_lines(_text(path, FileOptions())(), path) as lines:
+            first, second = (lines.readline().decode("utf-8-sig").strip() for _ in range(2))
+    except (InputError, UnicodeDecodeError, OSError):
+        return ""
+    if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
+        return ""
+    delimiter = _delimiter(first)
+    heads = [[cell.strip() for cell in line.split(delimiter or None)] for line in (first, second)]
+    if len(heads[0]) < 2 or any(map(is_number, heads[0])):
+        return ""
+    shown = [", ".join(cells[:_SHOWN]) + (", ..." if len(cells) > _SHOWN else "") for cells in heads]
+    if len(heads[1]) == len(heads[0]) and not any(map(is_number, heads[1])):
+        names = f"two lines of names (`{shown[0]}`; `{shown[1]}`)"
+        return f"{names}, which a map passes over with skip_lines = 2 and its own `columns`"
+    doubled = doubled_name(heads[0])
+    what = f"column {doubled} twice" if doubled else "no accelerometer or magnetometer"
+    return f"{what} among the columns `{shown[0]}`"
 
 
 def names_of(path: Path) -> list[str]:

@@ -45,6 +45,7 @@ class Facts:
     instances : how many of each sensor there are: imu, mag, baro, gps
     messages : texts that it told its user
     vehicle : the number that its board has for good; empty: nobody says
+    autopilot : "ArduPilot" or "PX4"; empty: nobody says
     """
 
     format: str
@@ -54,3 +55,4 @@ class Facts:
     instances: Mapping[str, int] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
     vehicle: str = ""
+    autopilot: str = ""

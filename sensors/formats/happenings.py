@@ -69,7 +69,10 @@ class Happening:
 
 
 def happenings_of(path: Path) -> list[Happening]:
-    """When the vehicle was armed, and its modes; empty of any other log, and where it says nothing."""
+    """When the vehicle was armed, and its modes; empty of any other log, and where it says nothing.
+
+    Of a telemetry log in which the autopilot was started several times: in the longest part.
+    """
     content = what_is(path)
     if content == "ulog":
         return _of_ulog(path)
@@ -112,9 +115,10 @@ def _of_dataflash(path: Path) -> list[Happening]:
 def _of_tlog(path: Path) -> list[Happening]:
     from sinan.sensors.formats.mavlink_frames import read_telemetry
     from sinan.sensors.formats.mavlink_streams import AUTOPILOTS, autopilot_of
-    from sinan.sensors.formats.tlog import arrival_clock
+    from sinan.sensors.formats.tlog import arrival_clock, boot_of
 
-    log = read_telemetry(path)
+    k, boots = boot_of(read_telemetry(path))
+    log = boots[k]
     if not log.has("HEARTBEAT", "base_mode"):
         return []
     t, autopilot = arrival_clock(log, "HEARTBEAT"), autopilot_of(log)

@@ -71,7 +71,7 @@ class Telemetry:
     path: Path
     counts: dict[str, int]
     notes: tuple[str, ...]
-    _tables: dict[str, tuple[FloatArray, np.ndarray]]
+    _tables: dict[str, tuple[FloatArray, np.ndarray, IntArray]]
 
     def __contains__(self, name: object) -> bool:
         return name in self._tables
@@ -95,6 +95,19 @@ class Telemetry:
     def raw(self, name: str, part: str) -> np.ndarray:
         """A field with its own type."""
         return np.asarray(self._tables[name][1][part])
+
+    def places(self, name: str) -> IntArray:
+        """(n,) where in the log the messages of a kind stand [bytes]."""
+        return self._tables[name][2]
+
+    def between(self, start: int, stop: int) -> Telemetry:
+        """The messages that stand from one byte of the log to before another."""
+        tables = {}
+        for name, (arrived, table, places) in self._tables.items():
+            a, b = np.searchsorted(places, [start, stop]).tolist()
+            if b > a:
+                tables[name] = arrived[a:b], table[a:b], places[a:b]
+        return Telemetry(self.path, {name: len(table[0]) for name, table in tables.items()}, self.notes, tables)
 
 
 @dataclass
@@ -222,12 +235,12 @@ def _payload(raw: np.ndarray, starts: IntArray, length: int, known: Any) -> np.n
     return table.view(dtype)[:, 0]
 
 
-def _joined(raw: np.ndarray, parts: list[tuple[IntArray, np.ndarray]]) -> tuple[FloatArray, np.ndarray]:
-    """The messages of all lengths in the order of the file, and when they came [s since 1970]."""
+def _joined(raw: np.ndarray, parts: list[tuple[IntArray, np.ndarray]]) -> tuple[FloatArray, np.ndarray, IntArray]:
+    """When the messages of all lengths came [s since 1970], these in the order of the file, and where they stand."""
     starts = np.concatenate([at for at, _ in parts])
     order = np.argsort(starts, kind="stable")
     stamps = np.zeros((len(starts), _TIME), dtype=np.uint8)
     for k in range(_TIME):
         stamps[:, k] = raw[starts + (k - _TIME)]
     arrived = stamps.view(">u8")[:, 0].astype(np.float64) * 1e-6
-    return arrived[order], np.concatenate([table for _, table in parts])[order]
+    return arrived[order], np.concatenate([table for _, table in parts])[order], starts[order]

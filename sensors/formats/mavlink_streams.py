@@ -14,12 +14,11 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
-from sinan.sensors.formats.ardupilot import motor_outputs, motor_stream
+from sinan.sensors.formats.ardupilot import FIRMWARES, board_attitude, motor_outputs, motor_stream, trim_of
 from sinan.sensors.formats.choice import Choice, not_there
 from sinan.sensors.formats.logged import beside
 from sinan.sensors.formats.mavlink_frames import Telemetry
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, Stream
-from sinan.sensors.rotation import quaternion_from_rpy
 
 _MILLI, _CENTI, _HECTO = 1e-3, 1e-2, 1e2
 #: Messages of an IMU with its magnetometer, best first: name, number of the IMU.
@@ -67,7 +66,7 @@ FINDERS: Mapping[str, Callable[[Telemetry, Choice, Mapping[str, float], list[str
     "sonar": lambda log, choice, parameters, notes: _range(log, _ULTRASOUND),
     "power": lambda log, choice, parameters, notes: _power(log),
     "motors": lambda log, choice, parameters, notes: _motors(log, parameters, notes),
-    "attitude": lambda log, choice, parameters, notes: _attitude(log),
+    "attitude": lambda log, choice, parameters, notes: _attitude(log, trim_of(parameters, notes)),
 }
 
 
@@ -97,10 +96,22 @@ def instances_of(log: Telemetry) -> dict[str, int]:
 
 
 def autopilot_of(log: Telemetry) -> int:
-    """Which autopilot says that it is alive; 0: none."""
+    """Which autopilot says most often that it is alive; where none does, whose firmware tells its name; 0: none.
+
+    A text is asked last: ArduPilot also tells the middleware of its board, which is PX4's ("PX4: b0cb142b NuttX: ...").
+    """
     kinds = log.numbers("HEARTBEAT", "autopilot").astype(int) if "HEARTBEAT" in log else np.empty(0, int)
     known = [kind for kind in kinds.tolist() if kind in AUTOPILOTS]
-    return known[0] if known else 0
+    if known:
+        return max(sorted(set(known)), key=known.count)
+    return next((kind for kind in AUTOPILOTS if firmware_of(log, kind)), 0)
+
+
+def firmware_of(log: Telemetry, autopilot: int) -> str:
+    """The text by which an autopilot's firmware tells its name; empty: there is none."""
+    names = {"ArduPilot": FIRMWARES, "PX4": ("PX4",)}.get(AUTOPILOTS.get(autopilot, ""), ())
+    texts = log.texts("STATUSTEXT", "text") if "STATUSTEXT" in log else []
+    return next((text for text in texts if names and text.startswith(names)), "")
 
 
 def parameters_of(log: Telemetry, autopilot: int) -> dict[str, float]:
@@ -352,16 +363,17 @@ def _motors(log: Telemetry, parameters: Mapping[str, float], notes: list[str]) -
     return read
 
 
-def _attitude(log: Telemetry) -> Reader | None:
+def _attitude(log: Telemetry, trim: FloatArray) -> Reader | None:
+    """The attitude of the board, of whose axes the readings are; `trim` as in `board_attitude`."""
     name = next((name for name in ("ATTITUDE_QUATERNION", "ATTITUDE") if name in log), None)
 
     def read(log: Telemetry, clock: Clock) -> Stream | None:
         if name is None or name not in log:
             return None
         if name == "ATTITUDE_QUATERNION":
-            columns = {column: log.numbers(name, f"q{k}") for k, column in enumerate(QUATERNION, 1)}
-            return Stream(clock.of(name), columns)
-        rpy = np.stack([log.numbers(name, part) for part in ("roll", "pitch", "yaw")], axis=-1)
-        return Stream(clock.of(name), dict(zip(QUATERNION, quaternion_from_rpy(rpy).T, strict=True)))
+            logged = np.stack([log.numbers(name, f"q{k}") for k in range(1, 5)], axis=-1)
+        else:
+            logged = np.stack([log.numbers(name, part) for part in ("roll", "pitch", "yaw")], axis=-1)
+        return Stream(clock.of(name), dict(zip(QUATERNION, board_attitude(logged, trim).T, strict=True)))
 
     return None if name is None else read

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ _WRITTEN = {
     "m/s^2": ("m/s^2", "m/s2", "m/s²", "m/s/s", "mps2", "m s^-2", "ms-2", "m.s-2"), "g": ("g", "gs"),
     "mg": ("mg", "millig"), "rad/s": ("rad/s", "rps", "rad s^-1", "radps", "rad.s-1"),
     "deg/s": ("deg/s", "dps", "°/s", "degps", "deg s^-1"), "mdeg/s": ("mdeg/s", "mdps"),
-    "gauss": ("gauss", "ga", "gs"), "mGauss": ("mgauss", "mga", "mg"), "uT": ("ut", "µt", "μt", "microtesla"),
+    "gauss": ("gauss", "ga", "gs", "g"), "mGauss": ("mgauss", "mga", "mg"), "uT": ("ut", "µt", "μt", "microtesla"),
     "nT": ("nt",), "T": ("t", "tesla"), "s": ("s", "sec", "seconds"), "ms": ("ms", "msec", "milliseconds"),
     "us": ("us", "µs", "μs", "usec", "microseconds"), "ns": ("ns", "nsec", "nanoseconds"),
     "Pa": ("pa",), "hPa": ("hpa",), "mbar": ("mbar",), "kPa": ("kpa",), "degC": ("degc", "°c", "c", "celsius"),
@@ -35,30 +36,46 @@ _WRITTEN = {
     "mA": ("ma",), "V": ("v", "volt", "volts"), "mV": ("mv",), "deg": ("deg", "°"), "rad": ("rad",),
     "1e-7 deg": ("1e-7 deg", "dege7"),
 }  # fmt: skip
+#: Words that say where a sensor sits or what was done to its reading, before the one that says what it is.
+_WHERE = frozenset({"imu", "raw", "sensor", "meas", "measured", "field"})
 #: What the columns of three axes are called before `x`, `y`, `z`.
 _TRIADS: Mapping[str, tuple[Sequence[str], str, str, tuple[str, ...]]] = {
     "accel": (ACCEL, "acceleration", "m/s^2", ("a", "acc", "accel", "accelerometer", "acceleration", "a rs s",
-                                               "linear acceleration", "specific force", "raw accel")),
-    "gyro": (GYRO, "rate", "rad/s", ("g", "gyr", "gyro", "gyroscope", "w", "omega", "angular velocity", "w rs s",
-                                     "rotation rate", "rate", "raw gyro")),
-    "mag": (MAG, "field", "", ("m", "mag", "magn", "magnetometer", "magnetic field", "compass", "raw mag")),
+                                               "linear acceleration", "specific force")),
+    "gyro": (GYRO, "rate", "rad/s", ("g", "gyr", "gyro", "gyroscope", "w", "omega", "w rs s", "rate", *(
+        f"{one} {two}" for one in ("ang", "angle", "angular", "rotation", "turn", "body")
+        for two in ("rate", "vel", "velocity")))),
+    "mag": (MAG, "field", "", ("m", "mag", "magn", "magnetometer", "magnetic field", "mag field", "compass")),
 }  # fmt: skip
-#: Other columns: stream, column, quantity, unit where none is written, and what they are called.
+#: Other columns: stream, column, quantity, unit where none is written, and the words that they are called by, one of
+#: each choice in a row; "": none.
+_RECEIVER = ("", "gps", "gnss", "gps pos", "gnss pos", "gps position", "gnss position")
+_SPEED = ("v", "vel", "velocity", "gps v", "gps vel", "gps velocity", "gnss v", "gnss vel", "gnss velocity")
+_INDICATED = ("ias", "vias", "cas", "vcas", "eas", "indicated airspeed")
+_BEGIN = ("", "from start", "since start", "from boot", "since boot", "boot", "elapsed")
 _SINGLE = (
-    ("", "t", "time", "s", ("t", "time", "timestamp", "seconds elapsed", "time elapsed", "elapsed", "sample time")),
-    ("imu", "temperature", "temperature", "degC", ("temp", "temperature", "imu temp", "imu temperature")),
-    ("baro", "pressure", "pressure", "Pa", ("pressure", "press", "baro", "baro pressure", "barometer", "p")),
-    ("baro", "height", "length", "m", ("baro alt", "baro height", "baro altitude", "pressure altitude")),
-    ("gps", "latitude", "degrees", "deg", ("lat", "latitude", "gps lat", "gps latitude")),
-    ("gps", "longitude", "degrees", "deg", ("lon", "lng", "long", "longitude", "gps lon", "gps lng", "gps longitude")),
-    ("gps", "height", "length", "m", ("alt", "altitude", "height", "gps alt", "gps altitude", "gps height")),
-    ("gps", "vel_north", "speed", "m/s", ("vn", "vel n", "vel north", "v north", "gps vel n", "gps vn")),
-    ("gps", "vel_east", "speed", "m/s", ("ve", "vel e", "vel east", "v east", "gps vel e", "gps ve")),
-    ("gps", "vel_down", "speed", "m/s", ("vd", "vel d", "vel down", "v down", "gps vel d", "gps vd")),
-    ("power", "current", "current", "A", ("current", "amp", "amps", "battery current", "i")),
-    ("power", "voltage", "voltage", "V", ("voltage", "volt", "volts", "vbat", "battery voltage")),
-    ("air", "airspeed", "speed", "m/s", ("airspeed", "tas", "true airspeed")),
+    ("", "t", "time", "s", (("t", "time", "timestamp", "stamp"), _BEGIN)),
+    ("", "t", "time", "s", (("seconds elapsed", "elapsed", "elapsed time", "sample time", "system time"),)),
+    ("imu", "temperature", "temperature", "degC", (("temp", "temperature"),)),
+    ("baro", "pressure", "pressure", "Pa", (("", "baro", "barometer", "air"), ("pressure", "press"))),
+    ("baro", "pressure", "pressure", "Pa", (("baro", "barometer", "p"),)),
+    ("baro", "height", "length", "m", (("baro", "barometer", "barometric", "pressure"), ("alt", "altitude", "height"))),
+    ("gps", "latitude", "degrees", "deg", (_RECEIVER, ("lat", "latitude"))),
+    ("gps", "longitude", "degrees", "deg", (_RECEIVER, ("lon", "lng", "long", "longitude"))),
+    ("gps", "height", "length", "m", (_RECEIVER, ("alt", "altitude", "height"))),
+    *(("gps", f"vel_{way}", "speed", "m/s", (_SPEED, (way[0], way))) for way in ("north", "east", "down")),
+    ("power", "current", "current", "A", (("", "battery"), ("current", "amp", "amps"))),
+    ("power", "current", "current", "A", (("i",),)),
+    ("power", "voltage", "voltage", "V", (("", "battery"), ("voltage", "volt", "volts"))),
+    ("power", "voltage", "voltage", "V", (("vbat",),)),
+    ("air", "airspeed", "speed", "m/s", (("tas", "true airspeed", "airspeed"),)),
+    ("air", "airspeed", "speed", "m/s", (_INDICATED,)),
 )  # fmt: skip
+_AS_INDICATED = tuple(one.replace(" ", "") for one in _INDICATED)
+#: Rows of poses are means over rests, none of which is shorter [s]: a hand has to turn the sensor between two.
+SHORTEST_REST = 0.5
+#: How the note begins that names columns without a meaning.
+UNREAD = "columns not read"
 #: Slower sensors repeat their last reading in rows of the fastest, where more than this part of the rows repeats.
 _REPEATED = 0.5
 
@@ -75,29 +92,49 @@ class Meaning:
 
 def meaning(name: str) -> Meaning | None:
     """What a column is by its name; None: something else."""
-    text = name.strip().lstrip("#").strip().lower()
+    text = name.strip().lstrip("#").strip()
+    if text == "%time":  # as `rostopic echo -p` writes it
+        return Meaning("", "t", "time", "ns")
     bracketed = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*)\s*[\])]\s*", text)
     if bracketed:
-        return _known(bracketed[1], bracketed[2])
-    found = _known(text, "")
-    if found is not None:
-        return found
+        return _known(_words(bracketed[1]), bracketed[2].lower())
+    words = _words(text)
+    found = _known(words, "")
     parts = re.fullmatch(r"(.+)[_ ]([^_ ]+)", text)
-    return _known(parts[1], parts[2]) if parts and parts[2] else None
+    if found is None and parts and parts[2]:
+        found = _known(_words(parts[1]), parts[2].lower())
+    return found if found is not None or len(words) < 2 else _known(words[:-1], words[-1])
 
 
-def _known(name: str, unit: str) -> Meaning | None:
-    """The meaning of a name with a unit, as it is written; None: there is no such name, or no such unit of it."""
-    words = " ".join(re.findall(r"[a-z0-9]+", name))
-    for stream, (columns, quantity, default, names) in _TRIADS.items():
-        for k, axis in enumerate("xyz"):
-            called = {f"{one} {axis}" for one in names} | {f"{one}{axis}" for one in names}
-            called |= {f"{axis} {one}" for one in names if len(one) > 1}
-            if words in called:
-                return _in_unit(stream, columns[k], quantity, unit, default)
-    for stream, column, quantity, default, names in _SINGLE:
-        if words in names:
-            return _in_unit(stream, column, quantity, unit, default)
+def _words(name: str) -> list[str]:
+    """The words of a name in lower case, also of one like `GNSSPosLat`."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+", name)]
+
+
+def _names() -> dict[str, tuple[str, str, str, str]]:
+    """What every name means, its words without gaps: stream, column, quantity, unit where none is written."""
+    known: dict[str, tuple[str, str, str, str]] = {}
+    for stream, (columns, quantity, default, sensors) in _TRIADS.items():
+        for one, (axis, column) in product(sensors, zip("xyz", columns, strict=True)):
+            known[f"{one} {axis}"] = stream, column, quantity, default
+            if len(one) > 1:
+                known[f"{axis} {one}"] = stream, column, quantity, default
+    for stream, column, quantity, default, choices in _SINGLE:
+        known |= {" ".join(words): (stream, column, quantity, default) for words in product(*choices)}
+    return {name.replace(" ", ""): what for name, what in known.items()}
+
+
+_NAMES = _names()
+
+
+def _known(words: Sequence[str], unit: str) -> Meaning | None:
+    """The meaning of the words of a name with a unit, as it is written; None: no such name, or no such unit of it."""
+    told = list(words)
+    while told:
+        if (what := _NAMES.get("".join(told))) is not None:
+            return _in_unit(*what[:3], unit, what[3])
+        if told.pop(0) not in _WHERE:
+            return None
     return None
 
 
@@ -136,7 +173,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     kind: Kind = "flight" if ("accel", "accel_x") in values and ("gyro", "gyro_x") in values else "poses"
     t = values.get(("", "t"))
     if t is None and kind == "flight":
-        raise InputError(path, f"no time among the columns ({', '.join(list(columns)[:12])})", "a column t [s]")
+        there = f"no time among the columns ({', '.join(list(columns)[:12])})"
+        way = "a map whose `time` counts the rows: `time = { rate = 100 }` [Hz] (--map FILE.toml)"
+        raise InputError(path, there, f"a column t [s], or {way}")
     if t is None:
         t = np.arange(len(next(iter(values.values()))), dtype=np.float64)
     if len(t) == 0:
@@ -144,7 +183,13 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     fields = {one.unit for _, one in known.values() if one.quantity == "field"}
     if len(fields) > 1:
         raise InputError(path, f"a magnetometer in {', '.join(sorted(fields))}", "one unit for all three axes")
-    notes = [f"columns not read: {', '.join(left[:12])}{' ...' if len(left) > 12 else ''}"] if left else []
+    unread = f"{', '.join(left[:12])}{' ...' if len(left) > 12 else ''}"
+    if kind == "poses":
+        _require_rests(path, t, values, unread)
+    notes = [f"{UNREAD}: {unread}"] if left else []
+    indicated = "".join(_words(known["air", "airspeed"][0])) if ("air", "airspeed") in known else ""
+    if indicated.startswith(_AS_INDICATED):
+        notes.append("air: an indicated airspeed stands for the true one, 5 % larger for each 1000 m of height")
     mended = {name: sound(name, stream) for name, stream in _streams(kind, t, values).items()}
     notes += [note for _, told in mended.values() for note in told]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream)}
@@ -162,6 +207,15 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     if environment.field_unit:
         check_field(recording)
     return recording
+
+
+def _require_rests(path: Path, t: FloatArray, values: Mapping[tuple[str, str], FloatArray], unread: str) -> None:
+    """Raise where rows with an accelerometer follow each other faster than anyone turns it from rest to rest."""
+    step = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
+    if ("accel", "accel_x") in values and 0.0 < step < SHORTEST_REST:
+        found = f"an accelerometer every {step:.3g} s and no gyroscope: a recording of motion, not poses at rest"
+        hint = "gyro_x, gyro_y, gyro_z [rad/s], a map that names them (--map FILE.toml), or poses at rest, one a row"
+        raise InputError(path, f"{found}{f' ({UNREAD}: {unread})' if unread else ''}", hint)
 
 
 def _converted(values: FloatArray, one: Meaning) -> FloatArray:

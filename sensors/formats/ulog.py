@@ -111,7 +111,7 @@ def ulog_facts(path: Path) -> Facts:
     firmware = " ".join(known[key] for key in ("sys_name", "ver_sw_release", "ver_sw", "ver_hw") if key in known)
     several = {sensor: len(_instances(topics, sensor)) for sensor in ("imu", "mag", "baro", "gps")}
     return Facts("PX4 ULog", firmware, topics.said.parameters, tuple(tables), several, tuple(topics.said.texts),
-                 str(known.get("sys_uuid", "")))  # fmt: skip
+                 str(known.get("sys_uuid", "")), "PX4")  # fmt: skip
 
 
 def _streams(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> dict[str, Stream | None]:

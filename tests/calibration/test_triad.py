@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual
+from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian, norm_residual, require_possible
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.open_source import triad_readings
 from sinan.sensors.errors import InputError
@@ -204,3 +204,27 @@ def test_response_against_differences() -> None:
         step = h * np.eye(36)[k].reshape(12, 3)
         up, down = (calibrate_norm("accel", x, 9.8, "triangular").apply(x) for x in (r + step, r - step))
         np.testing.assert_allclose(response[:, k], ((up - down) / (2 * h)).ravel(), atol=1e-4)
+
+
+def fitted(readings: np.ndarray) -> None:
+    require_possible(calibrate_norm("accel", readings, 9.81), 9.81, "log")
+
+
+@pytest.mark.parametrize("unit", [1.0, 9.81], ids=["m/s^2", "g"])
+def test_a_poor_accelerometer_at_rest_is_calibrated(unit: float) -> None:
+    """Scales off by 15 %, offsets of 0.2 g, 2 % of noise: worse than any that is sold; the unit is another matter."""
+    rng = np.random.default_rng(3)
+    true = 9.81 * directions(rng, 60)
+    readings = true * [1.15, 0.9, 1.0] + [2.0, -1.0, 0.5] + 0.2 * rng.standard_normal(true.shape)
+    fitted(readings / unit)
+
+
+def test_what_cannot_be_an_accelerometer_at_rest_is_refused() -> None:
+    rng = np.random.default_rng(4)
+    true = 9.81 * directions(rng, 60)
+    with pytest.raises(InputError, match=r"scales .* differ by more than half: no accelerometer that rests"):
+        fitted(true * [1.0, 2.4, 2.4])
+    with pytest.raises(InputError, match=r"offsets -0.8, .* of gravity: no accelerometer that rests"):
+        fitted(true + np.array([7.85, 0.0, 0.0]))
+    with pytest.raises(InputError, match="of gravity off after the fit"):
+        fitted(true * rng.uniform(0.6, 1.4, (60, 1)))

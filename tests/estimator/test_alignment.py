@@ -86,7 +86,7 @@ def test_field_of_a_log_has_the_dip_of_the_field() -> None:
 
 
 def test_no_heading_aid_is_said_by_the_covariance() -> None:
-    recording, _ = fly(4, duration=2.0, sensors=("gps",))
+    recording, _ = fly(4, duration=2.0, sensors=("baro",))
     recording = recording.replace(initial=Initial())
     _, P = first_state(recording, flight_model(recording))
     assert np.linalg.eigvalsh(P[6:9, 6:9])[-1] > 3.0

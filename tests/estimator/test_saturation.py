@@ -63,6 +63,34 @@ def test_coarse_converter_at_rest_is_not_stuck() -> None:
     assert stuck_runs(np.round(2.0 * x) / 2.0) == []
 
 
+def coarse(rate: FloatArray) -> FloatArray:
+    """(n, 3) in counts: a rate as given with noise of 0.2 counts, and two axes that swing with noise of one count."""
+    others = SWING[:, None] * np.array([0.1, 0.2])
+    return np.round(np.column_stack([rate, others]) / COUNT + np.array([0.2, 1.0, 1.0]) * noise(3))
+
+
+def steady_amid_swings() -> FloatArray:
+    """A rate that swings but for 1.5 s, in which it goes through 0.8 counts."""
+    return np.where(np.abs(T - 5.0) < 0.75, COUNT * (T - 5.0) / 1.5 * 0.8, SWING)
+
+
+def test_coarse_axis_that_turns_steadily_is_not_stuck() -> None:
+    """A loop with level wings: the roll axis is within one count, which it leaves and meets again by its noise."""
+    reading = coarse(steady_amid_swings())
+    assert np.mean(reading[1700:2300, 0] == 0.0) > 0.8
+    assert stuck_runs(reading) == []
+
+
+@pytest.mark.parametrize("start", [400, 1950, 3300])
+def test_coarse_axis_that_is_stuck_amid_swings_is_found(start: int) -> None:
+    """A second of one value, whatever it is when it starts and is released to."""
+    reading = coarse(SWING)
+    reading[start : start + 400, 0] = reading[start, 0]
+    (found,) = stuck_runs(reading)
+    assert abs(found[0] - start) < 4
+    assert abs(found[1] - start - 400) < 4
+
+
 def test_a_single_axis_has_nothing_to_be_stuck_against() -> None:
     x = noise(1)
     x[400:450] = x[400]

@@ -85,7 +85,7 @@ def loaded(autopilot: str, effects: Mapping[str, object], before: Values, **know
     """The log's parameters with the file's in their place."""
     betas = {name: np.array(beta, dtype=np.float64) for name, beta in effects.items()}
     found = Findings(betas, **known)  # type: ignore[arg-type]
-    facts = Facts({"px4": "PX4 ULog", "ardupilot": "ArduPilot"}[autopilot], parameters=before)
+    facts = Facts("a log", autopilot={"px4": "PX4", "ardupilot": "ArduPilot"}[autopilot], parameters=before)
     terms = terms_for(autopilot, found, facts)
     assert not terms.without
     return {**before, **of_file(as_file(terms))}
@@ -467,7 +467,9 @@ def test_a_compass_that_turns_with_its_board_is_not_turned_alone(motion: Motion)
     new = px4_mag(raw, current, loaded("px4", effects, before))
     np.testing.assert_allclose(new, plain, atol=3.0 * SINGLE)
     terms = terms_for(
-        "px4", Findings({"mag.misalignment": np.array([0.1, 0.0, 0.0])}), Facts("PX4 ULog", parameters=before)
+        "px4",
+        Findings({"mag.misalignment": np.array([0.1, 0.0, 0.0])}),
+        Facts("PX4 ULog", autopilot="PX4", parameters=before),
     )
     assert not terms.settings
     assert "turns with the board" in terms.without["mag.misalignment"]

@@ -14,8 +14,10 @@ import pytest
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.report.words import per_unit, unit_words
+from sinan.experiments.residual_loop.flight import field_of
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
+from sinan.experiments.residual_loop.source import FieldUnit
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.recording import MAG, Recording, Stream
@@ -129,7 +131,22 @@ def test_of_a_ulog(measured_data: Path) -> None:
     assert re.search(r"mag +-?0\.\d+ ± .* gauss\n", estimate_command.run(log, "auto", None, None, None, None))
 
 
+@pytest.mark.parametrize(("streams", "unit"), [(("power", "motors"), "gauss/A"), (("motors",), "gauss/full throttle")])
+def test_a_throttle_that_stands_for_the_current_is_said_in_the_unit(streams: tuple[str, ...], unit: str) -> None:
+    """The regressor is the mean throttle where no current is known, and then its size is not an ampere's."""
+    recording, _ = simulate(load_scenario("aerobatics"), np.random.default_rng(1))
+    kept = {name: one for name, one in recording.streams.items() if name not in ("power", "motors") or name in streams}
+    field_unit = replace(recording.environment, field_unit="gauss")
+    field = field_of(recording.replace(streams=kept, environment=field_unit))
+    assert field.of(CATALOGUE["mag.current"]) == (1.0, (unit,) * 3)
+    assert field.of(CATALOGUE["mag.temperature"]) == (1.0, ("gauss/K",) * 3)
+    assert field.of(CATALOGUE["gps.latency"]) == (1.0, ("s",))
+
+
 def test_words_of_units() -> None:
+    assert unit_words("gauss/full throttle") == "gauss per full throttle"
+    assert FieldUnit(by_throttle=True).of(CATALOGUE["mag.current"])[1] == ("1/full throttle",) * 3
+    assert per_unit(0.098, "1/full throttle", "mag.current") == "0.098 per full throttle"
     assert CATALOGUE["mag.current"].units_in("gauss") == ("gauss/A",) * 3
     assert CATALOGUE["mag.temperature"].units_in("uT") == ("uT/K",) * 3
     assert CATALOGUE["mag.step"].units_in("gauss") == ("gauss",) * 3

@@ -31,6 +31,7 @@ from sinan.experiments.report.trace_words import (
     interval_words,
     known_together,
     remaining_sentence,
+    size_words,
 )
 from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
 from sinan.experiments.report.words import (
@@ -61,6 +62,7 @@ from sinan.experiments.residual_loop.trials import (
 from sinan.experiments.scenarios import parse_effect
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.covariates import covariates_for
+from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import MAG, Stream
 from sinan.sensors.simulate import simulate
@@ -150,6 +152,17 @@ def test_localised_effect_is_drawn_where_it_acts(disturbed: Report, tmp_path: Pa
     assert re.fullmatch(r"from \d\d(\.\d+)? s to \d\d(\.\d+)? s", interval_words(document["effects"][0]))
     trace_page(tmp_path / "page.html", result, document)
     assert "The residual around the interval" in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("size", "summary"), [(0.134, "The GPS reports late."), (-0.056, "The GPS's time stamps are early.")]
+)
+def test_a_negative_lateness_is_early(size: float, summary: str) -> None:
+    entry = CATALOGUE["gps.latency"]
+    told = entry.opposite if entry.is_opposite([size]) else entry.summary
+    assert told == summary
+    effect = {"name": "gps.latency", "beta": [size], "unit": ["s"], "interval": None}
+    assert size_words(effect) == per_unit(abs(size), "s")  # the sentence has the sign
 
 
 def test_interval_of_a_log_without_time_stamps_is_in_readings() -> None:
@@ -276,6 +289,7 @@ def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
     document = {"nis": {"gps": 3.0, "baro": 1e10}, "nis_interval": {"gps": [0.9, 1.1], "baro": [0.9, 1.1]}}
     warnings = innovation_warnings({**document, "doubted": shares}, "sinan trace run1")
     assert warnings[0].startswith("the filter believes 1 % of the barometer readings: their unit, axis or frame")
+    assert "or the first attitude is wrong" in warnings[0]
     assert len(warnings) == 2
     assert "GPS" in warnings[1]
 

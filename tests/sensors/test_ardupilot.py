@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import facts_of, open_log
@@ -462,3 +463,46 @@ def test_a_measured_log_of_2013_says_what_it_lacks(measured_data: Path) -> None:
     facts = facts_of(log.path)
     assert facts is not None
     assert (facts.firmware, len(facts.parameters)) == ("ArduCopter V3.0.1", 271)
+
+
+TRIM = np.array([0.02, 0.0604, 0.0])
+
+
+def through_both_attitudes() -> np.ndarray:
+    """(n, 3) roll, pitch, yaw of a board that is level, climbs, banks and flies inverted."""
+    return np.radians([[0.0, 0.0, 30.0], [0.0, 40.0, 100.0], [-60.0, 5.0, 200.0], [178.0, -10.0, 300.0]])
+
+
+def vehicle_of(rpy: np.ndarray, kind: str) -> np.ndarray:
+    """(n, 3) what ArduPilot logs of a board's attitude [deg]: an EKF its angles less the trim, DCM those of C_nb C'."""
+    if kind != "AHR2":
+        return np.degrees(rpy - TRIM)
+    C = Rotation.from_euler("ZYX", rpy[:, ::-1]) * Rotation.from_euler("ZYX", TRIM[::-1]).inv()
+    return np.asarray(C.as_euler("ZYX", degrees=True)[:, ::-1])
+
+
+@pytest.mark.parametrize("kind", ["XKF1", "AHR2"])
+def test_the_reference_is_the_attitude_of_the_board_that_reads(tmp_path: Path, kind: str) -> None:
+    """A board that lies at the attitude of the reference reads gravity and field along it, in every attitude."""
+    rpy = through_both_attitudes()
+    kinds = KINDS | {"AHR2": ("Qfff", "TimeUS,Roll,Pitch,Yaw", "sddh", "F000")}
+    trim = zip("XYZ", TRIM.tolist(), strict=True)
+    messages: list[Message] = [("PARM", (1, f"AHRS_TRIM_{axis}", value, 0.0)) for axis, value in trim]
+    for k, logged in enumerate(vehicle_of(rpy, kind)):
+        us = 10_000_000 + 20_000 * k
+        C = Rotation.from_euler("ZYX", rpy[k, ::-1])
+        force = C.inv().apply([0.0, 0.0, -GRAVITY])
+        messages.append(("IMU", (us, 0, 0.0, 0.0, 0.0, *force, 0, 0, 41.5, 1, 1, 1000, 1000)))
+        centi = [round(100 * angle) for angle in logged]
+        centi[2] %= 36_000
+        messages.append(
+            ("XKF1", (us, 0, *centi, *[0.0] * 7, 0, 0, 0, 0)) if kind == "XKF1" else ("AHR2", (us, *logged))
+        )
+    path = tmp_path / "a.bin"
+    path.write_bytes(binary(messages, kinds=kinds))
+    recording = open_log(path)
+    assert recording.truth is not None
+    q = recording.truth.stream.array(("qw", "qx", "qy", "qz"))
+    down = Rotation.from_quat(q[:, [1, 2, 3, 0]]).inv().apply([0.0, 0.0, -GRAVITY])
+    np.testing.assert_allclose(down, recording.streams["imu"].array(ACCEL), atol=GRAVITY * np.radians(0.01))
+    assert any("without AHRS_TRIM (1.15, 3.46 deg" in note for note in recording.notes)

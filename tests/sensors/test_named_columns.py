@@ -29,6 +29,16 @@ GRAVITY = 9.80665
         ("seconds_elapsed", "t", "s"), ("temp_C", "temperature", "degC"), ("pressure [hPa]", "pressure", "hPa"),
         ("lat", "latitude", "deg"), ("lon [1e-7 deg]", "longitude", "1e-7 deg"), ("vel_n_m/s", "vel_north", "m/s"),
         ("current_mA", "current", "mA"),
+        ("AccelX (m/s^2)", "accel_x", "m/s^2"), ("IMU_AccelZ", "accel_z", "m/s^2"), ("imuGyroY", "gyro_y", "rad/s"),
+        ("AngleRateX (rad/s)", "gyro_x", "rad/s"), ("AngRateZ [deg/s]", "gyro_z", "deg/s"),
+        ("GyroX", "gyro_x", "rad/s"),
+        ("MagFieldY (G)", "mag_y", "gauss"), ("RawMagX", "mag_x", ""), ("TimeFromStart (s)", "t", "s"),
+        ("Time_s", "t", "s"), ("TimeUS", "t", "us"), ("time_boot_ms", "t", "ms"), ("Timestamp [ms]", "t", "ms"),
+        ("%time", "t", "ns"), ("field.linear_acceleration.x", "accel_x", "m/s^2"),
+        ("field.angular_velocity.z", "gyro_z", "rad/s"), ("GNSSPosLat (deg)", "latitude", "deg"),
+        ("GNSSPosLon", "longitude", "deg"), ("gps_pos_alt", "height", "m"), ("GNSSVelN", "vel_north", "m/s"),
+        ("GpsVelE (m/s)", "vel_east", "m/s"), ("gps_vd", "vel_down", "m/s"), ("velocity_down", "vel_down", "m/s"),
+        ("BaroAlt (m)", "height", "m"), ("vias", "airspeed", "m/s"),
     ],
 )  # fmt: skip
 def test_what_a_name_means(name: str, column: str, unit: str) -> None:
@@ -38,8 +48,12 @@ def test_what_a_name_means(name: str, column: str, unit: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["label", "x", "ax [uT]", "gyro", "accel_x_std", "max", "image x", "status_ms", "", "[g]"]
-)
+    "name",
+    [
+        "label", "x", "ax [uT]", "gyro", "accel_x_std", "max", "image x", "status_ms", "", "[g]", "nav_lat", "nav_alt",
+        "GNSSTime", "field.header.stamp", "AccelX_filtered", "INSVelN", "throttle",
+    ],
+)  # fmt: skip
 def test_what_a_name_does_not_mean(name: str) -> None:
     assert meaning(name) is None
 
@@ -133,6 +147,7 @@ def test_what_a_slower_sensor_repeats_counts_once(tmp_path: Path) -> None:
         (HEADER.replace("t_ms", "t"), "looks like ms"),
         (HEADER.replace("ay [g]", "acc_x [g]"), "columns `ax [g]` and `acc_x [g]` for accel_x"),
         (HEADER.replace("t_ms", "label"), "no time among the columns"),
+        (HEADER.replace("t_ms", "label"), "`time = { rate = 100 }`"),
         (HEADER.replace("mag x [uT]", "mag x [gauss]"), "a magnetometer in gauss, uT"),
     ],
 )
@@ -144,5 +159,68 @@ def test_what_is_wrong_is_said(tmp_path: Path, header: str, expected: str) -> No
 
 
 def test_a_header_that_says_nothing_needs_a_map(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="text or unknown data"):
+    with pytest.raises(InputError, match=r"unknown data: no accelerometer .* among the columns `one, two, three`"):
         open_log(table(tmp_path / "log", "one,two,three", np.eye(3)))
+
+
+def test_two_lines_of_names_are_seen(tmp_path: Path) -> None:
+    """Names of the sensor over those of the axis: a map as the message says reads it."""
+    rows = np.column_stack([np.arange(20.0), np.tile([0.3, 0.0, -9.8], (20, 1))])
+    path = table(tmp_path / "log", "sensor,left,left,left\naxis,acc_x,acc_y,acc_z", rows)
+    with pytest.raises(InputError, match=r"two lines of names \(`sensor, left, .*`; `axis, .*skip_lines = 2"):
+        open_log(path)
+    text = 'kind = "poses"\n[file]\nskip_lines = 2\ncolumns = ["n", "x", "y", "z"]\n'
+    text += '[streams.poses]\naccel = ["x", "y", "z"]\n'
+    (tmp_path / "map.toml").write_text(text)
+    assert len(open_log(path, tmp_path / "map.toml").streams["poses"]) == 20
+
+
+def test_a_topic_as_rostopic_prints_it(tmp_path: Path) -> None:
+    rows = turning()
+    rows = np.column_stack([1e7 * np.arange(50.0), np.arange(50.0), GRAVITY * rows[:, 1:4], np.radians(rows[:, 4:7])])
+    axes = [f"field.{what}.{axis}" for what in ("linear_acceleration", "angular_velocity") for axis in "xyz"]
+    streams = open_log(table(tmp_path / "log", ",".join(["%time", "field.header.seq", *axes]), rows)).streams
+    np.testing.assert_allclose(streams["imu"].t, 0.01 * np.arange(50), atol=1e-9)
+    np.testing.assert_allclose(streams["imu"].array(GYRO)[0], [0.0, 0.0, np.pi / 2])
+
+
+FLIGHT = ("TimeFromStart (s),AccelX (m/s^2),AccelY (m/s^2),AccelZ (m/s^2),"
+          "AngRateX (rad/s),AngRateY (rad/s),AngRateZ (rad/s),"
+          "GNSSPosLat (deg),GNSSPosLon (deg),GNSSPosAlt (m),GNSSVelN,GNSSVelE,GNSSVelD,vias,nav_lat")  # fmt: skip
+
+
+def flown() -> np.ndarray:
+    """200 rows, 20 ms apart, of the columns of `FLIGHT`: a circle of 20 m/s."""
+    k = np.arange(200.0)
+    a, zero, second = 0.5 * 0.02 * k, 0.0 * k, np.floor(k / 50.0)
+    course = 0.5 * second
+    return np.column_stack([
+        0.02 * k, zero, zero + 10.0, zero - GRAVITY + 0.3 * np.sin(a), zero, zero, zero + 0.5,
+        45.0 + 1e-5 * np.sin(course), 8.0 + 1e-5 * np.cos(course), zero + 400.0,
+        20.0 * np.cos(course), 20.0 * np.sin(course), zero, 20.0 + np.sin(a), zero + 45.0,
+    ])  # fmt: skip
+
+
+def test_names_of_a_sensor_an_axis_and_a_unit_are_a_flight(tmp_path: Path) -> None:
+    recording = open_log(table(tmp_path / "log", FLIGHT, flown()))
+    assert recording.kind == "flight"
+    assert {name: len(stream) for name, stream in recording.streams.items()} == {"imu": 200, "gps": 4, "air": 200}
+    np.testing.assert_allclose(recording.streams["gps"]["vel_east"], 20.0 * np.sin(0.5 * np.arange(4)), atol=1e-9)
+    np.testing.assert_allclose(recording.streams["imu"].array(GYRO)[7], [0.0, 0.0, 0.5])
+    assert "columns not read: nav_lat" in recording.notes
+    assert any("an indicated airspeed stands for the true one" in note for note in recording.notes)
+
+
+def test_readings_milliseconds_apart_are_no_poses(tmp_path: Path) -> None:
+    """Without a gyroscope that is known such a table is no flight, and one pose a row it is not."""
+    header = FLIGHT.replace("AngRate", "Swing")
+    with pytest.raises(InputError, match=r"0.02 s and no gyroscope.*not read: SwingX \(rad/s\)") as caught:
+        open_log(table(tmp_path / "log", header, flown()))
+    assert "gyro_x, gyro_y, gyro_z [rad/s], a map" in str(caught.value)
+
+
+def test_poses_that_say_when_they_were_taken_stay_poses(tmp_path: Path) -> None:
+    k = np.arange(20.0)
+    rows = np.column_stack([3.0 * k, GRAVITY * np.cos(k), GRAVITY * np.sin(k), 0 * k])
+    recording = open_log(table(tmp_path / "log", "t,ax,ay,az", rows))
+    assert (recording.kind, len(recording.streams["poses"])) == ("poses", 20)

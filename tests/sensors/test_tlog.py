@@ -15,6 +15,7 @@ from sinan.sensors.formats import facts_of, open_log
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.columns import content_of
 from sinan.sensors.formats.mavlink_frames import read_telemetry
+from sinan.sensors.formats.tlog import _one_boot
 from sinan.sensors.recording import ACCEL, GYRO, MAG
 from sinan.sensors.rotation import rpy_from_quaternion
 
@@ -181,7 +182,7 @@ def test_px4_sends_a_finer_message_and_parameters_byte_by_byte(tmp_path: Path) -
     facts = facts_of(path)
     assert facts is not None
     assert facts.parameters == {"SYS_AUTOSTART": 4001.0, "CAL_MAG0_XOFF": 0.25}
-    assert facts.firmware == "PX4"
+    assert (facts.autopilot, facts.firmware) == ("PX4", "PX4")
 
 
 def test_what_a_log_says_of_itself(log: Path) -> None:
@@ -191,6 +192,24 @@ def test_what_a_log_says_of_itself(log: Path) -> None:
     assert facts.parameters["MOT_PWM_MAX"] == 1900.0
     assert facts.instances == {"imu": 2, "mag": 2, "baro": 1, "gps": 1}
     assert {table.name: table.rows for table in facts.tables}["RAW_IMU"] == 40
+
+
+@pytest.mark.parametrize("said", [{"autopilot": 3}, {"autopilot": 8}], ids=["by its heart", "by its texts"])
+def test_whose_autopilot_it_is(tmp_path: Path, said: dict[str, Any]) -> None:
+    """ArduPilot before 2016 called itself APM, and told the middleware of its board, which is PX4's."""
+    texts = (b"APM:Copter V3.4-dev (bdddfae5)", b"PX4: b0cb142b NuttX: d447403a")
+    sent: list[Sent] = [
+        (1.0, "HEARTBEAT", said),
+        *((1.0, "STATUSTEXT", {"severity": 3, "text": text}) for text in reversed(texts)),
+        (1.0, "PARAM_VALUE", {"param_id": b"SERVO1_FUNCTION", "param_value": 33.0, "param_type": 4}),
+        *(raw_imu(1.0 + 0.1 * k) for k in range(40)),
+    ]
+    path = tmp_path / "a.tlog"
+    path.write_bytes(written(sent))
+    facts = facts_of(path)
+    assert facts is not None
+    assert (facts.autopilot, facts.firmware) == ("ArduPilot", texts[0].decode())
+    assert facts.parameters == {"SERVO1_FUNCTION": 33.0}
 
 
 def test_the_vehicle_that_sends_most_is_read(tmp_path: Path) -> None:
@@ -228,3 +247,66 @@ def test_what_is_missing_is_named(log: Path, without_library: Callable[[str], No
 def test_a_telemetry_log_does_not_hold_what_was_corrected(log: Path) -> None:
     with pytest.raises(InputError, match="does not hold what was corrected"):
         open_log(log, choice=Choice(raw=True))
+
+
+#: Length of each start of the autopilot, and from one to the next on the ground station's clock [s].
+LENGTHS, PAUSES = (20.0, 60.0, 30.0), (35.0, 100.0)
+
+
+def started_again(missed: float = 0.0) -> bytes:
+    """Three starts in one log, of the last two without the first seconds; the current is the time since the start."""
+    parts, since = [], 0.0
+    for k, (length, pause) in enumerate(zip(LENGTHS, (*PAUSES, 0.0), strict=True)):
+        first = missed if k else 0.0
+        sent: list[Sent] = [(first, "HEARTBEAT", {"autopilot": 3})]
+        sent.append((first, "PARAM_VALUE", {"param_id": b"MOT_PWM_MIN", "param_value": 1000.0 + k, "param_type": 9}))
+        for m in range(1, round(5 * length)):
+            t = first + 0.2 * m
+            sent.append(raw_imu(t, az=-1000 - k))
+            if m % 5 == 0:
+                now = {"voltages": [16000, *[65535] * 9], "current_battery": round(100 * t)}
+                sent.append((t, "BATTERY_STATUS", now))
+        parts.append(written(sent, delay=0.03 + since))
+        since += length + pause
+    return b"".join(parts)
+
+
+@pytest.mark.parametrize("missed", [0.0, 25.0, 200.0], ids=["whole", "late", "its clock never goes back"])
+@pytest.mark.parametrize("boot", [0, 1, 2, 3])
+def test_each_start_of_the_autopilot_is_a_recording(tmp_path: Path, missed: float, boot: int) -> None:
+    """What has no clock of its own is on that of its own start; so the current says its own time."""
+    path = tmp_path / "a.tlog"
+    path.write_bytes(started_again(missed))
+    recording = open_log(path, choice=Choice(boot=boot))
+    k = boot - 1 if boot else 1
+    imu, power = recording.streams["imu"], recording.streams["power"]
+    assert len(imu) == round(5 * LENGTHS[k]) - 1
+    np.testing.assert_allclose(imu["accel_z"], -(1.0 + 0.001 * k) * GRAVITY)
+    assert recording.log_start is not None
+    np.testing.assert_allclose(power.t + recording.log_start, power["current"], atol=0.03)
+    lengths = "20, 60, 30 s" if not boot else ""
+    assert any(f"started 3 times ({lengths}" in note for note in recording.notes)
+
+
+def test_the_parameters_of_a_start_are_those_told_by_its_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.tlog"
+    path.write_bytes(started_again())
+    for number in (1, 2, 3):
+        _, parameters = _one_boot(read_telemetry(path), number, [])
+        assert parameters == {"MOT_PWM_MIN": 999.0 + number}
+
+
+def test_a_start_that_is_not_there(log: Path) -> None:
+    with pytest.raises(InputError, match="--boot: no boot number 2; expected 1 to 1"):
+        open_log(log, choice=Choice(boot=2))
+
+
+def test_a_wrong_stamp_or_a_stalled_link_is_no_start(tmp_path: Path) -> None:
+    sent = [raw_imu(10.0 + 0.1 * k) for k in range(200)]
+    sent[50] = (sent[50][0], *raw_imu(3.0)[1:])
+    stalled = written(sent[:100]) + written(sent[100:120], delay=45.0) + written(sent[120:], delay=0.03)
+    path = tmp_path / "a.tlog"
+    path.write_bytes(stalled)
+    recording = open_log(path)
+    assert len(recording.streams["imu"]) == 199
+    assert not any("started" in note for note in recording.notes)

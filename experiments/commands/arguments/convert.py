@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sinan.experiments.commands.arguments.saying import choice_of, require_place_for, show
-from sinan.experiments.commands.arguments.shared import Baro, Force, From, Gps, Imu, Input, Mag, Map, Out, Raw, To
+from sinan.experiments.commands.arguments.shared import Baro, Boot, Force, From, Gps, Imu, Input, Mag, Map, Out, Raw, To
 
 
 def convert(
@@ -17,6 +17,7 @@ def convert(
     baro: Baro = 0,
     gps: Gps = 0,
     raw: Raw = False,
+    boot: Boot = 0,
     force: Force = False,
 ) -> None:
     """Convert a log, or a part of it, to the plain format: a folder of CSV files."""
@@ -26,7 +27,7 @@ def convert(
 
     require_place_for(out)
     with working("converting"):
-        recording = convert_log(input, out, map, force, (start, stop), choice_of(imu, mag, baro, gps, raw))
+        recording = convert_log(input, out, map, force, (start, stop), choice_of(imu, mag, baro, gps, raw, boot))
     show(f"{recording.name}: {recording.kind} with {', '.join(recording.streams)} -> {out}")
     if recording.truth is not None:
         show(f"truth.csv: {', '.join(recording.truth.known)} by {reference_words(recording.truth.kind)}")

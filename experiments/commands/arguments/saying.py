@@ -52,11 +52,11 @@ def know(files: list[Path] | None) -> None:
             read_file(file)
 
 
-def choice_of(imu: int, mag: int, baro: int, gps: int, raw: bool) -> Choice:
+def choice_of(imu: int, mag: int, baro: int, gps: int, raw: bool, boot: int = 0) -> Choice:
     """Which of several sensors of a log are read."""
     from sinan.sensors.formats.choice import Choice
 
-    return Choice(imu, mag, baro, gps, raw)
+    return Choice(imu, mag, baro, gps, raw, boot)
 
 
 def require_place_for(folder: Path | None) -> None:

@@ -42,7 +42,7 @@ Map = Annotated[
 ]
 
 
-_MOST_OF_A_KIND = 15
+_MOST_OF_A_KIND, _MOST_BOOTS = 15, 1000
 
 
 def _number(sensor: str) -> Any:
@@ -61,6 +61,13 @@ Baro = Annotated[int, _number("barometer")]
 
 
 Gps = Annotated[int, _number("receiver")]
+
+
+Boot = Annotated[
+    int,
+    typer.Option(help="which start of the autopilot in a .tlog with several, from 1; default: the longest", min=0,
+                 max=_MOST_BOOTS, metavar="N", show_default=False),
+]  # fmt: skip
 
 
 Raw = Annotated[
