@@ -21,6 +21,7 @@ from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement, 
 from sinan.experiments.measured.flights import LOGS, measured
 from sinan.experiments.report.words import number
 from sinan.sensors.files import write_text
+from sinan.sensors.window import start_of
 
 #: Part of a log over which the engines are compared [s]; `experiments.measured.engines`: all of it.
 COMPARED = 30.0
@@ -40,8 +41,8 @@ lateness comes from the log ([noise levels](noise_levels.md)).
 - **NIS**: a degree of freedom, at the noise levels found, by a law with heavy tails; `place` and `speed` bound the
   motion where no position is measured.
 - **engines**: largest difference of the compiled and the readable engine, of any state and sigma at any step and
-  reading of the first {COMPARED:g} s, in sigma + |value| ({AGREEMENT:g} is asked for), and the readings that one used
-  and the other refused. `python -m sinan.experiments.measured.engines` compares whole logs.
+  reading until {COMPARED:g} s after the last stream has begun, in sigma + |value| ({AGREEMENT:g} is asked for), and the
+  readings that one used and the other refused. `python -m sinan.experiments.measured.engines` compares whole logs.
 """
 
 
@@ -77,7 +78,8 @@ def row_of(name: str) -> Row:
     read = [name for name in journal.sensors if name in recording.streams]  # not what is assumed of the motion
     streams = {name: recording.streams[name] for name in ("imu", *read)}
     entry, words = measured(name, ready), list[str]()
-    begun = replace(ready, recording=shortened(ready.recording, COMPARED))
+    late = max(float(stream.t[0]) for stream in ready.recording.streams.values() if len(stream))
+    begun = replace(ready, recording=shortened(ready.recording, late - start_of(ready.recording) + COMPARED))
     if attitude := entry.get("attitude"):
         words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
     if "gps" in journal.sensors:

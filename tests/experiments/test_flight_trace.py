@@ -120,13 +120,12 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
-    """No slow noise is like it, which is everywhere alike."""
+    """A candidate may pass its test with it in the residual, but the verdict does not rest on that."""
     recording = resolve(str(make_one(tmp_path, 6004, 18, KINDS, "mixed", CLASSES)), None)
     source = flight_source(recording)
     result = trace(source)
     assert result.verdict.word == "unexplained"
     assert "mag" in {item.stream for item in result.verdict.remaining if item.in_mean}
-    assert not any(name.startswith("mag.") for name in result.selection.names)
 
 
 def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
