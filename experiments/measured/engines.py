@@ -19,8 +19,6 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import Recording
 from sinan.sensors.window import between, start_of
 
-#: A part in which every stream has readings [s].
-COMPILED = 5.0
 #: Largest difference of the engines, in sigma + |value|.
 AGREEMENT = 1e-9
 
@@ -52,7 +50,7 @@ class Agreement:
 
 def agreement(ready: Prepared) -> Agreement:
     """Run both engines on a prepared log and compare them at every step."""
-    run_filter(shortened(ready.recording, COMPILED), ready.model, engine="numba")  # compile outside the clock
+    run_filter(ready.recording, ready.model, engine="numba")  # compile outside the clock
     journals, seconds = [], []
     for engine in ("numba", "filterpy"):
         start = perf_counter()
