@@ -122,6 +122,9 @@ def case_of_recording(recording: Recording) -> Case:
         raise InputError(recording.where, found, "a flight with an imu stream, whose filter has biases to see")
     recording, notes = _shortened(recording)
     ready = prepared(recording)
+    if "gps" not in recording.streams:  # the accelerometer as a level, of which the biases are asked
+        model = replace(ready.levels, bounds=None).model(ready.recording)
+        ready = replace(ready, model=model)
     recording, model, journal = ready.recording, ready.model, ready.run()
     motion = estimated_motion(journal)
     used = {

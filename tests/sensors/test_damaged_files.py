@@ -223,7 +223,7 @@ def compress() -> bytes:
 def parquet() -> bytes:
     pa, written = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     file = io.BytesIO()
-    columns = {"t": 0.01 * np.arange(40), "ax": np.zeros(40), "ay": np.zeros(40), "az": np.full(40, -9.8)}
+    columns = {"t": 1.0 * np.arange(40), "ax": np.zeros(40), "ay": np.zeros(40), "az": np.full(40, -9.8)}
     written.write_table(pa.table(columns), file)
     return file.getvalue()
 
