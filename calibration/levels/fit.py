@@ -441,7 +441,7 @@ def fit_levels(
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]
-    return _likeliest(recording, sizes, first, most) if sizes else first
+    return _likeliest(Problem(recording, sizes, first), np.zeros(len(sizes)), most) if sizes else first
 
 
 #: What is slow, where white noise is declared: a time constant of fewer seconds would be that of more white noise [s].
@@ -470,22 +470,19 @@ def with_slow_gps(recording: Recording) -> Levels:
         values = [time if s.key == "colour_time" else share * (getattr(gps, noise[s.key]) or s.median) for s in sizes]
         return np.array([np.log(value / s.median) / s.spread for value, s in zip(values, sizes, strict=True)])
 
-    start = max((theta(*one) for one in TRIED), key=problem.value)
-    if problem.value(start) < without:
+    value, _, start = max((problem.value(tried), k, tried) for k, tried in enumerate(theta(*one) for one in TRIED))
+    if value < without:
         return plain
-    found = _likeliest(recording, sizes, first, MOST, start)
+    found = _likeliest(problem, start, MOST)
     narrower = sum(float(np.log(sigma / s.spread)) for sigma, s in zip(found.sigmas, sizes, strict=True))
     return found if found.log_posterior + narrower > without else plain
 
 
-def _likeliest(
-    recording: Recording, sizes: Sequence[Size], first: Levels, most: int, start: FloatArray | None = None
-) -> Levels:
-    """The likeliest of some sizes, the others as they are at first."""
-    problem = Problem(recording, sizes, first)
-    theta, value = problem.maximise(np.zeros(len(sizes)) if start is None else start, most)
-    sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), sizes, strict=True))
-    return replace(problem.levels(theta), found=tuple(sizes), sigmas=sigmas, log_posterior=value)
+def _likeliest(problem: Problem, start: FloatArray, most: int) -> Levels:
+    """The likeliest sizes of a problem, the others as they are at first."""
+    theta, value = problem.maximise(start, most)
+    sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), problem.sizes, strict=True))
+    return replace(problem.levels(theta), found=problem.sizes, sigmas=sigmas, log_posterior=value)
 
 
 #: Bounds that are tried: those of a hand, a swing or a robot arm, and so many times as wide.

@@ -94,7 +94,8 @@ def align_in_motion(
         weights = np.append(weights, 1.0 / (field.variance + sum(float(np.trace(P)) / 3.0 for P in wrong)))
     first = wahba(body, nav, weights)
     turns = quaternion_exp(np.outer(np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS, [0.0, 0.0, 1.0]))
-    fits = [_fitted(pairs, field, body, nav, variance, quaternion_multiply(turn, first)) for turn in turns]
+    errors = _errors(pairs, field)
+    fits = [_fitted(errors, field, body, nav, variance, quaternion_multiply(turn, first)) for turn in turns]
     best = min(fits, key=lambda fit: fit.surprise)
     P = best.P
     for other in fits:
@@ -116,12 +117,13 @@ class _Fit:
 
 
 def _fitted(
-    pairs: _Pairs, field: Field | None, body: FloatArray, nav: FloatArray, declared: float, q: FloatArray
+    errors: _Errors, field: Field | None, body: FloatArray, nav: FloatArray, declared: float, q: FloatArray
 ) -> _Fit:
     """Gauss-Newton from q; the variance of the velocities is at least as declared."""
     variance, J = declared, skew(body).reshape(-1, 3)
+    prior = errors.covariance
     for _ in range(ROUNDS):
-        names, A, prior = _errors(pairs, field, q)
+        A = errors.added(q)
         noise = np.full(3 * len(body), variance)
         if field is not None:
             noise[-3:] = field.variance
@@ -137,7 +139,7 @@ def _fitted(
         q = quaternion_multiply(q, quaternion_exp(dtheta))
         if np.linalg.norm(dtheta) < ENOUGH:
             break
-    return _Fit(q, P, _beside(-K @ A @ prior, names), surprise)
+    return _Fit(q, P, _beside(-K @ A @ prior, errors.names), surprise)
 
 
 def _beside(covariance: FloatArray, names: list[tuple[str, int]]) -> dict[str, FloatArray]:
@@ -156,17 +158,40 @@ def wahba(body: FloatArray, nav: FloatArray, weights: FloatArray) -> FloatArray:
     return quaternion_from_matrix(U @ V_t)
 
 
-def _errors(pairs: _Pairs, field: Field | None, q: FloatArray) -> tuple[list[tuple[str, int]], FloatArray, FloatArray]:
-    """Names and sizes of the errors, what they add to all pairs (3 n, size), and their covariance."""
+@dataclass(frozen=True)
+class _Errors:
+    """Names and sizes of the errors, what they add to all pairs (3 n, size), and their covariance.
+
+    Those of a field that is a state come last; what they add is open, as it turns with the attitude.
+    """
+
+    names: list[tuple[str, int]]
+    columns: FloatArray
+    covariance: FloatArray
+    field_turns: bool
+
+    def added(self, q: FloatArray) -> FloatArray:
+        """(3 n, size) at an attitude."""
+        if not self.field_turns:
+            return self.columns
+        columns = self.columns.copy()
+        columns[-3:, -3:] = -rotate_back(q, np.eye(3)).T
+        return columns
+
+
+def _errors(pairs: _Pairs, field: Field | None) -> _Errors:
+    """Of all pairs."""
     columns = [(name, c.reshape(-1, c.shape[2]), P) for name, (c, P) in pairs.columns.items()]
     if field is not None:
         columns = [(name, np.concatenate([c, np.zeros((3, c.shape[1]))]), P) for name, c, P in columns]
         above = np.zeros((pairs.body.size, 3))
         columns += [(name, np.concatenate([above, np.eye(3)]), P) for name, P in field.errors]
         if field.of_place is not None:
-            columns.append(("field", np.concatenate([above, -rotate_back(q, np.eye(3)).T]), field.of_place))
+            columns.append(("field", np.concatenate([above, np.zeros((3, 3))]), field.of_place))
     A = np.concatenate([c for _, c, _ in columns], axis=1)
-    return [(name, c.shape[1]) for name, c, _ in columns], A, block_diag(*(P for _, _, P in columns))
+    names = [(name, c.shape[1]) for name, c, _ in columns]
+    turns = field is not None and field.of_place is not None
+    return _Errors(names, A, block_diag(*(P for _, _, P in columns)), turns)
 
 
 def _velocity_pairs(recording: Recording, model: FlightModel) -> _Pairs | None:

@@ -47,7 +47,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),
         _LOOP + "bias_walk": ("_MOST_KNOTS",),
         _LOOP + "least_squares_source": ("_ROWS_A_BLOCK", "_WORTH_LEAVING_OUT"),
-        _LOOP + "select": ("_MOST_ROUNDS"),
+        _LOOP + "select": ("_MOST_ROUNDS",),
         _LOOP + "trials": ("_RELOCATIONS",),
     },
     "turns": {_LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},

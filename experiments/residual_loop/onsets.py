@@ -312,7 +312,7 @@ class _Joint:
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)
         self.onsets, self.size, self.span = onsets[order], size, span
         self.sudden = order >= (m if on_grid is None else on_grid)
-        self.W, self.white, self.sensor = W, white, rows.sensor
+        self.W, self.white = W, white
 
     @cached_property
     def L(self) -> FloatArray:

@@ -17,7 +17,7 @@ from sinan.sensors.effects import (
     pseudorange_relativity,
     pseudorange_troposphere,
 )
-from sinan.sensors.ephemeris import geostationary, kepler_orbit, runge_kutta, satellite_states
+from sinan.sensors.ephemeris import SatelliteStates, geostationary, kepler_orbit, runge_kutta, satellite_states
 from sinan.sensors.formats.rinex import read_navigation
 from sinan.sensors.formats.rinex_text import WEEK, gps_seconds
 from sinan.sensors.motion import Motion
@@ -192,9 +192,12 @@ def test_unusable_satellites_are_said() -> None:
     assert any("no navigation" in line and second in line for line in ranges.journal)
 
 
-@pytest.mark.measured
-def test_broadcast_orbits_against_precise_ones(measured_data: Path) -> None:
-    """GPS within 6 m and GLONASS within 10 m of the precise orbits (which are of the centre of mass)."""
+#: What stands for a clock that the file does not know [us].
+NO_CLOCK = 999999.0
+
+
+def at_precise_instants(measured_data: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, SatelliteStates]:
+    """Satellite, time [s], precise position and clock (n, 4) [km, us] of GPS and GLONASS, and the broadcast states."""
     folder = measured_data / "gnss/esbjerg_static_2020"
     rows, time = [], 0.0
     for line in (folder / "GRG0MGXFIN_20201770000_01D_15M_ORB.SP3").read_text().splitlines():
@@ -202,11 +205,18 @@ def test_broadcast_orbits_against_precise_ones(measured_data: Path) -> None:
         if line.startswith("*"):
             time = float(gps_seconds(*map(int, words[1:6])) or 0.0)
         elif line[:2] in ("PG", "PR") and time % 7200.0 == 900.0:
-            rows.append((line[1:4], time, *(1e3 * float(word) for word in words[1:4])))
-    name, t, x = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2:] for r in rows])
+            rows.append((line[1:4], time, [float(word) for word in words[1:5]]))
+    name, t, precise = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
     navigation = read_navigation(folder / "ESBC00DNK_R_20201770000_01D_MN.rnx")
     week = int(t[0] // WEEK)
-    states = satellite_states(navigation, name, week, t - week * WEEK, np.zeros(len(t)))
+    return name, t, precise, satellite_states(navigation, name, week, t - week * WEEK, np.zeros(len(t)))
+
+
+@pytest.mark.measured
+def test_broadcast_orbits_against_precise_ones(measured_data: Path) -> None:
+    """GPS within 6 m and GLONASS within 10 m of the precise orbits (which are of the centre of mass)."""
+    name, _, precise, states = at_precise_instants(measured_data)
+    x = 1e3 * precise[:, :3]
     error = np.linalg.norm(states.position - x, axis=1)
     used = states.status == 0
     assert used.sum() > 300
@@ -217,19 +227,9 @@ def test_broadcast_orbits_against_precise_ones(measured_data: Path) -> None:
 @pytest.mark.measured
 def test_broadcast_clocks_against_precise_ones(measured_data: Path) -> None:
     """Polynomial and group delay of GPS within 5 ns of the precise clocks but for their common time scale."""
-    folder = measured_data / "gnss/esbjerg_static_2020"
-    rows, time = [], 0.0
-    for line in (folder / "GRG0MGXFIN_20201770000_01D_15M_ORB.SP3").read_text().splitlines():
-        words = line.split()
-        if line.startswith("*"):
-            time = float(gps_seconds(*map(int, words[1:6])) or 0.0)
-        elif line[:2] == "PG" and time % 7200.0 == 900.0 and float(words[4]) < 999999.0:
-            rows.append((line[1:4], time, 1e-6 * float(words[4])))
-    name, t, clock = np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
-    navigation = read_navigation(folder / "ESBC00DNK_R_20201770000_01D_MN.rnx")
-    week = int(t[0] // WEEK)
-    states = satellite_states(navigation, name, week, t - week * WEEK, np.zeros(len(t)))
-    used = states.status == 0
+    name, t, precise, states = at_precise_instants(measured_data)
+    used = (states.status == 0) & (name.astype("<U1") == "G") & (precise[:, 3] < NO_CLOCK)
+    clock = 1e-6 * precise[:, 3]
     left = (states.clock - clock)[used]
     for instant in np.unique(t[used]):
         left[t[used] == instant] -= np.median(left[t[used] == instant])
