@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -24,6 +25,10 @@ def cluster(address: str) -> Iterator[Any]:
     try:
         client = Client(address, timeout="5s", set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"--dask {address}", str(error) or "no answer", "the address of a Dask scheduler") from None
-    with client, client.as_current():
-        yield client
+        said = str(error) or "no answer"
+    else:
+        with client, client.as_current():
+            yield client
+        return
+    gc.collect()  # the client that failed closes here, and not under the lock of the next one's loop, which it waits for
+    raise InputError(f"--dask {address}", said, "the address of a Dask scheduler")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -253,3 +254,15 @@ def test_no_cluster_at_the_address_is_said() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match="--dask"):
         run(short(), 2, dask="tcp://127.0.0.1:1")
+
+
+def test_no_client_is_left_of_a_cluster_that_does_not_answer() -> None:
+    """One left to the garbage collector waits for ever where it is collected while the next one starts its loop."""
+    distributed = pytest.importorskip("distributed")
+    gc.disable()
+    try:
+        with pytest.raises(InputError, match="--dask"):
+            run(short(), 2, dask="tcp://127.0.0.1:1")
+        assert not [thing for thing in gc.get_objects() if isinstance(thing, distributed.Client)]
+    finally:
+        gc.enable()
