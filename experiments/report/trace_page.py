@@ -417,8 +417,9 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
     page.heading("Parts of the plain model's error")
     page.text(
         "Shares of the mean square of the plain model's residual: removed by the effects that were found; white noise "
-        "of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained rest, which is "
-        "negative where the error is smaller than these predict."
+        "of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained rest. The last column "
+        "is the mean square that noise and motion predict, over the one that is left: far above 1, the noise was "
+        "taken for larger than it is."
     )
     keys = ("effects", "white", "colour", "motion", "unnamed")
     rows = [
@@ -426,11 +427,12 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
             words.SENSORS.get(one["stream"], one["stream"]),
             f"{words.number(one['rms'])} {one['unit']}",
             *(f"{100.0 * one[key]:.0f} %" for key in keys),
+            words.number(one["predicted"]),
         ]
         for one in document["budget"]
     ]
-    head = ["sensor", "RMS before", "effects", "white noise", "slow noise", "motion", "unexplained"]
-    page.table(head, rows, numeric=tuple(range(1, 7)))
+    head = ["sensor", "RMS before", "effects", "white noise", "slow noise", "motion", "unexplained", "predicted"]
+    page.table(head, rows, numeric=tuple(range(1, 8)))
 
 
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:

@@ -14,16 +14,17 @@ from sinan.sensors.arrays import FloatArray
 @dataclass(frozen=True)
 class Budget:
     """Mean squares of one stream's innovations, over what the final model predicts of each reading, as shares of those
-    of the plain model; they sum to one.
+    of the plain model; they sum to one and none but that of the effects is negative.
 
     Attributes
     ----------
     stream, unit : of the innovations
-    rms : of the plain model
+    rms : of the plain model, doubtful readings with their weight
     effects : what the effects found have taken off
     white, colour : what the model predicts of the readings' noise, and of its colour after the reading before
     motion : what it predicts of the states that it has at that moment: position, attitude, biases
-    unnamed : what is left beyond that; negative where there is less error than the model expects
+    unnamed : what is left beyond that; where less is left than the model predicts, none, and its parts share what is
+    predicted : what the final model predicts of the mean square, over what is left of it
     """
 
     stream: str
@@ -34,6 +35,7 @@ class Budget:
     colour: float
     motion: float
     unnamed: float
+    predicted: float
 
 
 def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget | None:
@@ -64,8 +66,9 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
         part = slice(start, start + process.size) if process.size > 1 else slice(None)
         var = final.var[after.events[has]][:, model.layout.slice(process.block)]
         colour += float(np.mean(var / predicted[:, part])) * predicted[:, part].shape[1] / after.dof
-    total = max(total, 1e-300)
+    total, left = max(total, 1e-300), max(left, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
-    shares = (total - left, white, colour, 1.0 - white - colour, left - 1.0)
-    rms = float(np.sqrt(np.mean(before.nu[had] ** 2)))
-    return Budget(stream, unit, rms, *(float(share / total) for share in shares))
+    parts = min(left, 1.0) * np.array([white, colour, 1.0 - white - colour])
+    shares = np.array([total - left, *parts, max(left - 1.0, 0.0)]) / total
+    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.nu[had] ** 2)))
+    return Budget(stream, unit, rms, *shares.tolist(), 1.0 / left)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.recording import Recording
 from sinan.sensors.simulate import simulate
 
 CURRENT = "mag.current=0.006,0,0.002"
@@ -40,3 +43,22 @@ def test_an_effect_takes_its_share_and_no_name_is_left_over() -> None:
     assert found.effects > 0.5
     assert abs(found.unnamed) < 0.05
     assert found.white / (1.0 - found.effects) == pytest.approx(plain.white, abs=0.1)
+
+
+def test_noise_believed_too_large_is_said_and_its_parts_share_what_is_there() -> None:
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(31))
+    spec = recording.spec("mag")
+    assert spec.noise_std is not None
+    louder = recording.replace(sensors={**recording.sensors, "mag": replace(spec, noise_std=3.0 * spec.noise_std)})
+    found, plain = _budget_of_mag(louder), _budget_of_mag(recording)
+    assert found.predicted == pytest.approx(9.0, rel=0.15)
+    assert plain.predicted == pytest.approx(1.0, rel=0.1)
+    assert found.unnamed == 0.0
+    assert found.white + found.colour + found.motion == pytest.approx(1.0)
+    assert found.rms == pytest.approx(plain.rms, rel=0.1)
+
+
+def _budget_of_mag(recording: Recording) -> Budget:
+    source = FlightSource(recording, flight_model(recording))
+    fit = source.fit(())
+    return next(one for one in source.budget(fit, fit) if one.stream == "mag")
