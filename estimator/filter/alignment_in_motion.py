@@ -76,8 +76,8 @@ def align_in_motion(
 
         e = s_b - C' s_n = [s_b]x dtheta_b + A (b_accel, b_gyro, lateness, b_mag, ...) + n
 
-    by generalised least squares, C from Wahba's problem first. The noise of the velocities is as large as their
-    residual says, at least as declared.
+    by least squares in the angles and the errors, C from Wahba's problem first. The noise of the velocities is as large
+    as their residual says, at least as declared.
 
     Scales and lateness have priors. Neglects accel.misalignment, gps.lever_arm.
     """
@@ -94,8 +94,7 @@ def align_in_motion(
         weights = np.append(weights, 1.0 / (field.variance + sum(float(np.trace(P)) / 3.0 for P in wrong)))
     first = wahba(body, nav, weights)
     turns = quaternion_exp(np.outer(np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS, [0.0, 0.0, 1.0]))
-    errors = _errors(pairs, field)
-    fits = [_fitted(errors, field, body, nav, variance, quaternion_multiply(turn, first)) for turn in turns]
+    fits = _fitted(_errors(pairs, field), field, body, nav, variance, quaternion_multiply(turns, first))
     best = min(fits, key=lambda fit: fit.surprise)
     P = best.P
     for other in fits:
@@ -117,29 +116,44 @@ class _Fit:
 
 
 def _fitted(
-    errors: _Errors, field: Field | None, body: FloatArray, nav: FloatArray, declared: float, q: FloatArray
-) -> _Fit:
-    """Gauss-Newton from q; the variance of the velocities is at least as declared."""
-    variance, J = declared, skew(body).reshape(-1, 3)
-    prior = errors.covariance
+    errors: _Errors, field: Field | None, body: FloatArray, nav: FloatArray, declared: float, starts: FloatArray
+) -> list[_Fit]:
+    """Gauss-Newton from each of the starts (h, 4), in the angles and the errors at once; the variance of the velocities
+    is at least as declared.
+    """
+    q, moving = starts.copy(), np.arange(len(starts))
+    J, n, size = skew(body).reshape(-1, 3), len(body), 3 + errors.columns.shape[1]
+    variance, surprise = np.full(len(starts), declared), np.zeros(len(starts))
+    covariance = np.zeros((len(starts), size, size))
+    prior = np.diag(np.append(np.full(3, UNKNOWN**-2), np.ones(size - 3)))
     for _ in range(ROUNDS):
-        A = errors.added(q)
-        noise = np.full(3 * len(body), variance)
+        H = np.broadcast_to(np.hstack([J, errors.columns]), (len(moving), 3 * n, size)).copy()
+        noise = np.repeat(variance[moving, None], 3 * n, axis=1)
         if field is not None:
-            noise[-3:] = field.variance
-        M = np.diag(noise) + A @ prior @ A.T
-        e = (body - rotate_back(q, nav)).ravel()
-        weighed = np.linalg.solve(M, np.column_stack([J, e]))
-        P = np.linalg.inv(J.T @ weighed[:, :3] + np.eye(3) / UNKNOWN**2)
-        dtheta, K = P @ J.T @ weighed[:, 3], P @ weighed[:, :3].T
-        left = e - J @ dtheta
-        square = float(left @ np.linalg.solve(M, left))
-        surprise = square + float(np.linalg.slogdet(M)[1])
-        variance = max(variance * square / max(len(e) - 6, 1), declared)
-        q = quaternion_multiply(q, quaternion_exp(dtheta))
-        if np.linalg.norm(dtheta) < ENOUGH:
+            noise[:, -3:] = field.variance
+        if errors.field is not None:
+            H[:, -3:, -3:] = -_to_body(q[moving]) @ errors.field
+        weighed = H / noise[..., None]
+        N = np.swapaxes(weighed, 1, 2) @ H + prior
+        e = (body - rotate_back(q[moving, None], nav)).reshape(len(moving), -1)
+        covariance[moving] = np.linalg.inv(N)
+        step = (covariance[moving] @ (np.swapaxes(weighed, 1, 2) @ e[..., None]))[..., 0]
+        left = e - (H @ step[..., None])[..., 0]
+        square = np.sum(left**2 / noise, axis=1) + np.sum(step[:, 3:] ** 2, axis=1)
+        surprise[moving] = square + np.sum(np.log(noise), axis=1) + np.linalg.slogdet(N[:, 3:, 3:])[1]
+        variance[moving] = np.maximum(variance[moving] * square / max(3 * n - 6, 1), declared)
+        q[moving] = quaternion_multiply(q[moving], quaternion_exp(step[:, :3]))
+        moving = moving[np.linalg.norm(step[:, :3], axis=1) >= ENOUGH]
+        if not len(moving):
             break
-    return _Fit(q, P, _beside(-K @ A @ prior, errors.names), surprise)
+    beside = covariance[:, :3, 3:] @ errors.roots.T
+    each = zip(q, covariance[:, :3, :3], beside, surprise.tolist(), strict=True)
+    return [_Fit(q, P, _beside(of_errors, errors.names), value) for q, P, of_errors, value in each]
+
+
+def _to_body(q: FloatArray) -> FloatArray:
+    """(h, 3, 3) C_nb' of attitudes (h, 4)."""
+    return np.swapaxes(rotate_back(q[:, None], np.eye(3)), 1, 2)
 
 
 def _beside(covariance: FloatArray, names: list[tuple[str, int]]) -> dict[str, FloatArray]:
@@ -160,38 +174,41 @@ def wahba(body: FloatArray, nav: FloatArray, weights: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Names and sizes of the errors, what they add to all pairs (3 n, size), and their covariance.
+    """Names and sizes of the errors, and what they add to all pairs (3 n, size), each in its own sigmas.
 
-    Those of a field that is a state come last; what they add is open, as it turns with the attitude.
+    Those of a field that is a state come last; what they add turns with the attitude.
+
+    Attributes
+    ----------
+    roots : (size, size) errors from their sigmas: the root of their covariance
+    field : (3, 3) that of the field; None: it is no state
     """
 
     names: list[tuple[str, int]]
     columns: FloatArray
-    covariance: FloatArray
-    field_turns: bool
-
-    def added(self, q: FloatArray) -> FloatArray:
-        """(3 n, size) at an attitude."""
-        if not self.field_turns:
-            return self.columns
-        columns = self.columns.copy()
-        columns[-3:, -3:] = -rotate_back(q, np.eye(3)).T
-        return columns
+    roots: FloatArray
+    field: FloatArray | None
 
 
 def _errors(pairs: _Pairs, field: Field | None) -> _Errors:
     """Of all pairs."""
     columns = [(name, c.reshape(-1, c.shape[2]), P) for name, (c, P) in pairs.columns.items()]
+    is_state = field is not None and field.of_place is not None
     if field is not None:
         columns = [(name, np.concatenate([c, np.zeros((3, c.shape[1]))]), P) for name, c, P in columns]
         above = np.zeros((pairs.body.size, 3))
         columns += [(name, np.concatenate([above, np.eye(3)]), P) for name, P in field.errors]
         if field.of_place is not None:
             columns.append(("field", np.concatenate([above, np.zeros((3, 3))]), field.of_place))
-    A = np.concatenate([c for _, c, _ in columns], axis=1)
-    names = [(name, c.shape[1]) for name, c, _ in columns]
-    turns = field is not None and field.of_place is not None
-    return _Errors(names, A, block_diag(*(P for _, _, P in columns)), turns)
+    roots = block_diag(*(_root(P) for _, _, P in columns))
+    A = np.concatenate([c for _, c, _ in columns], axis=1) @ roots
+    return _Errors([(name, c.shape[1]) for name, c, _ in columns], A, roots, roots[-3:, -3:] if is_state else None)
+
+
+def _root(P: FloatArray) -> FloatArray:
+    """L of P = L L', which may be singular."""
+    values, vectors = np.linalg.eigh(P)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _velocity_pairs(recording: Recording, model: FlightModel) -> _Pairs | None:

@@ -30,5 +30,5 @@ def cluster(address: str) -> Iterator[Any]:
         with client, client.as_current():
             yield client
         return
-    gc.collect()  # the client that failed closes here, and not under the lock of the next one's loop, which it waits for
+    gc.collect()  # of the client that failed: collected while the next starts its loop, it would wait for that lock
     raise InputError(f"--dask {address}", said, "the address of a Dask scheduler")
