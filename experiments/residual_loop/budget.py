@@ -68,7 +68,9 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
         colour += float(np.mean(var / predicted[:, part])) * predicted[:, part].shape[1] / after.dof
     total, left = max(total, 1e-300), max(left, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
-    parts = min(left, 1.0) * np.array([white, colour, 1.0 - white - colour])
-    shares = np.array([total - left, *parts, max(left - 1.0, 0.0)]) / total
+    share = min(left, 1.0) / total
     rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.nu[had] ** 2)))
-    return Budget(stream, unit, rms, *shares.tolist(), 1.0 / left)
+    return Budget(
+        stream, unit, rms, effects=1.0 - left / total, white=share * white, colour=share * colour,
+        motion=share * (1.0 - white - colour), unnamed=max(left - 1.0, 0.0) / total, predicted=1.0 / left,
+    )  # fmt: skip
