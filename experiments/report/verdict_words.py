@@ -134,7 +134,9 @@ def says(document: Mapping[str, Any]) -> str:
     known = told(document)
     if document["verdict"] == "ambiguous":
         text = "an effect is present, but these data cannot tell which of the named ones it is"
-        return text if known else f"{text}, and none of them predicts the {_part_of_data(document)}"
+        if not known:
+            return f"{text}, and none of them predicts the {_part_of_data(document)}"
+        return text if document["effects"][0]["confused_with"] else _later_rivals(document)
     if document["verdict"] == "unexplained":
         names = "; the effects that are named are doubtful" if document["effects"] else ""
         if not_predicting(document) and not document["remaining"]:
@@ -145,6 +147,13 @@ def says(document: Mapping[str, Any]) -> str:
     if _cannot_tell(known):
         return "what is named passes the test on all data; the held-out part holds nothing that could confirm it"
     return f"what is named passes the test on all data, and predicts the {_part_of_data(document)}"
+
+
+def _later_rivals(document: Mapping[str, Any]) -> str:
+    """An effect after the first is not to be told from others."""
+    effect = next(effect for effect in document["effects"] if effect["confused_with"])
+    others = " or ".join(effect["confused_with"])
+    return f"{document['effects'][0]['name']} is there; these data cannot tell whether {effect['name']} is, or {others}"
 
 
 def what_next(document: Mapping[str, Any], log: Log) -> str:

@@ -20,7 +20,7 @@ from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.residual_loop.budget import Budget, budget_of
-from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates
+from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, places_alike
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.known_columns import KnownColumns
 from sinan.experiments.residual_loop.known_fits import KnownFits, Question
@@ -133,6 +133,11 @@ class FlightSource:
     def candidates(self) -> tuple[Effect, ...]:
         """The effects that enter a stream of the run and whose covariates vary in the recording."""
         return self._candidates
+
+    @property
+    def alike(self) -> Sequence[frozenset[str]]:
+        """Places of two instruments, where only that of one relative to the other shows."""
+        return places_alike(self.recording, self.model, self._candidates)
 
     @property
     def families(self) -> int:

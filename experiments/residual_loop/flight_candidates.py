@@ -45,6 +45,17 @@ def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) 
     return tuple(found)
 
 
+def places_alike(recording: Recording, model: FlightModel, candidates: Sequence[Effect]) -> tuple[frozenset[str], ...]:
+    """The lever arms of accelerometer and antenna, where nothing else in the log goes with a place.
+
+    The reference point is a choice: with both moved by r in the body no reading changes, so an accelerometer at r is an
+    antenna at -r.
+    """
+    pair = frozenset({"accel.lever_arm", "gps.lever_arm"})
+    free = recording.initial.position is None and set(model.sensors) <= {"gps", "mag"}
+    return (pair,) if free and pair <= {entry.name for entry in candidates} else ()
+
+
 def best_starts(passes: FlightPasses, fit: Fitted, part: Part, candidates: Sequence[Effect]) -> dict[str, FloatArray]:
     """By name, of each candidate that goes with the place, the likeliest of `_directions` where that is likelier than
     the fit.

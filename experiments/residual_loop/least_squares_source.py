@@ -113,6 +113,11 @@ class LeastSquaresSource:
         return len(self.candidates) + 3
 
     @property
+    def alike(self) -> Sequence[frozenset[str]]:
+        """None."""
+        return ()
+
+    @property
     def prior_sigma(self) -> float:
         """Least squares hold nothing."""
         return np.inf

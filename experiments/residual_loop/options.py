@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +56,8 @@ class Offered:
         names = {term.name for term in fit.terms}
         others = [entry.name for entry in source.candidates if entry.name not in names]
         self.statistics = tuple(statistic_of(self.evidence, name, fit.keys) for name in others)
-        self.options = [option_of(s) for s in self.statistics]
+        same = alike_to(source, names)
+        self.options = [option_of(s) for s in self.statistics if s.name not in same]
         self.local: Sequence[LocalFinding] = ()
         self.searched = False
         # blocks that agree on one beta: a local disturbance would not let them, so no interval has to be searched first
@@ -78,6 +79,11 @@ class Offered:
     def open_to(self, full: bool) -> list[Option]:
         """All of them, or where intervals enough have been found those that last."""
         return [option for option in self.options if option.term.interval is None] if full else self.options
+
+
+def alike_to(source: Source, names: Set[str]) -> Set[str]:
+    """Names that no log with these instruments tells from some of `names`, which are not among them."""
+    return {name for alike in source.alike if alike & names for name in alike} - names
 
 
 def _local_option(found: LocalFinding, noise_dof: float) -> Option:

@@ -211,6 +211,10 @@ class Source(Protocol):
         """The effects whose regressor is known from the start: neither localised nor declared already."""
 
     @property
+    def alike(self) -> Sequence[frozenset[str]]:
+        """Sets of names of which no log with these instruments tells which it is: what they change is one quantity."""
+
+    @property
     def families(self) -> int:
         """Number of hypotheses that share the family-wise error: candidates and time-localised families."""
 

@@ -21,7 +21,7 @@ from sinan.estimator.evidence.score import (
 )
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.experiments.residual_loop.noise_left import noise_left
-from sinan.experiments.residual_loop.options import Option, blind_spots, option_of
+from sinan.experiments.residual_loop.options import Option, alike_to, blind_spots, option_of
 from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
 from sinan.experiments.residual_loop.term import Term
@@ -121,6 +121,8 @@ def best_of(
         ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
         shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
     shortlist += unseen
+    same = alike_to(source, {o.term.name for o in shortlist})
+    shortlist += [o for o in seen if o.term.name in same]
     tried = {o.term.key: trial(source, fit, o) for o in shortlist}
     trials = [one for one in tried.values() if one is not None and one[1].log_p < threshold]
     trials.sort(key=lambda one: -one[1].log_odds)
@@ -156,6 +158,8 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
     Odds count what the model holds for noise; where that is found from the log, an impostor may have the better ones.
     So where readings can be withheld, one by which they are predicted better goes first, and one by which they are
     predicted as well, or better by what may be chance, is as likely: the two kinds of evidence disagree.
+    What no log with these instruments tells apart is as likely whatever the odds, which say how well each form is
+    computed.
     """
     first, *others = trials
     rivals = list[Trial]()
@@ -170,6 +174,8 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
             rivals.append(other)
         elif 2.0 * (first[1].log_odds - other[1].log_odds) < CONFUSED:
             rivals.append(other)
+    same = alike_to(source, {finding.term.name for _, finding in (first, *rivals)})
+    rivals += [one for one in trials if one[1].term.name in same]
     return first[0], replace(first[1], rivals=tuple(finding for _, finding in rivals))
 
 

@@ -126,12 +126,21 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """The first that applies: ambiguous, unexplained, effects, no_effect."""
+        """The first that applies: ambiguous (the first effect has rivals), unexplained, ambiguous (a later one has),
+        effects, no_effect.
+        """
         if self.effects and self.effects[0].finding.rivals:
             return "ambiguous"
         if any(item.in_mean for item in self.remaining) or any(one.predicts is False for one in self.effects):
             return "unexplained"
+        if self.doubtful is not None:
+            return "ambiguous"
         return "effects" if self.effects else "no_effect"
+
+    @property
+    def doubtful(self) -> Finding | None:
+        """The first of the effects that has rivals."""
+        return next((one.finding for one in self.effects if one.finding.rivals), None)
 
     @property
     def told(self) -> tuple[Finding, ...]:
@@ -141,10 +150,9 @@ class Verdict:
     @cached_property
     def separates(self) -> str:
         """What would decide an ambiguous verdict; empty for the others."""
-        if self.word != "ambiguous":
+        if self.word != "ambiguous" or self.doubtful is None:
             return ""
-        first = self.effects[0].finding
-        return separating_manoeuvre(first.term.name, first.confused_with)
+        return separating_manoeuvre(self.doubtful.term.name, self.doubtful.confused_with)
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,7 @@ from sinan.experiments.blind.measured.minute import (
 from sinan.experiments.blind.measured.page import (
     BETA,
     FURTHER,
+    FURTHER_LEFT_OUT,
     IN_CLASS,
     LOCAL,
     LOCAL_ANY,
@@ -430,6 +431,13 @@ def test_further_and_lost_names() -> None:
     assert (confused.right, confused.in_class) == (False, True)
 
 
+def test_a_further_name_that_the_control_calls_confused_is_counted_apart() -> None:
+    control = report_of({**LATENCY, "confused_with": ["gps.step"]})
+    found = grade(PUT_IN, report_of(STEP), control, 6.0)
+    assert (found.further, found.further_left_out) == (("gps.step",), ())
+    assert grade(PUT_IN, report_of(STEP), report_of(LATENCY), 6.0).further_left_out == ("gps.step",)
+
+
 @pytest.mark.parametrize(("interval", "right"), [((15.0, 25.0), True), ((5.0, 15.0), False)])
 def test_a_step_is_right_at_its_time(interval: tuple[float, float], right: bool) -> None:
     hidden = Hidden("gps.step", np.array([1.0, 0.0, 0.0]), interval)
@@ -472,6 +480,7 @@ def row(
         (LOCAL_SEEN, (row("gps.step"), row("gps.step", gain=20.0), row("gps.step", 0.5), row()), (1, 1)),
         (LOCAL_ANY, (row("gps.step"), row("baro.transient", 0.5, right=False)), (1, 2)),
         (OUTLIERS, (row("gps.outliers"), row("gps.step")), (1, 1)),
+        (FURTHER_LEFT_OUT, (row(), row(further=("gps.step",)), row(further_left_out=("gps.step",))), (1, 3)),
         (FURTHER, (row(), row(further=("gps.step",)), row(status=BEYOND)), (1, 2)),
         (LOST, (row(), row(control=("gps.latency",), lost=("gps.latency",)), row(control=("gps.latency",))), (1, 2)),
         (BETA, (row(z=2.9), row(z=3.1), row(z=None)), (1, 2)),

@@ -39,7 +39,7 @@ def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
 class Whitened:
     """A source with white residuals e + d without an effect and e with it."""
 
-    name, noise_known = "whitened", True
+    name, noise_known, alike = "whitened", True, ()
 
     def __init__(self, e: FloatArray, d: FloatArray) -> None:
         self._with, self._without = e, e + d

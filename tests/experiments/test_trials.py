@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
-from sinan.experiments.residual_loop.options import option_of
+from sinan.experiments.residual_loop.options import Offered, option_of
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
@@ -23,6 +23,7 @@ class Line:
     """White noise and one candidate, `baro.scale`; size and sigma in plausible sizes, held to zero as in a flight."""
 
     noise_known, prior_sigma = True, IMPLAUSIBLE
+    alike: Sequence[frozenset[str]] = ()
 
     def __init__(self, size: float, sigma: float, n: int = 400) -> None:
         rng = np.random.default_rng(1)
@@ -84,6 +85,7 @@ class Predicting:
     """A source whose withheld readings say how much of the difference of two fits is there."""
 
     is_predicting = True
+    alike: Sequence[frozenset[str]] = ()
 
     def __init__(self, share: float, std: float, left: float = 0.0) -> None:
         self._share, self._std, self._left = share, std, left
@@ -126,6 +128,33 @@ def test_prediction_tells_effects_apart_that_explain_the_same(
     source = cast(Source, Predicting(share, std, left))
     _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 450.0)], -9.0)
     assert (finding.term.name, finding.confused_with) == (name, rivals)
+
+
+def test_what_no_log_tells_apart_is_as_likely_whatever_odds_and_prediction_say() -> None:
+    """The second explains a fifth and predicts nothing: two forms of one quantity, one of them ill computed."""
+    source = Predicting(0.0, 0.1)
+    source.alike = [frozenset({FIRST, SECOND})]
+    _, finding = likeliest(cast(Source, source), [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)], -9.0)
+    assert (finding.term.name, finding.confused_with) == (FIRST, (SECOND,))
+
+
+def test_what_no_log_tells_from_an_effect_of_the_model_is_not_offered() -> None:
+    class Pair(Line):
+        candidates = (effect("baro.scale"), effect("baro.lag"))
+        is_predicting = True
+
+        def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+            return Evidence(("baro.scale", "baro.lag"), (1, 1), np.eye(2)[None], np.ones((1, 2)), np.ones(2))
+
+        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
+            return ()
+
+    for alike, offered in (([], ["baro.lag"]), ([frozenset({"baro.lag", "baro.scale"})], [])):
+        source = Pair(1.0, 0.1)
+        source.alike = alike
+        fit = source.fit((Term("baro.scale"),))
+        found = Offered(cast(Source, source), fit, -9.0, {}, intervals=False)
+        assert [option.term.name for option in found.options] == offered
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:

@@ -25,6 +25,7 @@ class MinuteGrade:
     in_class : it is right, or said to be confused with what is named
     known : the control names it too
     further : names that are neither the effect nor in the control
+    further_left_out : those that the control does not call confused with one of its names either
     lost : names of the control that are gone
     z : |beta less the control's, less what was put in| in sigma, as a normal number; None where it is not named or has
         no sigma, and of outliers
@@ -39,6 +40,7 @@ class MinuteGrade:
     in_class: bool
     known: bool
     further: tuple[str, ...]
+    further_left_out: tuple[str, ...]
     lost: tuple[str, ...]
     z: float | None
     seconds: float
@@ -56,7 +58,8 @@ def grade(hidden: Hidden, document: Mapping[str, Any], control: Mapping[str, Any
     names, names_before = names_of(found), names_of(before)
     own = next((e for e in found if is_same(hidden.name, hidden.interval, e)), None)
     own_before = next((e for e in before if is_same(hidden.name, hidden.interval, e)), None)
-    confused = {name for effect in document["effects"] for name in effect["confused_with"]}
+    confused, confused_before = _confused(document), _confused(control)
+    further = tuple(name for name in names if name not in {*names_before, hidden.name})
     z, right = None, own is not None
     if own is not None:
         more = own[2] - (0.0 if own_before is None else own_before[2])
@@ -70,8 +73,14 @@ def grade(hidden: Hidden, document: Mapping[str, Any], control: Mapping[str, Any
         right=right,
         in_class=right or hidden.name in confused,
         known=own_before is not None,
-        further=tuple(name for name in names if name not in {*names_before, hidden.name}),
+        further=further,
+        further_left_out=tuple(name for name in further if name not in confused_before),
         lost=tuple(name for name in names_before if name not in names),
         z=z,
         seconds=seconds,
     )
+
+
+def _confused(document: Mapping[str, Any]) -> set[str]:
+    """Names that a report gives as the rivals of its own."""
+    return {name for effect in document["effects"] for name in effect["confused_with"]}

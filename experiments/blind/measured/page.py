@@ -20,7 +20,7 @@ from sinan.sensors.arrays import FloatArray
 Sizes = Mapping[str, Mapping[str, Sequence[float | None]]]
 #: What is detectable by the reports of the controls that later ones are held against: `detectable` of a `rates.json`.
 REFERENCE = Path(__file__).with_name("detectable.json")
-RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, LOST, BETA = (
+RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, FURTHER_LEFT_OUT, LOST, BETA = (
     "lasting, detectable by the control's own word: right name",
     "lasting, of any size: right name",
     "lasting, detectable: right name, or said to be confused with what is named",
@@ -29,6 +29,7 @@ RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, LOS
     "step or transient of any size: right name",
     "outliers: right name",
     "further names, that the control has not",
+    "the same, rivals of what the control names left out",
     "names of the control that are gone",
     f"beta less the control's, within {SIGMAS:g} sigma",
 )
@@ -73,6 +74,7 @@ def rates(runs: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
         LOCAL_ANY: _share(offsets, "right"),
         OUTLIERS: _share(outliers, "right"),
         FURTHER: _share(put, "further"),
+        FURTHER_LEFT_OUT: _share(put, "further_left_out"),
         LOST: _share([r for r in put if r["grade"]["control"]], "lost"),
         BETA: count(sum(value < SIGMAS for value in z), len(z)),
     }
