@@ -25,6 +25,7 @@ _READERS = {
     "ubx": ("ubx", "read_receiver", "receiver_facts"),
     "euroc": ("dataset_folders", "read_euroc", "folder_facts"),
     "kitti": ("dataset_folders", "read_kitti", "folder_facts"),
+    "tables": ("named_folder", "read_tables", "tables_facts"),
     **dict.fromkeys(("dataflash", "dataflash_binary"), ("ardupilot", "read_ardupilot", "ardupilot_facts")),
     **dict.fromkeys(("rosbag", "rosbag2", "sqlite", "mcap"), ("rosbag", "read_rosbag", "rosbag_facts")),
 }
@@ -96,7 +97,11 @@ def what_is(path: Path) -> str:
             return "rosbag2"
         from sinan.sensors.formats.dataset_folders import kind_of_folder
 
-        return kind_of_folder(path) or "folder"
+        if known := kind_of_folder(path):
+            return known
+        from sinan.sensors.formats.named_folder import holds_tables
+
+        return "tables" if holds_tables(path) else "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
     from sinan.sensors.formats.columns import content_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +15,22 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
-from sinan.sensors.formats.named_columns import describes_itself, meaning
+from sinan.sensors.formats.column_names import meanings
+from sinan.sensors.formats.named_columns import describes_itself
 from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
 from sinan.sensors.formats.records import RecordLayout, read_records
 from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
 
 #: Names of columns that a message shows.
 _SHOWN = 6
+#: How texts begin that hold no table, and what they are.
+_PROGRAMS = {
+    "$VN": "sentences of a VectorNav, one a line: its binary output exported as CSV, or a map with `columns`",
+    "$G": "NMEA sentences: fixes of a receiver, without any other sensor",
+    "H Product:Blackbox": "a Blackbox log: blackbox_decode makes the CSV that the map of docs/formats.md reads",
+}
+#: Lines among which the names of the columns are looked for: programs write some about the device above them.
+_HEAD_LINES = 30
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": ""}
 
 
@@ -136,18 +146,71 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     if content == "parquet":
         columns = read_parquet(path)
         return columns if describes_itself(list(columns)) else None
-    options = FileOptions(header=True)
+    options = _head(path)
+    if options is None:
+        return None
+    names, delimiter = _layout(str(path), _text(path, options), options)
+    wanted = list(meanings(names))
+    table = TextTable(path, _text(path, options), names, delimiter, options.skip_lines + options.header)
+    moments = {name for name, what in meanings(names).items() if what.column == "t" and _is_moment(table.first(name))}
+    numbers = [name for name in wanted if name not in moments]
+    found = table.read(numbers)
+    if found is None:
+        raise table.culprit(numbers)[1]
+    found |= {name: _moments(path, name, table.texts(name)) for name in moments}
+    return {name: found.get(name, np.empty(0)) for name in names}
+
+
+def _is_moment(cell: str) -> bool:
+    """Whether a cell is a date with a time of day, or a time of day."""
+    return re.match(r"(\d{4}-\d\d-\d\d[ T])?\d\d?:\d\d:\d\d", cell) is not None
+
+
+def _moments(path: Path, name: str, cells: list[str]) -> FloatArray:
+    """(n,) seconds after the first of times of day, with or without a date, as ISO 8601 has them."""
+    import pandas as pd
+
     try:
-        names = names_of(path)
-    except InputError:
+        column = pd.Series(cells)
+        dated = "-" in cells[0]
+        times = pd.to_datetime(column, format="ISO8601", utc=True) if dated else pd.to_timedelta(column)
+    except (ValueError, OverflowError) as error:
+        raise InputError(path, f"{str(error)[:80]} in column {name}", "2023-05-05 12:00:00.123 in every row") from None
+    return np.asarray((times - times.iloc[0]) / pd.Timedelta(1, "s"), dtype=np.float64)
+
+
+def _head(path: Path) -> FileOptions | None:
+    """Where the line stands whose names say what the columns hold, among the first; their units may be the next."""
+    try:
+        with text_lines(_text(path, FileOptions())(), path) as lines:
+            first = [lines.readline().decode("utf-8-sig").rstrip("\r\n") for _ in range(_HEAD_LINES)]
+    except (InputError, UnicodeDecodeError, OSError):
         return None
-    if not describes_itself(names):
-        return None
-    wanted = [name for name in names if meaning(name) is not None]
-    table = _read_text(path, options, wanted)
-    return {name: table[name] for name in names if name in wanted} | {
-        name: np.empty(0) for name in names if name not in wanted
-    }
+    for k, line in enumerate(first[:-1]):
+        names = _cells(line)
+        if not describes_itself(names) or doubled_name(names) is not None:
+            continue
+        if any(len(_cells(above, _delimiter(line))) == len(names) for above in first[:k]):
+            return None  # names of two lines belong together
+        units = [cell.replace("(", "").replace(")", "") for cell in _cells(first[k + 1], _delimiter(line))]
+        if len(units) != len(names) or any(map(is_number, units)) or not any(units) or any(map(_is_moment, units)):
+            return FileOptions(header=True, skip_lines=k)
+        named = tuple(f"{name} [{unit}]" if unit.strip("-") else name for name, unit in zip(names, units, strict=True))
+        separated = next(key for key, mark in DELIMITERS.items() if mark == _delimiter(line))
+        return FileOptions(columns=named, skip_lines=k + 2, delimiter=separated)
+    return None
+
+
+def _cells(line: str, delimiter: str | None = None) -> list[str]:
+    """The cells of a line of text; none of one that is binary."""
+    if not all(letter.isprintable() or letter == "\t" for letter in line):
+        return []
+    delimiter = _delimiter(line) if delimiter is None else delimiter
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) if delimiter else line.split()
+    except csv.Error:
+        return []
+    return [cell.strip() for cell in cells]
 
 
 def seen_in(path: Path) -> str:
@@ -162,8 +225,13 @@ def seen_in(path: Path) -> str:
         return ""
     if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
         return ""
+    if program := next((told for begin, told in _PROGRAMS.items() if first.startswith(begin)), ""):
+        return program
     delimiter = _delimiter(first)
     heads = [[cell.strip() for cell in line.split(delimiter or None)] for line in (first, second)]
+    if len(heads[0]) > 3 and all(map(is_number, heads[0])):
+        row = ", ".join(heads[0][:_SHOWN])
+        return f"{len(heads[0])} numbers a line and no names ({row}), which `columns` of a map gives"
     if len(heads[0]) < 2 or any(map(is_number, heads[0])):
         return ""
     shown = [", ".join(cells[:_SHOWN]) + (", ..." if len(cells) > _SHOWN else "") for cells in heads]

@@ -16,10 +16,10 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
+from sinan.sensors.formats.column_names import meaning
 from sinan.sensors.formats.columns import FileOptions, names_of, read_columns
 from sinan.sensors.formats.facts import Facts
 from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, recording_of, turned
-from sinan.sensors.formats.named_columns import meaning
 from sinan.sensors.formats.packed import read_plain, require_numbers
 from sinan.sensors.recording import (
     ACCEL,

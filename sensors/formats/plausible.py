@@ -11,7 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
-from sinan.sensors.rotation import cross
+from sinan.sensors.rotation import cross, quaternion_exp, quaternion_multiply, rotate
 
 #: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
@@ -24,14 +24,24 @@ OTHER_UNIT = 7.0
 #: scale, iron of the vehicle and steel of a room may make it three times as large or small.
 _FIELD = (0.2, 0.7)
 _FIELD_FACTOR = 3.0
+#: Over this time [s] what a vehicle's velocity changes by is small beside what gravity would change it by (98 m/s), so
+#: that specific force, turned by the rates, has gravity as its mean; of so many such times the middle one counts.
+_LASTING, _LASTING_TIMES = 10.0, 24
+#: Below this part of gravity the mean says that the rates, or the force, are others: measured flights have 0.96 to
+#: 1.04, those that turn and whose rates are 57 times too large at most 0.65; their other unit gives more than `_KEPT`.
+_LOST, _KEPT = 0.7, 0.8
 #: Gravity on the Earth's surface lies within 0.3 % of the standard one; on other bodies the rules below do not hold.
 _EARTH_GRAVITY = (9.7, 9.9)
+#: Pressures of the lower atmosphere [hPa]; as pascals they would be 40 km up.
+HECTOPASCALS = (300.0, 1100.0)
 #: Beyond 10 g in the middle of a flight: no vehicle, but raw counts of every converter with 12 bits or more.
 _HIGHEST_MEDIAN_FORCE = 100.0
 #: The widest range of a rate gyroscope that is sold for vehicles is 4000 deg/s.
 _HIGHEST_RATE = np.radians(4000.0)
 #: Bias of the worst rate gyroscopes that are sold is 40 deg/s; a body at rest cannot turn faster than its gyro's bias.
 HIGHEST_RATE_AT_REST = 1.0
+#: Where another unit is said.
+_SAYS = "a header, `ax [g]`, `gx [deg/s]`, or `unit` of a map says another unit"
 #: Fewer readings say nothing of their unit.
 _FEWEST = 10
 #: Share of the turn of a direction that the rates explain: below it the scale between the two says nothing.
@@ -69,8 +79,9 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
     found = f"accelerometer with a median norm of {force:.4g}"
     for unit, one in _ACCEL_UNITS:
         if one / _NEAR_GRAVITY < force < one * _NEAR_GRAVITY:
-            hint = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest"
-            raise InputError(recording.where, f"{found}: looks like {unit}", hint, f"stream {name}")
+            free = " (or gravity was taken off)" if unit == "g" and _points_anywhere(stream) else ""
+            hint = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest; {_SAYS}"
+            raise InputError(recording.where, f"{found}: looks like {unit}{free}", hint, f"stream {name}")
     if not poses and force > _HIGHEST_MEDIAN_FORCE:
         raise InputError(recording.where, f"{found}: looks like raw counts", "m/s^2", f"stream {name}")
     times = force / STANDARD_GRAVITY
@@ -79,6 +90,13 @@ def _check_accel(recording: Recording, name: str, stream: Stream) -> None:
         found += f", {ratio}: looks like another unit"
         expected = f"m/s^2, about {STANDARD_GRAVITY:.2f} at rest; a map converts units and raw counts"
         raise InputError(recording.where, found, expected, f"stream {name}")
+
+
+def _points_anywhere(stream: Stream) -> bool:
+    """Whether an acceleration has no lasting direction, as one has from which gravity was taken."""
+    force = stream.array(ACCEL)
+    lasting = float(np.linalg.norm(np.mean(force, axis=0)))
+    return len(force) >= _FEWEST and lasting < 0.5 * float(np.median(np.linalg.norm(force, axis=1)))
 
 
 def _check_time(recording: Recording, imu: Stream) -> None:
@@ -121,7 +139,7 @@ def check_field(recording: Recording) -> None:
 
 def _check_pressure(recording: Recording, baro: Stream) -> None:
     pressure = float(np.median(baro["pressure"]))
-    if 300.0 < pressure < 1100.0:
+    if HECTOPASCALS[0] < pressure < HECTOPASCALS[1]:
         found = f"a median pressure of {pressure:.4g}: looks like hPa"
         raise InputError(recording.where, found, "Pa, about 101325 at sea level", "stream baro")
 
@@ -142,6 +160,7 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
         if _turns_like_degrees(imu.t, rate, t, direction):
             raise _gyro_error(recording, f"gyroscope with rates to {peak:.4g}: looks like deg/s (what it sees turns 57 "
                                          "times slower)")  # fmt: skip
+    _check_lasting(recording, imu, peak)
     at_rest = np.all(np.std(force, axis=0) < 0.2) and len(imu) > 1
     mean_force = force.mean(axis=0)
     across = np.median(np.linalg.norm(cross(rate, mean_force), axis=1)) / max(float(np.linalg.norm(mean_force)), 1e-9)
@@ -149,8 +168,56 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
         raise _gyro_error(recording, f"gyroscope with a rate of {across:.3g} at rest: looks like deg/s")
 
 
+def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
+    """Specific force, turned by the rates, has gravity as its mean; else rates are in deg/s, or gravity was taken off.
+
+    A multicopter's force stays along its own z, however it tilts, and tells of wrong rates in no other way.
+    """
+    gravity = recording.environment.gravity
+    if gravity is not None and not _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]:
+        return
+    with np.errstate(all="ignore"):  # a damaged reading gives no number, which says nothing
+        as_rad, as_deg = (_lasting_force(imu, scale) / STANDARD_GRAVITY for scale in (1.0, _DEGREE))
+    if not as_rad < _LOST:
+        return
+    force = float(np.median(np.linalg.norm(imu.array(ACCEL), axis=1)))
+    if as_deg > _KEPT and force < _NEAR_GRAVITY * STANDARD_GRAVITY:
+        found = f"gyroscope with rates to {peak:.4g}: looks like deg/s (as rad/s, gravity would point everywhere)"
+        raise _gyro_error(recording, found)
+    if as_deg < _LOST and force < _KEPT * STANDARD_GRAVITY:
+        found = f"accelerometer with a median norm of {force:.4g}: gravity was taken off, as of a linear acceleration"
+        raise InputError(recording.where, found, "what the accelerometer reads, 9.81 m/s^2 at rest", "stream imu")
+
+
+def _lasting_force(imu: Stream, scale: float) -> float:
+    """Norm of the mean over `_LASTING` of the force, turned by `scale` times the rates; NaN: the log is too short.
+
+    Halves of a time are joined, from single steps on: the sum of two is v_1 + C_1 v_2, their turn C_1 C_2. A bias of
+    the rates is taken off as their median.
+    """
+    span = float(imu.t[-1] - imu.t[0]) if len(imu) > 1 else 0.0
+    if span < _LASTING:
+        return float("nan")
+    count = min(_LASTING_TIMES, int(span / _LASTING))
+    grid = np.linspace(imu.t[0], imu.t[-1] - _LASTING, count)[:, None] + np.linspace(0.0, _LASTING, 2**9 + 1)
+    rate = imu.array(GYRO)
+    turn, v = (_integrated(imu.t, values, grid) for values in (rate - np.median(rate, axis=0), imu.array(ACCEL)))
+    q = quaternion_exp(scale * turn)
+    while v.shape[1] > 1:
+        v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
+        q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
+    return float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING
+
+
+def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
+    """(times, steps, 3) integrals of (n, 3) readings over the steps of a grid, by the trapezoidal rule."""
+    areas = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])
+    return np.diff(np.stack([np.interp(grid, t, column) for column in total.T], axis=-1), axis=1)
+
+
 def _gyro_error(recording: Recording, found: str) -> InputError:
-    return InputError(recording.where, found, "rad/s", "stream imu")
+    return InputError(recording.where, found, f"rad/s; {_SAYS}", "stream imu")
 
 
 def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, seen: FloatArray) -> bool:

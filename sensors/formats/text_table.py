@@ -109,6 +109,27 @@ class TextTable:
             return None
         return {name: np.concatenate([part[name] for part in parts]) for name in wanted}
 
+    def first(self, name: str) -> str:
+        """The cell of a column in the first row; empty: there is none."""
+        try:
+            row = next((cells for _, _, cells in self._rows()), [])
+        except (UnicodeDecodeError, csv.Error, OSError):
+            return ""
+        return row[self.names.index(name)] if len(row) == len(self.names) else ""
+
+    def texts(self, name: str) -> list[str]:
+        """The cells of a column, as they are written; empty where a row ends before it.
+
+        Raises
+        ------
+        InputError : not UTF-8, no table
+        """
+        k = self.names.index(name)
+        try:
+            return [cells[k] if k < len(cells) else "" for _, _, cells in self._rows()]
+        except (UnicodeDecodeError, csv.Error, OSError) as error:
+            raise InputError(self.where, f"{type(error).__name__} in column {name}", "a table of UTF-8 text") from None
+
     def _past_the_head(self) -> io.BufferedReader:
         """The text from the first row on."""
         file = text_lines(self.open(), self.where)

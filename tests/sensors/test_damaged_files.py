@@ -263,6 +263,8 @@ FORMATS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     ),
     "named columns": (lambda: b"t_ms,ax,ay,az,gx,gy,gz,mag x [uT],my [uT],mz [uT]\n" + b"".join(
         b"%d,0.1,0.2,-9.8,0,0,0.1,20,%d,40\n" % (10 * k, k) for k in range(40)), open_log),
+    "dates and units": (lambda: b"device 7\ntime,ax,ay,az,gx,gy,gz\n-,g,g,g,deg/s,deg/s,deg/s\n" + b"".join(
+        b"2023-05-05 12:00:00.%03d,0.1,0.2,-1.0,0,0,0.1\n" % (10 * k) for k in range(40)), open_log),
     "Parquet": (parquet, open_log),
     "telemetry": (lambda: tlog.written(tlog.flight()), open_log),
     "map": (MAP_OF_TEXT.encode, read_map),
