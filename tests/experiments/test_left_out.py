@@ -1,57 +1,47 @@
-"""What a probe predicts of readings that were left out of its fit."""
+"""Effects of other logs of an instrument, declared in one that had no part in them."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from sinan.experiments.residual_loop.left_out import gains_left_out, log_p_left_out
-from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.experiments.benchmarks import left_out
+from sinan.experiments.benchmarks.attitude import FILTER, SMOOTHER, VQF, VQF_OFFLINE, Score
+from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.recording import Recording
+from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 
-BLOCKS = 25
-LEVEL = 0.01
-
-
-def problem(rng: np.random.Generator, n: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    given, added = rng.standard_normal((n, 4)), rng.standard_normal((n, 6))
-    residual = rng.standard_normal(n) + size * added[:, 0] + given @ [1.0, 2.0, -1.0, 0.5]
-    return residual, given, added, np.arange(n) * BLOCKS // n
+TURNED = (0.06, -0.04, 0.05)
 
 
-def test_noise_is_predicted_by_nothing() -> None:
-    """Fewer than one in a hundred, as the gains' own price of parameters makes the test cautious."""
-    rng = np.random.default_rng(3)
-    for known in (True, False):
-        p = [log_p_left_out(*problem(rng, 100, 0.0), known) for _ in range(200)]
-        assert np.mean(np.array(p) < np.log(LEVEL)) <= LEVEL
+def flight(seed: int) -> Recording:
+    effect = parse_effect("mag.misalignment=" + ",".join(map(str, TURNED)))
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(seed), [effect])
+    return between(recording.replace(effects={}, truth=None), 0.0, 16.0)
 
 
-def test_what_is_there_is_predicted() -> None:
-    rng = np.random.default_rng(4)
-    for known in (True, False):
-        p = [log_p_left_out(*problem(rng, 200, 0.8), known) for _ in range(20)]
-        assert max(p) < np.log(LEVEL)
+def test_what_other_logs_share_is_found_with_its_size() -> None:
+    found = left_out.effects_of([flight(1), flight(2)])
+    assert list(found) == ["mag.misalignment"]
+    assert found["mag.misalignment"] == pytest.approx(TURNED, abs=0.02)
 
 
-def test_what_is_in_one_stretch_alone_is_not_predicted_elsewhere() -> None:
-    rng = np.random.default_rng(5)
-    residual, given, added, fold = problem(rng, 200, 0.0)
-    residual[80:88] += 8.0 * added[80:88, 0]
-    assert log_p_left_out(residual, given, added, fold, True) > np.log(LEVEL)
+def test_every_log_is_left_out_once() -> None:
+    folds = left_out.folds_of(list("abcdefg"), 3)
+    assert folds == [["a", "d", "g"], ["b", "e"], ["c", "f"]]
 
 
-def test_gains_are_those_of_the_predictive_density() -> None:
-    """Against the normal density of the left-out readings, written out: mean J b and covariance I + J P J'."""
-    rng = np.random.default_rng(6)
-    residual, given, added, fold = problem(rng, 60, 0.5)
-    out = fold == 3
-    both = np.hstack([given, added])
-    noise = max(float(np.sum((residual - both @ np.linalg.lstsq(both, residual)[0]) ** 2)) / 50.0, 1.0)
+def test_page_has_ratios_before_and_after() -> None:
+    def row(filtered: float, after: float) -> dict[str, Score]:
+        totals = {VQF: 2.0, VQF_OFFLINE: 1.0, FILTER: filtered, left_out.FILTER_AFTER: after}
+        totals |= {SMOOTHER: 1.0, left_out.SMOOTHER_AFTER: 0.5}
+        return {label: Score(total, total, 0.1) for label, total in totals.items()}
 
-    def deviance(J: FloatArray) -> float:
-        P = np.linalg.inv(J[~out].T @ J[~out])
-        e = residual[out] - J[out] @ (P @ (J[~out].T @ residual[~out]))
-        C = np.eye(int(out.sum())) + J[out] @ P @ J[out].T
-        return float(e @ np.linalg.solve(C, e)) / noise + float(np.linalg.slogdet(C)[1])
-
-    found = gains_left_out(residual, given, added, fold, True)[3]
-    np.testing.assert_allclose(found, deviance(given) - deviance(both), atol=1e-5)
+    found: list[tuple[list[str], dict[str, tuple[float, ...]]]] = [(["a"], {"mag.time_offset": (0.004,)}), (["b"], {})]
+    page = left_out.text_of({"a": row(4.0, 1.0), "b": row(2.0, 2.0)}, found)
+    assert "| filter over VQF | 1.50 | 1.50 | 2.00 (a) |" in page
+    assert "| filter, after over VQF | 0.75 | 0.75 | 1.00 (b) |" in page
+    assert "| smoother, after over VQF offline | 0.50 | 0.50 |" in page
+    assert "Declared in a: mag.time_offset 0.004." in page
+    assert "Declared in b: none." in page

@@ -1,0 +1,130 @@
+"""Attitude of logs after a trace of others of the same instrument: do the effects that those name hold here too?
+
+    python -m sinan.experiments.benchmarks.left_out [--folds N] [--longest S] [--table FILE] [NAME ...]
+
+The logs (default: all of BROAD, one board) are dealt into folds. The logs outside a fold are traced together, the
+liveliest S seconds of each; the lasting effects that predict there are declared in every log of the fold, whose
+attitude is then scored against its cameras, before and after, beside VQF. No log has a part in what is declared in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sinan.experiments.benchmarks.attitude import (
+    FILTER,
+    SMOOTHER,
+    TRUTHS,
+    VQF,
+    VQF_OFFLINE,
+    Score,
+    ours,
+    ratios,
+    score,
+    target_of,
+    vqf,
+)
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.arguments import usage
+from sinan.experiments.measured.logs import FLIGHTS
+from sinan.experiments.measured.minutes import lively_starts
+from sinan.experiments.report.words import number
+from sinan.experiments.residual_loop.run import trace_recording
+from sinan.sensors.files import write_text
+from sinan.sensors.joining import joined
+from sinan.sensors.recording import Recording
+from sinan.sensors.window import between
+
+HEAD = """# Attitude after a trace of other logs of the same instrument
+
+Written by `python -m sinan.experiments.benchmarks.left_out`. RMS of the whole log in degrees (heading, tilt) against
+the cameras, as in [attitude](attitude_benchmark.md). "After": with the lasting effects declared that the logs outside
+the fold, traced together, name and that predict there.
+"""
+FILTER_AFTER, SMOOTHER_AFTER = "filter, after", "smoother, after"
+COLUMNS = (VQF, VQF_OFFLINE, FILTER, FILTER_AFTER, SMOOTHER, SMOOTHER_AFTER)
+#: Step of the possible starts of a part [s].
+EVERY = 30.0
+
+Effects = Mapping[str, tuple[float, ...]]
+
+
+def liveliest(recording: Recording, longest: float) -> Recording:
+    """The part of some length in which a recording turns most."""
+    begin = float(lively_starts(recording, longest, EVERY)[-1])
+    return between(recording, begin, begin + longest)
+
+
+def effects_of(recordings: Sequence[Recording]) -> dict[str, tuple[float, ...]]:
+    """Lasting effects that a trace of logs together names and that predict, with their sizes."""
+    told = trace_recording(joined(recordings)).verdict.told
+    return {f.term.name: tuple(f.beta.tolist()) for f in told if f.term.interval is None and f.term.in_mean}
+
+
+def compare(name: str, declared: Effects) -> dict[str, Score]:
+    """Every estimator on one log, by its name; after: with the effects declared."""
+    recording = resolve(FLIGHTS[name].input)
+    target = target_of(name, recording)
+    scores = {label: score(t, q, target) for label, (t, q) in {**vqf(recording), **ours(recording)}.items()}
+    after = ours(recording.replace(effects={**recording.effects, **declared}))
+    for before, label in ((FILTER, FILTER_AFTER), (SMOOTHER, SMOOTHER_AFTER)):
+        scores[label] = score(*after[before], target)
+    return scores
+
+
+def folds_of(names: Sequence[str], folds: int) -> list[list[str]]:
+    """The names dealt out, one after the other."""
+    return [list(names[k::folds]) for k in range(folds)]
+
+
+def text_of(scores: Mapping[str, Mapping[str, Score]], found: Sequence[tuple[Sequence[str], Effects]]) -> str:
+    """The page."""
+    lines = [HEAD]
+    for fold, effects in found:
+        sizes = "; ".join(f"{name} {', '.join(map(number, beta))}" for name, beta in effects.items()) or "none"
+        lines.append(f"- Declared in {', '.join(fold)}: {sizes}.")
+    lines += ["", "| log | " + " | ".join(COLUMNS) + " |", "| --- " * (len(COLUMNS) + 1) + "|"]
+    for name, row in scores.items():
+        cells = (f"{row[c].total:.2f} ({row[c].heading:.2f}, {row[c].tilt:.2f})" for c in COLUMNS)
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    lines += ["", "| | mean of the ratios | ratio of the means | worst |", "| --- | --- | --- | --- |"]
+    for mine, other in (
+        (FILTER, VQF), (FILTER_AFTER, VQF), (SMOOTHER, VQF_OFFLINE), (SMOOTHER_AFTER, VQF_OFFLINE),
+    ):  # fmt: skip
+        of_means, worst, log = ratios(scores, mine, other)
+        mean = sum(row[mine].total / row[other].total for row in scores.values()) / len(scores)
+        lines.append(f"| {mine} over {other} | {mean:.2f} | {of_means:.2f} | {worst:.2f} ({log}) |")
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the page, and write it where that is asked for; status 2 where a name is none."""
+    parser = argparse.ArgumentParser(prog="python -m sinan.experiments.benchmarks.left_out")
+    parser.add_argument("--folds", type=int, default=2, help="parts that the logs are dealt into")
+    parser.add_argument("--longest", type=float, default=60.0, help="seconds of each log that are traced")
+    parser.add_argument("--table", type=Path, help="file for the page")
+    parser.add_argument("names", nargs="*")
+    given = parser.parse_args(arguments)
+    names = given.names or [name for name in TRUTHS if name.startswith("BROAD")]
+    if not set(names) <= set(TRUTHS) or not 2 <= given.folds <= len(names):
+        return usage(TRUTHS, "[--folds N] [--longest S] [--table FILE] ")
+    scores: dict[str, dict[str, Score]] = {}
+    found: list[tuple[Sequence[str], Effects]] = []
+    for fold in folds_of(names, given.folds):
+        others = [liveliest(resolve(FLIGHTS[name].input), given.longest) for name in names if name not in fold]
+        effects = effects_of(others)
+        sys.stderr.write(f"{', '.join(fold)}: {effects}\n")
+        found.append((fold, effects))
+        scores |= {name: compare(name, effects) for name in fold}
+    text = text_of({name: scores[name] for name in names}, found)
+    print(text)
+    if given.table is not None:
+        write_text(given.table, text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
