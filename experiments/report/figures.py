@@ -94,7 +94,8 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             if high > low:  # a bias that is taken as known has no band
                 one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
             axis = component_name(course.name, k, course.value.shape[1])
-            one.set_title(f"{course.name} {axis} / {bias_unit(course.name, course.field_unit)}", loc="left", fontsize=9)
+            title = f"{course.name} {axis}".rstrip() + f" / {bias_unit(course.name, course.field_unit)}"
+            one.set_title(title, loc="left", fontsize=9)
             one.tick_params(labelsize=7)
     for column in axes.T:
         lowest = [one for one in column if one.get_visible()][-1]

@@ -58,7 +58,7 @@ _SPEED = ("v", "vel", "velocity", "gps v", "gps vel", "gps velocity", "gnss v", 
 INDICATED = ("ias", "vias", "cas", "vcas", "eas", "indicated airspeed")
 _BEGIN = ("", "from start", "since start", "from boot", "since boot", "boot", "elapsed", "unix")
 _SINGLE = (
-    ("", "t", "time", "s", (("t", "time", "timestamp", "stamp"), _BEGIN)),
+    ("", "t", "time", "s", (("t", "time", "times", "timestamp", "timestamps", "stamp"), _BEGIN)),
     ("", "t", "time", "s", (("seconds elapsed", "elapsed", "elapsed time", "sample time", "system time"),)),
     ("imu", "temperature", "temperature", "degC", (("temp", "temperature"),)),
     ("baro", "pressure", "pressure", "Pa", (("", "baro", "barometer", "air", "atmospheric"), ("pressure", "press"))),
@@ -112,7 +112,8 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
 
     Where one time says its unit, or that it is the time elapsed, and another does not, the first counts.
     """
-    first, last = (min(names), max(names)) if len(names) > 1 else ("", "")
+    named = [name for name in names if not name.isdigit()]  # a column without a name has its number
+    first, last = (min(named), max(named)) if len(named) > 1 else ("", "")
     shared = first[: next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)]
     length = max(shared.rfind(mark) for mark in "_./ ") + 1
     found = {

@@ -187,7 +187,7 @@ def _head(path: Path) -> FileOptions | None:
     except (InputError, UnicodeDecodeError, OSError):
         return None
     for k, line in enumerate(first[:-1]):
-        names = _cells(line)
+        names = [cell or str(number) for number, cell in enumerate(_cells(line), 1)]
         if not describes_itself(names) or doubled_name(names) is not None:
             continue
         if any(len(_cells(above, _delimiter(line))) == len(names) for above in first[:k]):

@@ -144,7 +144,12 @@ def _slow(file: Path, name: str, notes: list[str]) -> Stream | None:
         notes += said
         return Stream(t, {"pressure": pressure})
     if name == "gps" and set(GEODETIC) <= set(table):
-        return Stream(t, {column: table[column] for column in (*GEODETIC, "eph", "epv") if column in table})
+        fixes = Stream(t, {column: table[column] for column in (*GEODETIC, "eph", "epv") if column in table})
+        known = np.all([fixes[column] >= 0.0 for column in ("eph", "epv") if column in fixes] or [t == t], axis=0)
+        notes += (
+            [f"gps: {np.sum(~known)} fixes left out: their accuracy is negative, not known"] if not known.all() else []
+        )
+        return fixes.rows(known)
     return None
 
 

@@ -124,6 +124,17 @@ def test_a_folder_of_tables_tells_what_it_holds(tmp_path: Path, flight: Flight) 
     assert {"TotalAcceleration.csv", "Gyroscope.csv"} <= {table.name for table in facts.tables}
 
 
+def test_fixes_that_a_phone_calls_invalid_are_left_out(tmp_path: Path, flight: Flight) -> None:
+    folder = sensor_logger(tmp_path / "log", flight, "ios")
+    lines = (folder / "Location.csv").read_text().splitlines()
+    assert lines[5].count(",4.0,3.0,") == 1
+    lines[5] = lines[5].replace(",4.0,3.0,", ",-1.0,3.0,")
+    (folder / "Location.csv").write_text("\n".join(lines) + "\n")
+    log = open_log(folder)
+    assert len(log.streams["gps"]) == len(flight.t) - 1
+    assert any("1 fixes left out" in note for note in log.notes)
+
+
 def test_a_folder_without_gravity_is_refused(tmp_path: Path, flight: Flight) -> None:
     folder = sensor_logger(tmp_path / "log", flight, "ios")
     (folder / "Gravity.csv").unlink()
@@ -231,16 +242,16 @@ def test_a_time_that_is_none_is_named(tmp_path: Path, flight: Flight) -> None:
 
 
 def test_shimmer(tmp_path: Path, flight: Flight) -> None:
-    """Names that begin alike, a line of units below them, a field whose unit is its own strength."""
+    """Names that begin alike, units below them, a mark after the last cell, a field whose unit is its own strength."""
     device = "Shimmer_8665_"
     names = [device + name for name in ("Timestamp_Unix_CAL", *of("Accel_LN_#_CAL", "XYZ"), *of("Gyro_#_CAL", "XYZ"),
                                         *of("Mag_#_CAL", "XYZ"))]  # fmt: skip
     units = "\t".join(["ms"] + ["m/(s^2)"] * 3 + ["deg/s"] * 3 + ["local_flux"] * 3)
     values = (flight.force, np.degrees(flight.rate), flight.field)
     columns = [1.6e12 + 1e3 * flight.t, *(column for one in values for column in three(one, FLU))]
-    path = write(tmp_path / "log.csv", names, columns, "\t", "sep=\t\n")
-    lines = path.read_text().split("\n")
-    path.write_text("\n".join([*lines[:2], units, *lines[2:]]))
+    path = write(tmp_path / "log.csv", names, columns, "\t", '"sep=\t"\n')
+    lines = path.read_text().splitlines()
+    path.write_text("".join(f"{line}\n" for line in [lines[0], *(f"{row}\t" for row in [lines[1], units, *lines[2:]])]))
     log = open_log(path)
     check(log, flight, FLU, field=False)
     np.testing.assert_allclose(log.streams["mag"].array(MAG), flight.field @ FLU)
