@@ -18,7 +18,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.column_names import FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
 from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.formats.logged import sound
-from sinan.sensors.formats.plausible import HECTOPASCALS, check_field, check_units
+from sinan.sensors.formats.plausible import HECTOPASCALS, check_field, check_units, sign_of_force
 from sinan.sensors.formats.units import FIELD_UNIT, UNITS
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, VELOCITY, Environment, Kind, Recording, Stream
 
@@ -94,7 +94,7 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     check_units(recording)
     if environment.field_unit:
         check_field(recording)
-    return recording
+    return recording.replace(notes=(*recording.notes, *sign_of_force(recording)))
 
 
 def _known(path: Path, names: Iterable[str]) -> tuple[dict[tuple[str, str], tuple[str, Meaning]], list[str]]:

@@ -23,6 +23,7 @@ from sinan.sensors.formats.columns import FileOptions, names_of, read_columns
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import recording_of, turned
 from sinan.sensors.formats.named_columns import converted, in_pascal, of_step
+from sinan.sensors.formats.plausible import sign_of_force
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, Recording, Stream
 
 #: Words of a file's name, and the sensor that its columns are then of; the first that fits.
@@ -101,7 +102,8 @@ def read_tables(path: Path, choice: Choice = FIRST) -> Recording:
     factor, said = of_step(gyro.t)
     found = {name: one and Stream(one.t * factor, one.columns) for name, one in found.items()}
     axes_are = "forward is the top of the phone's screen, down its back" if phone else "as they are written"
-    return recording_of(path, found, notes=[*notes, *said, f"axes: {axes_are}"])
+    recording = recording_of(path, found, notes=[*notes, *said, f"axes: {axes_are}"])
+    return recording.replace(notes=(*recording.notes, *sign_of_force(recording)))
 
 
 def _force(files: Mapping[str, Path]) -> tuple[Stream, list[str]]:

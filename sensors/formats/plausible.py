@@ -5,11 +5,14 @@ A reading is refused only where its unit is recognised; what is merely odd (a fa
 
 from __future__ import annotations
 
+from datetime import date as Date
+
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
+from sinan.sensors.geomagnetism import earth_field, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import cross, quaternion_exp, quaternion_multiply, rotate
 
@@ -30,6 +33,10 @@ _LASTING, _LASTING_TIMES = 10.0, 24
 #: Below this part of gravity the mean says that the rates, or the force, are others: measured flights have 0.96 to
 #: 1.04, those that turn and whose rates are 57 times too large at most 0.65; their other unit gives more than `_KEPT`.
 _LOST, _KEPT = 0.7, 0.8
+#: Sines of dips: where the field is steep enough to tell up from down, and how near one is to another [1].
+_DIPS, _NEAR_DIP = 0.4, 0.35
+#: The dip changes by less than a degree in ten years.
+_ANY_DATE = Date(2020, 1, 1)
 #: Gravity on the Earth's surface lies within 0.3 % of the standard one; on other bodies the rules below do not hold.
 _EARTH_GRAVITY = (9.7, 9.9)
 #: Pressures of the lower atmosphere [hPa]; as pascals they would be 40 km up.
@@ -214,6 +221,29 @@ def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArr
     areas = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])
     return np.diff(np.stack([np.interp(grid, t, column) for column in total.T], axis=-1), axis=1)
+
+
+def sign_of_force(recording: Recording) -> list[str]:
+    """A sentence where the field dips as it would at this place if the accelerometer had the other sign; else none.
+
+    sin(dip) is minus the mean of the cosine between force, which points up, and field. Hard iron as large as the field
+    may do the same, so that nothing is refused.
+    """
+    imu, mag = recording.streams.get("imu"), recording.streams.get("mag")
+    if recording.origin is None or imu is None or mag is None or not mag.has(MAG):
+        return []
+    expected = inclination(earth_field(*recording.origin, _ANY_DATE))
+    force = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
+    field = mag.array(MAG)
+    with np.errstate(all="ignore"):
+        cosine = np.sum(force * field, axis=1) / (np.linalg.norm(force, axis=1) * np.linalg.norm(field, axis=1))
+        seen = -float(np.nanmedian(cosine)) if np.any(np.isfinite(cosine)) else 0.0
+    if abs(np.sin(expected)) < _DIPS or abs(seen + np.sin(expected)) > _NEAR_DIP:
+        return []
+    dip = np.degrees(np.arcsin(np.clip(seen, -1.0, 1.0)))
+    there = f"by what it says of up the field dips {dip:.0f} deg, and {np.degrees(expected):.0f} deg at this place"
+    way = "gravity is logged, not force (a map turns all three axes of accel), or mag has other axes"
+    return [f"accel: {there}: {way}"]
 
 
 def _gyro_error(recording: Recording, found: str) -> InputError:

@@ -213,6 +213,16 @@ def test_rates_in_degrees_are_seen_by_gravity(tmp_path: Path) -> None:
         open_log(write(tmp_path / "deg.csv", names, [t, *still.T, *np.degrees(rate).T]))
 
 
+@pytest.mark.parametrize(("sign", "told"), [(1.0, False), (-1.0, True)])
+def test_gravity_for_force_is_seen_by_the_dip(tmp_path: Path, flight: Flight, sign: float, told: bool) -> None:
+    """At 40 deg north the field dips by 59 deg; with the other sign of the accelerometer it points up."""
+    names = ["t", *of("a#"), *of("g#"), *of("mag # [uT]"), "lat", "lon", "alt"]
+    place = [39.98 + 1e-7 * flight.t, 116.34 + 0 * flight.t, 50.0 + 0 * flight.t]
+    columns = [flight.t, *(sign * flight.force).T, *flight.rate.T, *flight.field.T, *place]
+    log = open_log(write(tmp_path / "log.csv", names, columns))
+    assert any("gravity is logged, not force (a map" in note for note in log.notes) == told
+
+
 # lines above and below the names; times
 
 
