@@ -11,7 +11,7 @@ import numpy as np
 
 from sinan.estimator.evidence.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from sinan.estimator.filter.engine import Engine, choose_engine
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, P_N, Q_NB, V_N, StateLayout
@@ -21,15 +21,14 @@ from sinan.experiments.reference import Mounted, covered, described, errors_of, 
 from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file
-from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
+from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Stream, Truth
 from sinan.sensors.simulate import BIAS_COLUMNS
 
 STATE_LOG_STEP = 0.02  # s between rows of the table of states, at least
 
 
 def estimated(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     engine: Engine = "auto",
     states: Path | None = None,
     smoothed: bool = False,
@@ -38,8 +37,7 @@ def estimated(
 
     Parameters
     ----------
-    recording : a flight
-    model : of it
+    flight : readings and model
     engine : see `run_filter`
     states : CSV to write: t, the nominal state, and the 1-sigma of the error state
     smoothed : the states of the fixed-interval smoother, which knows all readings, are written, and reported besides
@@ -49,14 +47,14 @@ def estimated(
     the journal of the run, the smoothed states if asked for, and the keys of `sinan estimate --json` that need no
     reference
     """
-    journal = run_filter(recording, model, engine=engine)
+    journal = run_filter(flight, engine=engine)
     later = smooth(journal, sigmas=True) if smoothed else None
     if states is not None:
         write_states(journal, states, later)
     report = report_of(journal)
     if later is not None:
         report["smoothed"] = smoothed_report(journal.model.layout, later)
-    report["engine"] = choose_engine(engine, prepare(recording, model)) if engine == "auto" else engine
+    report["engine"] = choose_engine(engine, prepare(flight)) if engine == "auto" else engine
     return journal, later, report
 
 

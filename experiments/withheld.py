@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.filter.events import WITHHELD
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.recording import Recording
 
 Window = tuple[float, float]
 
@@ -50,8 +49,7 @@ def windows(t: FloatArray, length: float, every: float, first: float) -> tuple[W
 
 
 def predicted(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     stream: str,
     held: Sequence[Window],
     betas: Mapping[Any, FloatArray] | None = None,
@@ -62,8 +60,8 @@ def predicted(
     ----------
     betas : effects in the model, see `run_filter`
     """
-    journal = run_filter(recording, model.replace(withheld={stream: held}), betas, engine="numba", stride=0)
-    one, stamps = journal.stream(stream), recording.streams[stream].t
+    journal = run_filter(flight.believing(withheld={stream: held}), betas, engine="numba", stride=0)
+    one, stamps = journal.stream(stream), flight.recording.streams[stream].t
     rows = (one.status == WITHHELD) & np.isfinite(one.nis)
     given = np.sort(stamps[one.index[one.status != WITHHELD]])
     t = stamps[one.index[rows]]

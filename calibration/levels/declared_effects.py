@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from sinan.estimator.filter.effect_forms import Along, declared_terms, reference_motion, run_with_effects
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
-from sinan.sensors.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,27 +16,23 @@ class Readings:
 
     Attributes
     ----------
-    recording : of a flight
-    along : its effects along the motion that was found at the first levels; None where it declares none
+    along : the effects of a flight along the motion that was found at the first levels; None where it declares none
 
     Neglects that other levels find another motion.
     """
 
-    recording: Recording
     along: Along | None
 
     @classmethod
-    def of(cls, recording: Recording, model: FlightModel) -> Readings:
-        """Of a recording, along the motion found with a model."""
-        terms = declared_terms(recording)
+    def of(cls, flight: Flight) -> Readings:
+        """Of a flight, along the motion found with its model."""
+        terms = declared_terms(flight.recording)
         if not terms:
-            return cls(recording, None)
-        journal = run_with_effects(recording, model, terms, engine="numba", stride=0)
-        motion = reference_motion(recording, journal, terms, imu_table(recording, model))
-        return cls(recording, Along(recording, model, terms, motion))
+            return cls(None)
+        journal = run_with_effects(flight, terms, engine="numba", stride=0)
+        motion = reference_motion(flight.recording, journal, terms, imu_table(flight))
+        return cls(Along(flight, terms, motion))
 
-    def inputs(self, model: FlightModel) -> RunInputs:
-        """Of a pass at other levels."""
-        if self.along is None:
-            return prepare(self.recording, model)
-        return replace(self.along, model=model).inputs
+    def inputs(self, flight: Flight) -> RunInputs:
+        """Of a pass at other levels over the same flight."""
+        return prepare(flight) if self.along is None else replace(self.along, flight=flight).inputs

@@ -107,11 +107,11 @@ def beforehand(recording: Recording) -> Believed:
     def levels_of(one: Believed) -> Levels:
         return first_levels(recording, sizes_of(recording, one.iron), one.m_n, one.covariance)
 
-    readings = Readings.of(recording, levels_of(believed[0]).model(recording))
+    readings = Readings.of(levels_of(believed[0]).flight(recording))
 
     def log_posterior(one: Believed) -> float:
         try:
-            journal = run(readings.inputs(levels_of(one).model(recording)), "numba", 0)
+            journal = run(readings.inputs(levels_of(one).flight(recording)), "numba", 0)
         except InputError:  # no state follows from such a field
             return -np.inf
         prior = (1.0 if one.field is None else one.field.prior) * irons[one.iron]

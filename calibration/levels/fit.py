@@ -21,7 +21,8 @@ from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
-from sinan.estimator.filter.flight_model import FlightModel, InStep, flight_model
+from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.flight_model import InStep
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.tails import log_density
@@ -120,9 +121,9 @@ class Levels:
     sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
 
-    def model(self, recording: Recording) -> FlightModel:
-        """The model of a recording with these sizes."""
-        return flight_model(
+    def flight(self, recording: Recording) -> Flight:
+        """A recording with the model that these sizes make."""
+        return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, tail=self.tail, stamp_std=self.stamp_std, gate_level=None, latency=self.latency,
         )  # fmt: skip
@@ -280,7 +281,7 @@ class Problem:
 
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
-        self._readings = Readings.of(recording, first.model(recording))
+        self._readings = Readings.of(first.flight(recording))
         self.runs = 0
 
     def levels(self, theta: FloatArray) -> Levels:
@@ -292,7 +293,7 @@ class Problem:
 
     def inputs(self, levels: Levels) -> RunInputs:
         """What the filter runs on."""
-        return self._readings.inputs(levels.model(self.recording))
+        return self._readings.inputs(levels.flight(self.recording))
 
     def value(self, theta: FloatArray) -> float:
         """Log-posterior by a forward pass alone."""
@@ -415,8 +416,8 @@ def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size
     """What the first covariance contributes: tr(d P0 / d log size  1/2 (r0 r0' - N0))."""
     if size.key == "bias_walk":
         return 0.0
-    other = levels.with_size(size, levels.value(size) * 1.01).model(inputs.recording)
-    _, P = first_state(inputs.recording, other)
+    other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
+    _, P = first_state(other)
     return float(np.sum((P - inputs.P) * scores.start) / np.log(1.01))
 
 
@@ -492,13 +493,13 @@ HAND, WIDER = Bounds(0.5, 1.0), (1.0, 3.0, 10.0, 30.0, 100.0)
 def widest_bounds_needed(recording: Recording, levels: Levels) -> Levels:
     """With the likeliest of the bounds on place and speed: each alone may be so wide that it says nothing."""
     tried = []
-    readings = Readings.of(recording, levels.model(recording))
+    readings = Readings.of(levels.flight(recording))
     for place in WIDER:
         for speed in WIDER[:3]:
             assert levels.bounds is not None
             bounds = replace(levels.bounds, place=HAND.place * place, speed=HAND.speed * speed)
             one = replace(levels, bounds=bounds)
-            tried.append((run(readings.inputs(one.model(recording)), "numba", 0).log_likelihood, one))
+            tried.append((run(readings.inputs(one.flight(recording)), "numba", 0).log_likelihood, one))
     return max(tried, key=lambda pair: pair[0])[1]
 
 

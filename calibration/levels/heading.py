@@ -13,7 +13,7 @@ import numpy as np
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import collect
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.recording import Recording, SensorSpec
@@ -45,11 +45,11 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
     initial = recording.initial
     if "mag" in recording.streams or "gps" not in recording.streams or initial.quaternion is not None:
         return recording
-    model = flight_model(recording, specs=specs, gate_level=None, robust_level=OUTLIER_LEVEL)
-    x, P = first_state(recording, model)
+    flight = Flight.of(recording, specs=specs, gate_level=None, robust_level=OUTLIER_LEVEL)
+    x, P = first_state(flight)
     if np.linalg.eigvalsh(P[DTHETA, DTHETA])[-1] < KNOWN**2:
         return recording
-    events = collect(recording, model)
+    events = collect(flight)
 
     def turned(heading: float) -> Recording:
         turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])
@@ -58,8 +58,8 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
 
     def surprise(heading: float) -> float:
         """Bounded NIS and log |S|; the readings that `OUTLIER_LEVEL` calls outliers count with a logarithm."""
-        journal = run(prepare(turned(heading), model, events=events), "numba", stride=0)
-        limit = np.array([model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
+        journal = run(prepare(flight.reading(turned(heading)), events=events), "numba", stride=0)
+        limit = np.array([flight.model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
         over = np.maximum(journal.nis / limit, 1.0)
         bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
         return float(np.sum((bounded - journal.nis - 2.0 * journal.loglik)[journal.accepted]))

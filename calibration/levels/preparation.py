@@ -11,6 +11,7 @@ from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import within_imu
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
@@ -20,24 +21,32 @@ from sinan.sensors.recording import Recording
 
 @dataclass(frozen=True)
 class Prepared:
-    """A recording and the model of its flight.
+    """A recording, opened.
 
     Attributes
     ----------
-    recording : with the first heading; what was taken from the log is in its notes
+    flight : its recording has the first heading, and what was taken from the log in its notes
     levels : every size, declared and found
-    model : of the flight
     notes : what was taken from the log, one line each; empty where everything is declared
     """
 
-    recording: Recording
+    flight: Flight
     levels: Levels
-    model: FlightModel
     notes: tuple[str, ...] = ()
+
+    @property
+    def recording(self) -> Recording:
+        """The flight's readings."""
+        return self.flight.recording
+
+    @property
+    def model(self) -> FlightModel:
+        """Of the flight."""
+        return self.flight.model
 
     def run(self) -> Journal:
         """The filter over it."""
-        return run_filter(self.recording, self.model, engine="numba")
+        return run_filter(self.flight, engine="numba")
 
 
 def as_declared(recording: Recording, slow_gps: bool = False) -> Prepared:
@@ -49,11 +58,11 @@ def as_declared(recording: Recording, slow_gps: bool = False) -> Prepared:
     """
     levels = first_levels(recording, (), None, None)
     headed = with_heading(recording, levels.specs)
-    notes, model = tuple(headed.notes[len(recording.notes) :]), flight_model(headed)
+    notes, flight = tuple(headed.notes[len(recording.notes) :]), Flight.of(headed)
     if slow_gps and "gps" in headed.streams:
         levels = with_slow_gps(headed)
-        model = flight_model(headed, specs=levels.specs)
-    return Prepared(headed, levels, model, notes)
+        flight = Flight.of(headed, specs=levels.specs)
+    return Prepared(flight, levels, notes)
 
 
 def prepared(recording: Recording, late: bool = True) -> Prepared:
@@ -91,9 +100,9 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
-    model = levels.model(headed).replace(assumptions=assumptions_of(headed, levels, sizes))
+    flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels)
-    return Prepared(headed.replace(notes=(*recording.notes, *notes)), levels, model, tuple(notes))
+    return Prepared(flight.reading(headed.replace(notes=(*recording.notes, *notes))), levels, tuple(notes))
 
 
 #: Readings of a magnetometer a second that tell something new: what it is near changes no faster, and as many wrong

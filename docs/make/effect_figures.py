@@ -16,7 +16,7 @@ import numpy as np
 from drawing import AFTER, BAND, BEFORE, keep, panels
 from matplotlib.figure import Figure
 
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import Journal, StreamJournal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -47,7 +47,7 @@ def draw(name: str) -> dict[str, object]:
     journals = [plain]
     if not name.endswith(".outliers"):
         there = effect.over(*_interval(effect)) if effect.localised is not None else effect
-        journals.append(run_filter(recording, flight_model(recording), {there: np.array(beta)}))
+        journals.append(run_filter(Flight.of(recording), {there: np.array(beta)}))
     parts = [journal.stream(stream) for journal in journals]
     component = int(np.argmax(np.nanmean(_seen(parts[0]) ** 2, axis=0)))
     keep(_figure(parts, component), FOLDER / f"{name}.png")
@@ -66,7 +66,7 @@ def _sized(effect: Effect, scenario: Scenario) -> tuple[str, Journal, list[float
         onset = "" if effect.localised is None else f"@{start:g}" + (f":{end:g}" if np.isfinite(end) else "")
         text = f"{effect.name}={','.join(map(str, beta))}{onset}"
         recording, _ = simulate(scenario, np.random.default_rng(1), [parse_effect(text)])
-        journal = run_filter(recording, flight_model(recording))
+        journal = run_filter(Flight.of(recording))
         stream = _stream(effect, journal)
         if _nis(journal.stream(stream)) < LARGEST:
             return stream, journal, beta

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from sinan.calibration.levels.allan import allan_deviation, fit_allan
 from sinan.calibration.poses.triad import calibrate_norm
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.atmosphere import height_from_pressure, pressure_from_height
@@ -164,7 +164,7 @@ def gps() -> Figure:
     alone = replace(recording, streams={k: v for k, v in recording.streams.items() if k != "base"})
     figure, axes = panels(2, sharey=True)
     for one, log, title in zip(axes[0], (alone, recording), ("GPS alone", "with a base receiver"), strict=True):
-        journal = run_filter(log, flight_model(log), stride=20)
+        journal = run_filter(Flight.of(log), stride=20)
         error = journal.imu_x[:, 0] - np.interp(journal.imu_t, truth.t, truth.north)
         sigma = 2 * np.sqrt(journal.imu_var[:, 0])
         one.fill_between(journal.imu_t, -sigma, sigma, color=AFTER, alpha=0.18, lw=0, label="two sigma of the filter")

@@ -40,6 +40,7 @@ from sinan.estimator.filter.effect_forms import (
     with_covariates,
 )
 from sinan.estimator.filter.engine import journal_of, run
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
@@ -93,8 +94,7 @@ class Sensitivity:
 
 
 def sensitivity_pass(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     candidates: Sequence[Effect | str],
     betas: Mapping[Any, FloatArray] | None = None,
     *,
@@ -108,28 +108,28 @@ def sensitivity_pass(
 
     Parameters
     ----------
-    recording, model : as for `run_filter`
+    flight : readings and model
     candidates : effects, or their names
     betas : effects that are in the model, with their parameters; the sensitivities are those there
     motion : reference at the samples of the IMU table, from `reference_motion`; default: found by `run_filter`'s passes
     blocks : of equal length over the recording; 0: neither information nor score, which the rows have in them
     keep_rows : keep the whitened rows of every so many readings; 0: none
     stride : IMU samples between two logged states; 0: none
-    table : of the recording's IMU, where it is known
+    table : of the flight's IMU, where it is known
 
     Raises
     ------
     InputError : a candidate whose stream or covariate the recording lacks
     """
-    terms = Terms.of(betas or {}).joined(declared_terms(recording))
-    table = imu_table(recording, model) if table is None else table
+    terms = Terms.of(betas or {}).joined(declared_terms(flight.recording))
+    table = imu_table(flight) if table is None else table
     if motion is None:
-        if terms or model.relinearise:
-            settled = run_with_effects(recording, model, terms, engine="numba", stride=0)
+        if terms or flight.model.relinearise:
+            settled = run_with_effects(flight, terms, engine="numba", stride=0)
         else:
-            settled = run(prepare(recording, model, imu=table), "numba", 0)
-        motion = reference_motion(recording, settled, terms, table)
-    return pass_along(Along(recording, model, terms, motion, table), candidates, blocks, keep_rows, stride)
+            settled = run(prepare(flight, imu=table), "numba", 0)
+        motion = reference_motion(flight.recording, settled, terms, table)
+    return pass_along(Along(flight, terms, motion, table), candidates, blocks, keep_rows, stride)
 
 
 def pass_along(

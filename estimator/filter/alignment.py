@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sinan.estimator.filter.alignment_in_motion import Field, align_in_motion
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
@@ -41,29 +42,29 @@ UNKNOWN_VELOCITY = 5.0  # m/s, of a body of which nothing is known but that it i
 UNKNOWN_POSITION = 1.0  # m, along axes that nothing aids: the origin is where the recording starts
 
 
-def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
     """Nominal state (n + 1,) and covariance (n, n) at the first IMU sample.
 
     Raises
     ------
     InputError : a first state that cannot be: not finite, a quaternion of no length, negative sigmas
     """
-    layout, initial = model.layout, recording.initial
-    _check(recording)
+    model, layout, initial = flight.model, flight.model.layout, flight.recording.initial
+    _check(flight.recording)
     x, P = np.zeros(layout.n + 1), np.zeros((layout.n, layout.n))
     for process in model.processes:
         block = layout.slice(process.block)
         P[block, block] = np.eye(process.size) * process.std**2
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
-    model = _of_what_is_there(recording, model)
-    q, P_attitude, beside = _first_attitude(recording, model)
+    flight = _of_what_is_there(flight)
+    q, P_attitude, beside = _first_attitude(flight)
     x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
     for name, block_beside in beside.items():
         if layout.has(name):
             P[6:9, layout.slice(name)] = block_beside
             P[layout.slice(name), DTHETA] = block_beside.T
-    position, velocity = _first_position(recording, model, q), _first_velocity(recording, model)
+    position, velocity = _first_position(flight, q), _first_velocity(flight)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
         ("velocity", initial.velocity, initial.velocity_std, velocity),
@@ -75,27 +76,27 @@ def first_state(recording: Recording, model: FlightModel) -> tuple[FloatArray, F
     return x, P
 
 
-def _of_what_is_there(recording: Recording, model: FlightModel) -> FlightModel:
-    """The model without sensors that have no reading here: a stretch may lack a stream that others have."""
-    streams = recording.streams
-    sensors = {
+def _of_what_is_there(flight: Flight) -> Flight:
+    """The flight without sensors that have no reading here: a stretch may lack a stream that others have."""
+    streams, sensors = flight.recording.streams, flight.model.sensors
+    there = {
         name: model_of
-        for name, model_of in model.sensors.items()
+        for name, model_of in sensors.items()
         if not is_sensor(name) or (name in streams and len(streams[name]))
     }
-    return model if len(sensors) == len(model.sensors) else model.replace(sensors=sensors)
+    return flight if len(there) == len(sensors) else flight.believing(sensors=there)
 
 
-def _first_attitude(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+def _first_attitude(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """q_nb, its covariance (3, 3) and that with the biases: what is declared, the rest as `align` finds it."""
-    initial, known = recording.initial, {}
+    initial, known = flight.recording.initial, {}
     if initial.quaternion is not None:
         known["q"] = initial.quaternion / np.linalg.norm(initial.quaternion)
     if initial.attitude_std is not None:
         known["P"] = np.eye(3) * initial.attitude_std**2
     if len(known) == 2:
         return known["q"], known["P"], {}
-    q, P, beside = align(recording, model)
+    q, P, beside = align(flight)
     return known.get("q", q), known.get("P", P), {} if "P" in known else beside
 
 
@@ -119,7 +120,7 @@ def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.stack([np.broadcast_to(a, b.shape), b, cross(a, b)], axis=-2)
 
 
-def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Attitude from the first `WINDOW`, its covariance (3, 3), and its covariance with the biases and the colour in it.
 
     Force and field are turned back to the first instant with the gyroscope and averaged; the force is that of gravity
@@ -134,19 +135,19 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
 
     Neglects accel.scale, accel.misalignment and every mag.* effect; the gyroscope's bias over the window.
     """
-    imu = recording.streams["imu"]
+    model, imu = flight.model, flight.recording.streams["imu"]
     window = imu.t <= imu.t[0] + WINDOW
     turn = turned_since_start(imu.t[window], imu.array(GYRO)[window])
     f = rotate(turn, imu.array(ACCEL)[window])
     f_b = f.mean(axis=0)
     if np.linalg.norm(f_b) < 0.1 * np.linalg.norm(model.g_n):
-        raise InputError(recording.where, "free fall in the first second", "[initial] quaternion", "stream imu")
+        raise InputError(flight.where, "free fall in the first second", "[initial] quaternion", "stream imu")
     at_rest = _at_rest(f, imu.array(GYRO)[window], model)
-    field = _first_field(recording, model, imu.t[window], turn)
-    moving = None if at_rest else align_in_motion(recording, model, field)
+    field = _first_field(flight, imu.t[window], turn)
+    moving = None if at_rest else align_in_motion(flight, field)
     if moving is not None:
         return moving
-    a_n, spread = _acceleration(recording, model)
+    a_n, spread = _acceleration(flight)
     if spread is None:
         a_n, spread = np.zeros(3), _unknown_acceleration(f, f_b, model, at_rest)
     f_n, m_b = a_n - model.g_n, None if field is None else field.m_b
@@ -168,11 +169,12 @@ def align(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatAr
     return q, covariance, beside
 
 
-def _first_field(recording: Recording, model: FlightModel, t: FloatArray, turn: FloatArray) -> Field | None:
+def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | None:
     """The field of the window, its readings turned back (t, turn: the IMU's) and averaged; None: no compass."""
+    model = flight.model
     if "mag" not in model.sensors or float(np.hypot(*model.m_n[:2])) == 0.0:
         return None
-    stream, mag = recording.streams["mag"], model.sensors["mag"]
+    stream, mag = flight.recording.streams["mag"], model.sensors["mag"]
     near = np.flatnonzero((stream.t >= t[0]) & (stream.t <= t[0] + WINDOW))
     near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t[0])))])
     back = quaternion_interpolate(np.clip(stream.t[near], t[0], t[-1]), t, turn)
@@ -184,11 +186,12 @@ def _first_field(recording: Recording, model: FlightModel, t: FloatArray, turn: 
     return Field(m_b, model.m_n, float(mag.R[0, 0]), errors, model.field)
 
 
-def _acceleration(recording: Recording, model: FlightModel) -> tuple[FloatArray, float | None]:
+def _acceleration(flight: Flight) -> tuple[FloatArray, float | None]:
     """Mean acceleration over the window from the GPS velocities around it [m/s^2], and its 1-sigma; None: not known."""
-    if "gps" not in model.sensors or not recording.streams["gps"].has(VELOCITY):
+    model, streams = flight.model, flight.recording.streams
+    if "gps" not in model.sensors or not streams["gps"].has(VELOCITY):
         return np.zeros(3), None
-    gps, t0 = recording.streams["gps"], recording.streams["imu"].t[0]
+    gps, t0 = streams["gps"], streams["imu"].t[0]
     i0, i1 = int(np.argmin(np.abs(gps.t - t0))), int(np.argmin(np.abs(gps.t - t0 - WINDOW)))
     missed = abs(gps.t[i0] - t0) + abs(gps.t[i1] - t0 - WINDOW)
     if i1 == i0 or missed > 0.5 * WINDOW:
@@ -227,12 +230,13 @@ def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q:
     return np.asarray((turns[:3] - turns[3:]).T / (2.0 * step))
 
 
-def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Position [m] and its 1-sigma from the first GPS fix, else the first height; a range's with the first tilt."""
     p, sigma = np.zeros(3), np.full(3, UNKNOWN_POSITION)
+    model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors:
-        stream, gps = recording.streams["gps"], model.sensors["gps"]
-        waited = max(0.0, float(stream.t[0] - recording.streams["imu"].t[0]))
+        stream, gps = streams["gps"], model.sensors["gps"]
+        waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
         spread = np.hypot(np.sqrt(gps.R[0, 0]), 0.0 if gps.bias is None else gps.bias.std)
         return stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
     heights = [sensor(name) for name in model.sensors if is_sensor(name)]
@@ -242,7 +246,7 @@ def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) 
         from sinan.estimator.filter.events import readings
 
         instrument = model.sensors[entry.name]
-        first = readings(recording, model, entry.name)[0][:1]
+        first = readings(flight, entry.name)[0][:1]
         roll, pitch, _ = rpy_from_quaternion(q_nb[None]).T
         height = entry.height(instrument, first, roll, pitch)
         if entry.kernel == "range":
@@ -254,11 +258,12 @@ def _first_position(recording: Recording, model: FlightModel, q_nb: FloatArray) 
     return p, sigma
 
 
-def _first_velocity(recording: Recording, model: FlightModel) -> tuple[FloatArray, FloatArray]:
+def _first_velocity(flight: Flight) -> tuple[FloatArray, FloatArray]:
     """Velocity [m/s] and its 1-sigma from the first GPS velocity, else unknown."""
-    if "gps" in model.sensors and recording.streams["gps"].has(VELOCITY):
-        stream, gps = recording.streams["gps"], model.sensors["gps"]
-        waited = max(0.0, float(stream.t[0] - recording.streams["imu"].t[0]))
+    model, streams = flight.model, flight.recording.streams
+    if "gps" in model.sensors and streams["gps"].has(VELOCITY):
+        stream, gps = streams["gps"], model.sensors["gps"]
+        waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
         return stream.array(VELOCITY)[0], np.full(3, WIDE * np.sqrt(gps.R[3, 3]) + UNKNOWN_VELOCITY * min(waited, 1.0))
     return np.zeros(3), np.full(3, UNKNOWN_VELOCITY)
 

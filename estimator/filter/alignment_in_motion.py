@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording
+from sinan.sensors.recording import ACCEL, GYRO, VELOCITY
 from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_exp,
@@ -69,9 +69,7 @@ class _Pairs:
     columns: dict[str, tuple[FloatArray, FloatArray]]
 
 
-def align_in_motion(
-    recording: Recording, model: FlightModel, field: Field | None
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]] | None:
+def align_in_motion(flight: Flight, field: Field | None) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]] | None:
     """q_nb at the first instant, its covariance (3, 3), and that with the states; None: fewer than `LEAST` velocities.
 
         e = s_b - C' s_n = [s_b]x dtheta_b + A (b_accel, b_gyro, lateness, b_mag, ...) + n
@@ -81,10 +79,10 @@ def align_in_motion(
 
     Scales and lateness have priors. Neglects accel.misalignment, gps.lever_arm.
     """
-    pairs = _velocity_pairs(recording, model)
+    pairs = _velocity_pairs(flight)
     if pairs is None:
         return None
-    n, variance = len(pairs.body), float(model.sensors["gps"].R[3, 3])
+    n, variance = len(pairs.body), float(flight.model.sensors["gps"].R[3, 3])
     body, nav = pairs.body, pairs.nav
     spread = [np.sum((c @ P) * c) / (3.0 * n) for c, P in pairs.columns.values()]
     weights = np.full(n, 1.0 / (variance + sum(spread)))
@@ -211,8 +209,9 @@ def _root(P: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _velocity_pairs(recording: Recording, model: FlightModel) -> _Pairs | None:
+def _velocity_pairs(flight: Flight) -> _Pairs | None:
     """The pairs of force and velocity over the first `SECONDS`, less their means; None: too few velocities."""
+    recording, model = flight.recording, flight.model
     if "gps" not in model.sensors or not recording.streams["gps"].has(VELOCITY):
         return None
     imu, gps = recording.streams["imu"], recording.streams["gps"]

@@ -20,6 +20,7 @@ import numpy as np
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
@@ -113,8 +114,7 @@ def declared_terms(recording: Recording) -> Terms:
 
 
 def run_with_effects(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     terms: Terms,
     *,
     engine: Engine = "auto",
@@ -132,28 +132,30 @@ def run_with_effects(
     passes, tolerance : see `run_filter`
     first : state and covariance to start from; default: those of `first_state`
     """
-    table, model = imu_table(recording, model), _checked(recording, model, terms)
+    _require_streams(flight, terms)
+    table = imu_table(flight)
     if motion is None:
-        judged = model.replace(gate_level=None) if model.relinearise else model  # a coarse start is no outlier
-        journal = run(prepare(recording, judged, imu=table, first=first), engine, 0)
-        motion = reference_motion(recording, journal, terms, table)
+        judged = (
+            flight.believing(gate_level=None) if flight.model.relinearise else flight
+        )  # a coarse start is no outlier
+        journal = run(prepare(judged, imu=table, first=first), engine, 0)
+        motion = reference_motion(flight.recording, journal, terms, table)
     white: FloatArray | None = None
     for count in range(1, passes + 1):
-        journal = run(Along(recording, model, terms, motion, table, first).inputs, engine, stride)
+        journal = run(Along(flight, terms, motion, table, first).inputs, engine, stride)
         change = np.inf if white is None else np.nanmax(np.abs(journal.white - white), initial=0.0)
         if change < tolerance or count == passes:
             break
         white = journal.white
-        motion = reference_motion(recording, journal, terms, table)
+        motion = reference_motion(flight.recording, journal, terms, table)
     return replace(journal, iterations=count)
 
 
-def _checked(recording: Recording, model: FlightModel, terms: Terms) -> FlightModel:
-    """The model, once every effect is known to enter a stream that the run has."""
+def _require_streams(flight: Flight, terms: Terms) -> None:
+    """Raise unless every effect enters a stream that the run has."""
     for entry, _ in terms.pairs:
-        if entry.stream not in (*DRIVERS, *model.sensors):
-            raise InputError(recording.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
-    return model
+        if entry.stream not in (*DRIVERS, *flight.model.sensors):
+            raise InputError(flight.where, f"no stream for {entry.name}", f"readings of {entry.stream}", "[effects]")
 
 
 def reference_motion(recording: Recording, journal: Journal, terms: Terms, table: ImuTable) -> Motion:
@@ -190,20 +192,19 @@ def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """A recording and the effects in its model along one motion: what several passes ask for is evaluated once.
+    """A flight and the effects in its model along one motion: what several passes ask for is evaluated once.
 
     Attributes
     ----------
-    recording, model : of a flight
+    flight : readings and model
     terms : effects in the model
     motion : at the samples of the IMU table
-    imu : table of the recording's IMU, where it is known
+    imu : table of the flight's IMU, where it is known
     first : state and covariance to start from; default: those of `first_state`, where the first attitude is that
         without the effects
     """
 
-    recording: Recording
-    model: FlightModel
+    flight: Flight
     terms: Terms
     motion: Motion
     imu: ImuTable | None = None
@@ -211,11 +212,21 @@ class Along:
     _at: dict[str, Motion] = field(default_factory=dict, init=False, repr=False)
     _finer: dict[str, tuple[Motion, FloatArray, IntArray]] = field(default_factory=dict, init=False, repr=False)
 
+    @property
+    def recording(self) -> Recording:
+        """The flight's readings."""
+        return self.flight.recording
+
+    @property
+    def model(self) -> FlightModel:
+        """Of the flight."""
+        return self.flight.model
+
     def at(self, name: str) -> Motion:
         """The motion, with covariates, at the instants at which a sensor's readings were valid."""
         if name not in self._at:
             names = tuple(self.model.sensors) if self.model.relinearise else (name,)  # where all will be asked for
-            t = [stamps(self.recording, self.model, n) - self.terms.lateness(n) for n in names]
+            t = [stamps(self.flight, n) - self.terms.lateness(n) for n in names]
             ends = np.cumsum([0, *map(len, t)])
             together = self.motion.at(np.concatenate(t))
             for n, (first, last) in zip(names, pairwise(ends), strict=True):
@@ -236,7 +247,7 @@ class Along:
     @cached_property
     def table(self) -> ImuTable:
         """Of the IMU as read."""
-        return imu_table(self.recording, self.model) if self.imu is None else self.imu
+        return imu_table(self.flight) if self.imu is None else self.imu
 
     @cached_property
     def corrected(self) -> ImuTable:
@@ -258,13 +269,9 @@ class Along:
         """Of a pass with the effects in the model."""
         linear = [name for name in self.model.sensors if self.model.relinearise or is_form_only(name)]
         forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
-        events = collect(
-            self.recording, self.model, forms, {name: self.terms.lateness(name) for name in self.model.sensors}
-        )
-        first = first_state(self.without_effects, self.model) if self.first is None else self.first
-        return prepare(
-            self.recording, self.model, imu=self.corrected, events=events, first=first, aligned=self.without_effects
-        )
+        events = collect(self.flight, forms, {name: self.terms.lateness(name) for name in self.model.sensors})
+        first = first_state(self.flight.reading(self.without_effects)) if self.first is None else self.first
+        return prepare(self.flight, imu=self.corrected, events=events, first=first, aligned=self.without_effects)
 
     @cached_property
     def of_signal(self) -> Motion:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.atmosphere import height_from_pressure
 from sinan.sensors.bounds import RATE
@@ -82,19 +82,19 @@ class Events:
         return len(self.t)
 
 
-def readings(recording: Recording, model: FlightModel, name: str) -> tuple[FloatArray, FloatArray]:
+def readings(flight: Flight, name: str) -> tuple[FloatArray, FloatArray]:
     """Readings (k, m) of one sensor and the instants (k,) at which they were valid [s].
 
     Raises
     ------
     InputError : a column that the sensor needs is not there
     """
-    t = stamps(recording, model, name)
+    recording, t = flight.recording, stamps(flight, name)
     if name == "level":
-        return window_means(recording, model, recording.streams["imu"].array(ACCEL)), t
+        return window_means(flight, recording.streams["imu"].array(ACCEL)), t
     if name in ("place", "speed"):
         return np.zeros((len(t), 3)), t
-    stream, size = recording.streams[name], model.sensors[name].size
+    stream, size = recording.streams[name], flight.model.sensors[name].size
     if name == "camera":
         return stream.array(("u", "v")), t
     if gives_place(name):
@@ -125,39 +125,40 @@ def own_readings(recording: Recording, name: str) -> FloatArray:
     return stream.array(entry.columns[0])
 
 
-def stamps(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+def stamps(flight: Flight, name: str) -> FloatArray:
     """(k,) instants at which the readings of one sensor were valid [s]; of `level` the middles of its windows."""
+    streams = flight.recording.streams
     if name == "level":
-        return window_means(recording, model, recording.streams["imu"].t)
+        return window_means(flight, streams["imu"].t)
     if name in ("place", "speed"):
-        imu = recording.streams["imu"].t
+        imu = streams["imu"].t
         return np.arange(imu[0], imu[-1], 1.0 / RATE)
-    return recording.streams[name].t - model.latency.get(name, 0.0)
+    return streams[name].t - flight.model.latency.get(name, 0.0)
 
 
-def variances(recording: Recording, model: FlightModel, name: str) -> FloatArray:
+def variances(flight: Flight, name: str) -> FloatArray:
     """(k, m) variances of the white noise of each reading of one sensor.
 
     A magnetometer whose stamps are uncertain by s reads, besides, the field of another instant: (s |w| |m|)^2 / 2 on an
     axis on average, w from the gyroscope.
     """
-    sensor, count = model.sensors[name], len(stamps(recording, model, name))
-    r = np.tile(np.diag(sensor.R), (count, 1))
+    model, streams = flight.model, flight.recording.streams
+    r = np.tile(np.diag(model.sensors[name].R), (len(stamps(flight, name)), 1))
     if name == "mag" and model.stamp_std > 0.0:
-        imu = recording.streams["imu"]
+        imu = streams["imu"]
         rate = np.linalg.norm(imu.array(GYRO), axis=1)
-        w = np.interp(recording.streams["mag"].t, imu.t, rate)
+        w = np.interp(streams["mag"].t, imu.t, rate)
         r += 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n))[:, None] ** 2
     return r
 
 
-def with_variances(events: Events, recording: Recording, model: FlightModel) -> Events:
+def with_variances(events: Events, flight: Flight) -> Events:
     """The events with the noise of another model."""
     r = np.zeros_like(events.r)
     for s, name in enumerate(events.sensors):
         mine = np.flatnonzero(events.sensor == s)
-        at = events.row[mine][:, None] + np.arange(model.sensors[name].size)
-        r[at] = variances(recording, model, name)[events.index[mine]]
+        at = events.row[mine][:, None] + np.arange(flight.model.sensors[name].size)
+        r[at] = variances(flight, name)[events.index[mine]]
     return replace(events, r=r)
 
 
@@ -213,11 +214,11 @@ def _base_position(recording: Recording) -> FloatArray:
     return np.array([columns[axis][0] for axis in POSITION])
 
 
-def window_means(recording: Recording, model: FlightModel, values: FloatArray) -> FloatArray:
+def window_means(flight: Flight, values: FloatArray) -> FloatArray:
     """(k, ...) means over the windows of `level` of what goes with the rows of `imu`, (n, ...); a window with a gap
     inside is none.
     """
-    t = recording.streams["imu"].t
+    t, model = flight.recording.streams["imu"].t, flight.model
     window = max(1, round(model.sensors["level"].window * model.rate))  # type: ignore[attr-defined]
     count = len(t) // window
     cut = t[: count * window].reshape(count, window)
@@ -237,8 +238,7 @@ class _Part:
 
 
 def collect(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     forms: Mapping[str, StreamForm] | None = None,
     shifts: Mapping[str, float] | None = None,
 ) -> Events:
@@ -249,13 +249,14 @@ def collect(
     forms : by sensor, what effects add to its prediction
     shifts : by sensor, further lateness of its stamps [s], as an effect has it
     """
-    names, notes, parts = tuple(model.sensors), list[Note](), list[_Part]()
+    sensors = flight.model.sensors
+    names, notes, parts = tuple(sensors), list[Note](), list[_Part]()
     for name in names:
-        part, said = _part_of(recording, model, name, (forms or {}).get(name), (shifts or {}).get(name, 0.0))
+        part, said = _part_of(flight, name, (forms or {}).get(name), (shifts or {}).get(name, 0.0))
         parts.append(part)
         notes += said
     which, t, index = _in_order(parts)
-    sizes = np.array([model.sensors[name].size for name in names], dtype=np.int64)
+    sizes = np.array([sensors[name].size for name in names], dtype=np.int64)
     row = np.concatenate([[0], np.cumsum(sizes[which])]).astype(np.int64) if len(t) else np.zeros(1, dtype=np.int64)
     z, r, status = np.zeros(row[-1]), np.zeros(row[-1]), np.zeros(len(t), dtype=np.int64)
     formed = any(part.form is not None for part in parts)
@@ -264,7 +265,7 @@ def collect(
         mine = np.flatnonzero(which == s)
         at = (row[mine][:, None] + np.arange(sizes[s])).ravel()
         z[at] = part.z[index[mine]].ravel()
-        r[at] = variances(recording, model, names[s])[index[mine]].ravel()
+        r[at] = variances(flight, names[s])[index[mine]].ravel()
         status[mine] = part.status[index[mine]]
         if part.form is not None:
             D[at] = part.form.D[index[mine]].reshape(-1, 9)
@@ -284,12 +285,10 @@ def _in_order(parts: Sequence[_Part]) -> tuple[IntArray, FloatArray, IntArray]:
     return sensor[order].astype(np.int64), t[order], index[order].astype(np.int64)
 
 
-def _part_of(
-    recording: Recording, model: FlightModel, name: str, form: StreamForm | None, late: float
-) -> tuple[_Part, list[Note]]:
+def _part_of(flight: Flight, name: str, form: StreamForm | None, late: float) -> tuple[_Part, list[Note]]:
     """The readings of one sensor less what effects add, what is known of each, and what the report should say."""
-    imu = recording.streams["imu"].t
-    z, t = readings(recording, model, name)
+    imu, model = flight.recording.streams["imu"].t, flight.model
+    z, t = readings(flight, name)
     t = t - late
     status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
     notes, outside = list[Note](), int(np.sum(status == OUTSIDE))

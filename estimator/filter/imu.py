@@ -21,9 +21,10 @@ from itertools import pairwise
 import numpy as np
 
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, InStep
 from sinan.sensors.arrays import FloatArray, IntArray, runs_of
-from sinan.sensors.recording import ACCEL, GYRO, Recording
+from sinan.sensors.recording import ACCEL, GYRO
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
 GAP = 2.5
@@ -80,9 +81,9 @@ class ImuTable:
         return i == len(self) - 1 or i + 1 in self.starts
 
 
-def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
-    """The table of a recording: frozen stretches taken out, gaps filled by interpolation with honest noise."""
-    stream = recording.streams["imu"]
+def imu_table(flight: Flight) -> ImuTable:
+    """The table of a flight: frozen stretches taken out, gaps filled by interpolation with honest noise."""
+    model, stream = flight.model, flight.recording.streams["imu"]
     t, u = stream.t, stream.array((*ACCEL, *GYRO))
     notes: list[Note] = []
     keep = np.ones(len(t), dtype=np.bool_)
@@ -104,7 +105,7 @@ def imu_table(recording: Recording, model: FlightModel) -> ImuTable:
     h = np.diff(t)
     gaps = np.flatnonzero(h > GAP * nominal)
     unseen = {k: unseen_motion(t, u, float(h[k]), nominal) for k in gaps}
-    ends = [int(k) for k in gaps if t[k + 1] in recording.breaks or unseen[k][1] > UNBRIDGED**2]
+    ends = [int(k) for k in gaps if t[k + 1] in flight.recording.breaks or unseen[k][1] > UNBRIDGED**2]
     q_accel, q_gyro = _sample_noise(t, nominal, model, ends)
     if model.in_step != InStep():
         q_accel, q_gyro = q_accel + in_step_accel(t, u, model.in_step), q_gyro + in_step_gyro(t, u, model.in_step)

@@ -10,6 +10,7 @@ import numpy as np
 
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.events import OUTSIDE, Events, collect, with_variances
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.layout import CAPACITY
@@ -42,18 +43,27 @@ class RunInputs:
 
     Attributes
     ----------
-    recording, model, imu, events : see there
+    flight, imu, events : see there
     x, P : (n + 1,), (n, n) the first state
     later : the same of each stretch after the first
     """
 
-    recording: Recording
-    model: FlightModel
+    flight: Flight
     imu: ImuTable
     events: Events
     x: FloatArray
     P: FloatArray
     later: tuple[tuple[FloatArray, FloatArray], ...] = ()
+
+    @property
+    def recording(self) -> Recording:
+        """The flight's readings."""
+        return self.flight.recording
+
+    @property
+    def model(self) -> FlightModel:
+        """Of the flight."""
+        return self.flight.model
 
     @property
     def stretches(self) -> list[tuple[int, int, FloatArray, FloatArray]]:
@@ -93,32 +103,32 @@ class RunOutputs:
 
 
 def prepare(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     *,
     imu: ImuTable | None = None,
     events: Events | None = None,
     first: tuple[FloatArray, FloatArray] | None = None,
     aligned: Recording | None = None,
 ) -> RunInputs:
-    """Everything an engine needs, from a recording and its model.
+    """Everything an engine needs of a flight.
 
     Parameters
     ----------
     imu, events, first : where they are known
-    aligned : the recording from whose readings each stretch is aligned; default: itself
+    aligned : another recording from whose readings each stretch is aligned; default: that of the flight
     """
-    imu = imu_table(recording, model) if imu is None else imu
-    events = collect(recording, model) if events is None else with_variances(events, recording, model)
-    aligned = recording if aligned is None else aligned
-    x, P = first_state(aligned, model) if first is None else first
+    imu = imu_table(flight) if imu is None else imu
+    events = collect(flight) if events is None else with_variances(events, flight)
+    from_first = flight if aligned is None else flight.reading(aligned)
+    x, P = first_state(from_first) if first is None else first
     if len(imu.starts) == 1:
-        return RunInputs(recording, model, imu, events, x, P)
+        return RunInputs(flight, imu, events, x, P)
     status, later = events.status.copy(), []
     for (_, end), (i0, i1) in pairwise(imu.stretches):
         status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
-        later.append(first_state(between(aligned, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf))), model))
-    return RunInputs(recording, model, imu, replace(events, status=status), x, P, tuple(later))
+        stretch = between(from_first.recording, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf)))
+        later.append(first_state(flight.reading(stretch)))
+    return RunInputs(flight, imu, replace(events, status=status), x, P, tuple(later))
 
 
 def outputs_for(inputs: RunInputs, stride: int = 1) -> RunOutputs:

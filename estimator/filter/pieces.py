@@ -11,13 +11,12 @@ import numpy as np
 
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import Events
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import ImuTable
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import Recording
 
 if TYPE_CHECKING:
     from sinan.estimator.filter.compiled import CompiledRun
@@ -27,16 +26,16 @@ PIECE = 60.0  # s, of a journal in memory: bound of work (`test_pieces`)
 
 
 def journal_pieces(
-    recording: Recording, model: FlightModel, engine: Engine = "auto", stride: int = 1, seconds: float = PIECE
+    flight: Flight, engine: Engine = "auto", stride: int = 1, seconds: float = PIECE
 ) -> Iterator[Journal]:
-    """Journals of one run, piece after piece: besides the recording, only one piece is in memory.
+    """Journals of one run, piece after piece: besides the readings, only one piece is in memory.
 
     Parameters
     ----------
-    recording, model, engine, stride : as for `run_filter`; declared effects are not modelled
+    flight, engine, stride : as for `run_filter`; declared effects are not modelled
     seconds : length of a piece
     """
-    inputs = prepare(recording, model)
+    inputs = prepare(flight)
     t = inputs.imu.t
     for i0, last, x, P in inputs.stretches:
         while i0 < last:

@@ -14,12 +14,11 @@ import numpy as np
 
 from sinan.estimator.filter.effect_forms import Terms, declared_terms, run_with_effects
 from sinan.estimator.filter.engine import Engine, run
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DTHETA
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import Recording
 
 __all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "run_relinearised"]
 
@@ -30,9 +29,9 @@ TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes en
 COARSE_ATTITUDE = 0.03
 
 
-def is_coarse(recording: Recording, model: FlightModel) -> bool:
+def is_coarse(flight: Flight) -> bool:
     """Whether the plain filter knows the attitude too coarsely to linearise, at its start or later on, after a gap."""
-    inputs = prepare(recording, model.replace(gate_level=None, relinearise=False))
+    inputs = prepare(flight.believing(gate_level=None, relinearise=False))
     return coarsest_attitude(run(inputs, stride=0)) > COARSE_ATTITUDE
 
 
@@ -45,8 +44,7 @@ def coarsest_attitude(journal: Journal) -> float:
 
 
 def run_relinearised(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     betas: Terms | None = None,
     *,
     engine: Engine = "auto",
@@ -58,16 +56,14 @@ def run_relinearised(
 
     Parameters
     ----------
-    recording, model, engine, stride : as for `run_filter`; the gate judges the last passes, not the first
+    flight, engine, stride : as for `run_filter`; the gate judges the last passes, not the first
     betas : effects in the model, in their exact form; what the recording declares is added
     passes : at most; default: `PASSES`
     first : state and covariance to start from; default: those of `first_state`
     """
-    terms = (betas or Terms()).joined(declared_terms(recording))
-    model = model.replace(relinearise=True)
+    terms = (betas or Terms()).joined(declared_terms(flight.recording))
     return run_with_effects(
-        recording,
-        model,
+        flight.believing(relinearise=True),
         terms,
         engine=engine,
         stride=stride,

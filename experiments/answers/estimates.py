@@ -13,6 +13,7 @@ import numpy as np
 from sinan.calibration.levels.assumptions import as_rows
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine import Engine
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import layout_for
@@ -224,7 +225,7 @@ def estimate(
         engine = _require_readable(recording, own, engine, smooth, relinearise)
     ready = prepared(recording)
     model = with_sensors(ready.model, own, recording.where).replace(relinearise=relinearise)
-    journal, later, document = estimated(ready.recording, model, engine, None, smooth)  # type: ignore[arg-type]
+    journal, later, document = estimated(Flight(ready.recording, model), engine, None, smooth)  # type: ignore[arg-type]
     target = reference_of(recording)
     if recording.truth is not None and target is not None:
         document["truth"] = score(journal, recording.truth, target, later)

@@ -11,6 +11,7 @@ import numpy as np
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine_filterpy import Moment, ReadableFilter, Update
 from sinan.estimator.filter.events import STATUS
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.layout import StateLayout
 from sinan.estimator.filter.run_filter import run_filter
@@ -116,10 +117,10 @@ def _inputs(recording: Recording, sensors: Iterable[SensorModel]) -> RunInputs:
     """What the last pass of the filter over a recording runs on."""
     own = {sensor.name: sensor for sensor in sensors}
     ready = prepared(recording)
-    model = with_sensors(ready.model, own, recording.where)
+    flight = Flight(ready.recording, with_sensors(ready.model, own, recording.where))
     if own:
-        return prepare(ready.recording, model)
-    inputs = run_filter(ready.recording, model).run
+        return prepare(flight)
+    inputs = run_filter(flight).run
     assert isinstance(inputs, RunInputs)
     return inputs
 

@@ -23,7 +23,7 @@ import numpy as np
 from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import read_corners
 from sinan.calibration.levels.preparation import prepared
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.relinearise import run_relinearised
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
@@ -158,7 +158,7 @@ def _coarse() -> Answer:
         streams={name: stream for name, stream in recording.streams.items() if name != "mag"},
         initial=replace(recording.initial, quaternion=None, attitude_std=None),
     )
-    journal = run_relinearised(blind, flight_model(blind), engine="numba", stride=0)
+    journal = run_relinearised(Flight.of(blind), engine="numba", stride=0)
     return Answer((), journal.x_end[:6], np.sqrt(journal.P_end.diagonal()[:6]))
 
 

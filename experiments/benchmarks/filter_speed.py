@@ -22,7 +22,7 @@ from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import RunInputs, outputs_for, prepare
 from sinan.experiments.scenarios.loader import load_scenario
@@ -43,7 +43,7 @@ def work_unit(duration: float = DURATION) -> RunInputs:
     scenario = load_scenario("figure_eight")
     recording, _ = simulate(scenario, np.random.default_rng(1))
     recording = repeated(recording, duration)
-    return prepare(recording, flight_model(recording, use=USED))
+    return prepare(Flight.of(recording, use=USED))
 
 
 def repeated(recording: Recording, duration: float) -> Recording:
@@ -88,10 +88,10 @@ def main(rounds: int = ROUNDS) -> dict[str, float]:
     """Measure and print; returns microseconds per IMU sample and the ratios."""
     inputs = work_unit()
     model, samples = inputs.model, len(inputs.imu)
-    part = prepare(repeated(inputs.recording, READABLE_PART), model)
+    part = prepare(Flight(repeated(inputs.recording, READABLE_PART), model))
     effects = candidates(inputs)
     motion = reference_motion(inputs.recording, run(inputs, "numba", 0), Terms(), inputs.imu)
-    columns, order, slices = pack(Along(inputs.recording, model, Terms(), motion, inputs.imu), effects)
+    columns, order, slices = pack(Along(Flight(inputs.recording, model), Terms(), motion, inputs.imu), effects)
 
     def readable() -> None:
         for _ in ReadableFilter(part).steps():
@@ -101,7 +101,7 @@ def main(rounds: int = ROUNDS) -> dict[str, float]:
         {
             "compiled": lambda: CompiledRun(inputs, outputs_for(inputs)).all(),
             "sensitivity": lambda: accumulate(inputs, effects, slices, columns, order, 20, 0, 1),
-            "prepare": lambda: (imu_table(inputs.recording, model), prepare(inputs.recording, model)),
+            "prepare": lambda: (imu_table(Flight(inputs.recording, model)), prepare(Flight(inputs.recording, model))),
             "filterpy": readable,
         },
         rounds,

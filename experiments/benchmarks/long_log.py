@@ -14,6 +14,7 @@ from time import process_time
 
 import numpy as np
 
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.experiments.benchmarks.filter_speed import USED, repeated
@@ -47,10 +48,10 @@ def main(hours: float = HOURS) -> dict[str, float]:
     """Measure and print."""
     recording = long_recording(hours)
     model = flight_model(recording, use=USED, gate_level=None)
-    for _ in journal_pieces(repeated(recording, 120.0), model, "numba"):
+    for _ in journal_pieces(Flight(repeated(recording, 120.0), model), "numba"):
         pass  # compiles
     before, start, readings, samples = peak(), process_time(), 0, 0
-    for journal in journal_pieces(recording, model, "numba"):
+    for journal in journal_pieces(Flight(recording, model), "numba"):
         assert np.all(np.isfinite(journal.x_end))
         readings, samples = readings + len(journal), samples + len(journal.imu_t) - 1
     seconds = process_time() - start

@@ -133,7 +133,7 @@ def withheld_in_turn(
     """What is predicted of every reading of a stream from `FIRST` seconds on, and the window of each."""
     t = ready.recording.streams["imu"].t
     runs = [w for w in tiled(t[0] + FIRST, t[-1], length) if w]
-    found = [predicted(ready.recording, ready.model, stream, windows, betas) for windows in runs]
+    found = [predicted(ready.flight, stream, windows, betas) for windows in runs]
     if not found:
         return Predicted(np.empty(0), np.empty(0), np.empty((0, 1)), np.empty(0)), np.empty(0, dtype=np.int64)
     parts = ([getattr(one, name) for one in found] for name in ("t", "age", "nu", "log_density"))

@@ -10,7 +10,8 @@ import numpy as np
 
 from sinan.estimator.evidence.observability import Information, information
 from sinan.estimator.filter.events import ACCEPTED, ranges_of
-from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.flight_model import FlightModel
 from sinan.experiments.bias_observability import segments as stretches
 from sinan.experiments.bias_observability.segments import Segment
 from sinan.sensors.arrays import BoolArray, FloatArray
@@ -91,7 +92,6 @@ def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> C
     from sinan.sensors.simulate import simulate
 
     recording = window(simulate(scenario, np.random.default_rng(seed))[0], span)
-    model = flight_model(recording)
     motion = scenario.trajectory().motion
     heard: dict[str, Callable[[Motion], BoolArray]] = {}
     for name in where(is_ranging):
@@ -102,7 +102,7 @@ def case_of_scenario(scenario: Scenario, seed: int = 0, span: Span = WHOLE) -> C
     flown = stretches.of_scenario(scenario)
     if span != WHOLE:
         flown = stretches.within(flown, start_of(recording), end_of(recording))
-    return _case(recording, model, None, motion, flown, heard)
+    return _case(Flight.of(recording), None, motion, flown, heard)
 
 
 def case_of_recording(recording: Recording) -> Case:
@@ -123,9 +123,8 @@ def case_of_recording(recording: Recording) -> Case:
     recording, notes = _shortened(recording)
     ready = prepared(recording)
     if "gps" not in recording.streams:  # the accelerometer as a level, of which the biases are asked
-        model = replace(ready.levels, bounds=None).model(ready.recording)
-        ready = replace(ready, model=model)
-    recording, model, journal = ready.recording, ready.model, ready.run()
+        ready = replace(ready, flight=replace(ready.levels, bounds=None).flight(ready.recording))
+    recording, journal = ready.recording, ready.run()
     motion = estimated_motion(journal)
     used = {
         name: journal.t[(journal.sensor == s) & (journal.status == ACCEPTED)] for s, name in enumerate(journal.sensors)
@@ -135,13 +134,12 @@ def case_of_recording(recording: Recording) -> Case:
         stream = recording.streams[name]
         column = stream[ranges_of(stream)[0]]
         heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
-    case = _case(recording, model, used, lambda t: motion, (), heard)
+    case = _case(ready.flight, used, lambda t: motion, (), heard)
     return replace(case, along="smoothed", notes=(*case.notes, *ready.notes, *notes))
 
 
 def _case(
-    recording: Recording,
-    model: FlightModel,
+    flight: Flight,
     used: Mapping[str, FloatArray] | None,
     motion_at: Callable[[FloatArray], Motion],
     segments: tuple[Segment, ...],
@@ -149,7 +147,7 @@ def _case(
 ) -> Case:
     from sinan.estimator.filter.inputs import prepare
 
-    inputs = prepare(recording, model)
+    inputs, model = prepare(flight), flight.model
     if used is None:
         events = inputs.events
         accepted = events.status == ACCEPTED
@@ -157,7 +155,7 @@ def _case(
     readings = {name: t for name, t in used.items() if len(t)}
     if not readings:
         raise InputError(
-            recording.where, "no reading of an aiding sensor", "at least one: without any, no bias can be told"
+            flight.where, "no reading of an aiding sensor", "at least one: without any, no bias can be told"
         )
     motion = motion_at(inputs.imu.t)
     notes = [str(note) for note in model.notes]
@@ -168,7 +166,7 @@ def _case(
             readings[sensor.name] = instants
             notes.append(note)
     return Case(
-        name=recording.name, along="true", model=model, motion=motion, readings=readings, P0=inputs.P,
+        name=flight.recording.name, along="true", model=model, motion=motion, readings=readings, P0=inputs.P,
         noise=(inputs.imu.q_accel, inputs.imu.q_gyro), segments=segments or stretches.of_motion(motion),
         rates={name: _rate(t) for name, t in readings.items()}, heard=heard,
         imagined=tuple(imagined), notes=tuple(notes),

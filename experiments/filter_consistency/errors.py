@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.relinearise import is_coarse
 from sinan.experiments.filter_consistency.scenarios import why_not
 from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly, rng_of
@@ -29,7 +29,7 @@ PER_STATE = (0.942, 1.060)
 def from_coarse(scenario: Scenario) -> bool:
     """Whether the scenario's first attitude calls for readings linear about the smoothed motion."""
     recording, _ = simulate(scenario, rng_of(0, 0))
-    return is_coarse(recording, flight_model(recording))
+    return is_coarse(Flight.of(recording))
 
 
 def study(

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
-from sinan.experiments.monte_carlo.one_flight import Flight, fly, prepared, rng_of, scored
+from sinan.experiments.monte_carlo.one_flight import Score, fly, inputs_of, rng_of, scored
 from sinan.experiments.monte_carlo.study import averaged
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
 from sinan.sensors.simulate import simulate
 
@@ -25,14 +24,14 @@ FAMILY_LEVEL = 0.99
 BLOCKS = ("overall", "attitude", "b_accel", "b_gyro", "b_mag")
 
 
-def off_heading(recording: Recording, model: FlightModel, sigma: float, draw: float) -> tuple[FloatArray, FloatArray]:
+def off_heading(flight: Flight, sigma: float, draw: float) -> tuple[FloatArray, FloatArray]:
     """The first state with its heading off by `draw` sigmas, and the covariance that says so.
 
     Parameters
     ----------
     sigma : rad
     """
-    inputs = prepare(recording, model)
+    inputs = prepare(flight)
     x, P = inputs.x.copy(), inputs.P.copy()
     x[Q_NB] = quaternion_multiply(quaternion_exp(np.array([0.0, 0.0, sigma * draw])), x[Q_NB])
     w, a, b, c = x[Q_NB]
@@ -52,15 +51,15 @@ def study(
     base = load_scenario(scenario).replace(truth_rate=0.0)
     rows, done = [], 0
     for sigma in sigmas:
-        flown: dict[bool, list[Flight]] = {False: [], True: []}
+        flown: dict[bool, list[Score]] = {False: [], True: []}
         for run in range(runs):
             rng = rng_of(seed, run)
             recording, truth = simulate(base, rng)
             draw = float(rng.standard_normal())
             for cured, flights in flown.items():
-                model = flight_model(recording, gate_level=None, relinearise=cured)
-                first = off_heading(recording, model, float(np.deg2rad(sigma)), draw)
-                flights.append(scored(prepared(recording, model, first), truth, run))
+                flight = Flight.of(recording, gate_level=None, relinearise=cured)
+                first = off_heading(flight, float(np.deg2rad(sigma)), draw)
+                flights.append(scored(inputs_of(flight, first), truth, run))
             done += 1
             progress(done, runs * len(sigmas))
         rows += [{"sigma": sigma, "relinearised": cured, **_averages(flights)} for cured, flights in flown.items()]
@@ -88,7 +87,7 @@ def hover_study(
     return {"format": 1, "scenario": "hover", "runs": runs, "seed": seed, "rows": rows}
 
 
-def _averages(flights: list[Flight]) -> dict[str, Any]:
+def _averages(flights: list[Score]) -> dict[str, Any]:
     """By block: mean NEES a dof at the end, its interval, and the median."""
     found = {}
     for name in BLOCKS:

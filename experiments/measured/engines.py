@@ -50,11 +50,11 @@ class Agreement:
 
 def agreement(ready: Prepared) -> Agreement:
     """Run both engines on a prepared log and compare them at every step."""
-    run_filter(ready.recording, ready.model, engine="numba")  # compile outside the clock
+    run_filter(ready.flight, engine="numba")  # compile outside the clock
     journals, seconds = [], []
     for engine in ("numba", "filterpy"):
         start = perf_counter()
-        journals.append(run_filter(ready.recording, ready.model, engine=engine))
+        journals.append(run_filter(ready.flight, engine=engine))
         seconds.append(perf_counter() - start)
     fast, slow = journals
     gates = int(np.sum(fast.status != slow.status))

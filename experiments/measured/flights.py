@@ -46,7 +46,7 @@ class Prediction:
 def predictions(ready: Prepared) -> tuple[Prediction, ...]:
     """Withhold fixes and predict them. Levels come from the whole log, states only from the fixes that are left."""
     held = windows(ready.recording.streams["gps"].t, WITHHELD, EVERY, FIRST)
-    return by_age(predicted(ready.recording, ready.model, "gps", held))
+    return by_age(predicted(ready.flight, "gps", held))
 
 
 def by_age(found: Predicted) -> tuple[Prediction, ...]:

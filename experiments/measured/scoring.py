@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.source import Fit
@@ -20,5 +21,5 @@ def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> M
     """
     recording, betas = source.recording, {declaration(term): fit.beta[term] for term in fit.in_mean}
     held = windows(recording.streams["gps"].t, WITHHELD, EVERY, FIRST)
-    found = predicted(recording, source.model, "gps", held, betas)
+    found = predicted(Flight(recording, source.model), "gps", held, betas)
     return {one.age: one.rms for one in by_age(found.rows(found.t > source.held_out_from) if held_out else found)}

@@ -79,7 +79,8 @@ def row_of(name: str) -> Row:
     streams = {name: recording.streams[name] for name in ("imu", *read)}
     entry, words = measured(name, ready), list[str]()
     late = max(float(stream.t[0]) for stream in ready.recording.streams.values() if len(stream))
-    begun = replace(ready, recording=shortened(ready.recording, late - start_of(ready.recording) + COMPARED))
+    shorter = shortened(ready.recording, late - start_of(ready.recording) + COMPARED)
+    begun = replace(ready, flight=ready.flight.reading(shorter))
     if attitude := entry.get("attitude"):
         words.append(f"{'attitude' if 'heading' in attitude else 'roll, pitch'} of {attitude['against']}")
     if "gps" in journal.sensors:

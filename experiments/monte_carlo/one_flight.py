@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.layout import StateLayout
 from sinan.estimator.filter.relinearise import run_relinearised
@@ -24,7 +25,7 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 @dataclass(frozen=True)
-class Flight:
+class Score:
     """The score of one flight.
 
     Attributes
@@ -52,19 +53,19 @@ class Flight:
         return asdict(self)
 
 
-def flight_from(table: Mapping[str, Any]) -> Flight:
-    """The flight of `as_table`, checked: what a file holds may be anybody's.
+def flight_from(table: Mapping[str, Any]) -> Score:
+    """The score of `as_table`, checked: what a file holds may be anybody's.
 
     Raises
     ------
     ValueError : names the key, and says what is wrong with it
     """
-    for entry in fields(Flight):
+    for entry in fields(Score):
         if entry.name not in table:
             raise ValueError(f"no key {entry.name}")
-    if further := set(table) - {entry.name for entry in fields(Flight)}:
+    if further := set(table) - {entry.name for entry in fields(Score)}:
         raise ValueError(f"unknown key {min(further)}")
-    flight = Flight(**table)
+    flight = Score(**table)
     if not isinstance(flight.run, int) or isinstance(flight.run, bool):
         raise ValueError("key run is no whole number")
     checkpoints = _checked("t", flight.t, (None,))[0]
@@ -110,23 +111,22 @@ def estimated_blocks(model: FlightModel) -> list[str]:
     return [name for name in model.layout.names if name not in hidden]
 
 
-def fly(scenario: Scenario, seed: int, run: int, relinearise: bool = False) -> Flight:
+def fly(scenario: Scenario, seed: int, run: int, relinearise: bool = False) -> Score:
     """Simulate a flight, run the filter, score it at the checkpoints; `relinearise` as of `FlightModel`."""
     recording, truth = simulate(scenario.replace(truth_rate=0.0), rng_of(seed, run))
-    model = flight_model(recording, relinearise=relinearise)
-    return scored(prepared(recording, model), truth, run)
+    return scored(inputs_of(Flight.of(recording, relinearise=relinearise)), truth, run)
 
 
-def prepared(recording: Recording, model: FlightModel, first: tuple[FloatArray, FloatArray] | None = None) -> RunInputs:
+def inputs_of(flight: Flight, first: tuple[FloatArray, FloatArray] | None = None) -> RunInputs:
     """What the filter's last pass runs on."""
-    if not model.relinearise:
-        return prepare(recording, model, first=first)
-    inputs = run_relinearised(recording, model, engine="numba", stride=0, first=first).run
+    if not flight.model.relinearise:
+        return prepare(flight, first=first)
+    inputs = run_relinearised(flight, engine="numba", stride=0, first=first).run
     assert isinstance(inputs, RunInputs)
     return inputs
 
 
-def scored(inputs: RunInputs, truth: Stream, run: int = 0) -> Flight:
+def scored(inputs: RunInputs, truth: Stream, run: int = 0) -> Score:
     """Run the filter, score it at the checkpoints."""
     model = inputs.model
     states, journal_nis, rejected = filtered(inputs)
@@ -141,7 +141,7 @@ def scored(inputs: RunInputs, truth: Stream, run: int = 0) -> Flight:
         for name in blocks:
             s = layout.slice(name)
             nees[name].append(normalised_square(error[s], P[s, s]))
-    return Flight(run, [t for t, _, _ in states], blocks, errors, sigmas, nees, journal_nis, rejected)
+    return Score(run, [t for t, _, _ in states], blocks, errors, sigmas, nees, journal_nis, rejected)
 
 
 def filtered(
@@ -194,12 +194,11 @@ def cramer_rao(scenario: Scenario, seed: int) -> FloatArray:
     does not depend on the state; the trajectory is given.
     """
     recording, truth = noiseless(scenario, rng_of(seed, 0))
-    model = flight_model(recording)
-    inputs = prepare(recording, model)
-    first = true_state(model.layout, truth, float(inputs.imu.t[0]))
-    inputs = prepare(recording, model, first=(first, inputs.P))
-    states, _, _ = filtered(inputs)
+    flight = Flight.of(recording)
+    inputs, model = prepare(flight), flight.model
     layout = model.layout
+    first = true_state(layout, truth, float(inputs.imu.t[0]))
+    states, _, _ = filtered(prepare(flight, first=(first, inputs.P)))
     rows = np.concatenate([np.arange(layout.n)[layout.slice(name)] for name in estimated_blocks(model)])
     return np.array([np.sqrt(np.diag(P))[rows] for _, _, P in states])
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.experiments.monte_carlo.one_flight import Flight, cramer_rao, flight_from, fly
+from sinan.experiments.monte_carlo.one_flight import Score, cramer_rao, flight_from, fly
 from sinan.experiments.scenarios import load_scenario
 from sinan.experiments.workers.cluster import cluster
 from sinan.experiments.workers.processes import in_processes
@@ -36,7 +36,7 @@ LARGEST_BATCH = 16  # runs of a cluster between two signs of progress and two fi
 _LOADED = f"{__package__}.warm"
 
 Progress = Callable[[int, int], None]
-Take = Callable[[Iterable[Flight]], None]
+Take = Callable[[Iterable[Score]], None]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class MonteCarlo:
 
     scenario: str
     seed: int
-    flights: tuple[Flight, ...]
+    flights: tuple[Score, ...]
     bound: FloatArray
 
     @property
@@ -188,7 +188,7 @@ def run(
     taken, missing = list(done), [k for k in range(runs) if k not in done]
     report = progress or (lambda done, total: None)
 
-    def take(flights: Iterable[Flight]) -> None:
+    def take(flights: Iterable[Score]) -> None:
         for flight in flights:
             if kept is not None:
                 kept.keep(flight)
@@ -220,12 +220,12 @@ class Plan:
     relinearise: bool = False
 
 
-def fly_batch(plan: Plan, batch: Sequence[int]) -> list[Flight]:
+def fly_batch(plan: Plan, batch: Sequence[int]) -> list[Score]:
     """Several runs, in one task."""
     return [fly(plan.scenario, plan.seed, run, plan.relinearise) for run in batch]
 
 
-def _keep_elsewhere(flights: Iterable[Flight], scenario: Scenario, seed: int, relinearise: bool) -> Path:
+def _keep_elsewhere(flights: Iterable[Score], scenario: Scenario, seed: int, relinearise: bool) -> Path:
     """A new folder with runs that were flown without one to keep them in."""
     kept = Kept(Path(mkdtemp(prefix=f"sinan-{scenario.name}-")), scenario, seed, relinearise)
     for flight in flights:
@@ -291,7 +291,7 @@ class Kept:
         else:
             write_text(file, json.dumps(plan))
 
-    def flights(self, runs: int) -> dict[int, Flight]:
+    def flights(self, runs: int) -> dict[int, Score]:
         """What is finished, of the first `runs` runs; a file that a kill left incomplete counts for nothing.
 
         Raises
@@ -301,7 +301,7 @@ class Kept:
         found = ((k, _read(self._file(k))) for k in range(runs) if self._file(k).exists())
         return {k: self._flight(k, table) for k, table in found if table is not None}
 
-    def _flight(self, run: int, table: dict[str, Any]) -> Flight:
+    def _flight(self, run: int, table: dict[str, Any]) -> Score:
         try:
             flight = flight_from(table)
             if flight.run != run:
@@ -313,7 +313,7 @@ class Kept:
     def _error(self, run: int, found: str) -> InputError:
         return InputError(self._file(run), found, f"run {run} as it was written; without the file it is flown again")
 
-    def require_alike(self, kept: Iterable[int], done: dict[int, Flight]) -> None:
+    def require_alike(self, kept: Iterable[int], done: dict[int, Score]) -> None:
         """Raise an `InputError` for a kept run whose checkpoints, states or sensors are not those of the others."""
         flown = [flight for k, flight in done.items() if k not in set(kept)] or list(done.values())
         for k in kept:
@@ -324,7 +324,7 @@ class Kept:
         """How many of the first `runs` runs are kept."""
         return sum(self._file(run).exists() for run in range(runs))
 
-    def keep(self, flight: Flight) -> None:
+    def keep(self, flight: Score) -> None:
         """Write one run."""
         write_text(self._file(flight.run), json.dumps(flight.as_table()))
 
@@ -332,7 +332,7 @@ class Kept:
         return self.folder / f"run-{run:06d}.json"
 
 
-def _kinds(flight: Flight) -> tuple[object, ...]:
+def _kinds(flight: Score) -> tuple[object, ...]:
     """What the flights of one scenario have in common."""
     return len(flight.t), flight.blocks, len(flight.error[0]), set(flight.nees), set(flight.nis)
 

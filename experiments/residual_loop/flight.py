@@ -16,6 +16,7 @@ from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statisti
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
@@ -70,36 +71,38 @@ class FlightSource:
 
     Parameters
     ----------
-    recording : a flight
-    model : from `flight_model`; its gates are switched off, since a strong effect would lose its own evidence to
-        them, and single wrong readings are taken out instead
+    flight : its gates are switched off, since a strong effect would lose its own evidence to them, and single wrong
+        readings are taken out instead
     logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
         what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
         neighbours, not from the filter
     """
 
-    def __init__(self, recording: Recording, model: FlightModel, logged: Recording | None = None) -> None:
-        self._logged = logged
-        self._as_recorded, self._gated = recording, model
-        ungated = model.replace(gate_level=None)
-        kept, self.wrong = without_wrong_readings(recording, ungated)
-        self._passes = FlightPasses(kept, ungated, IMPLAUSIBLE if logged is None else SOLD)
+    def __init__(self, flight: Flight, logged: Recording | None = None) -> None:
+        self._logged, self._opened = logged, flight
+        kept, self.wrong = without_wrong_readings(flight.believing(gate_level=None))
+        self._passes = FlightPasses(kept, IMPLAUSIBLE if logged is None else SOLD)
         self._known_columns = KnownColumns()
         self._known = KnownFits()
-        streams = [(name, self._unit_of(name)) for name in self._local_streams if name in model.sensors]
+        streams = [(name, self._unit_of(name)) for name in self._local_streams if name in kept.model.sensors]
         self._prediction = Prediction(self._passes, streams)
         self._starts: tuple[Fit, Mapping[Term, FloatArray]] | None = None
-        self._candidates = flight_candidates(self.recording, self.model, self._passes.plain_motion)
+        self._candidates = flight_candidates(self.flight, self._passes.plain_motion)
+
+    @property
+    def flight(self) -> Flight:
+        """Without the readings that were set aside, and without gates."""
+        return self._passes.flight
 
     @property
     def recording(self) -> Recording:
-        """Without the readings that were set aside."""
-        return self._passes.recording
+        """Its readings."""
+        return self.flight.recording
 
     @property
     def model(self) -> FlightModel:
-        """Of the filter, without gates."""
-        return self._passes.model
+        """Of it."""
+        return self.flight.model
 
     @property
     def name(self) -> str:
@@ -119,7 +122,7 @@ class FlightSource:
     @property
     def left_out(self) -> dict[str, FloatArray]:
         """Stamps of the readings that were set aside as wrong, by stream that has any [s]."""
-        streams = {name: (s.t, self.recording.streams[name].t) for name, s in self._as_recorded.streams.items()
+        streams = {name: (s.t, self.recording.streams[name].t) for name, s in self._opened.recording.streams.items()
                    if name in self.wrong and name in self.recording.streams}  # fmt: skip
         return {name: np.setdiff1d(t, kept) for name, (t, kept) in streams.items() if len(t) > len(kept)}
 
@@ -271,7 +274,7 @@ class FlightSource:
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
-        return self._take_out(wrong_about(self.recording, self.model, _state(fit).journal))
+        return self._take_out(wrong_about(self.flight, _state(fit).journal))
 
     def set_aside_within(self, fit: Fit, term: Term) -> bool:
         """Take out the readings in an interval that has fewer of them than the shortest disturbance.
@@ -287,7 +290,7 @@ class FlightSource:
 
     def _take_out(self, wrong: Mapping[str, IntArray]) -> bool:
         wrong = {stream: rows for stream, rows in wrong.items() if len(rows)}
-        self._passes.recording = without_rows(self.recording, wrong)
+        self._passes.flight = self.flight.reading(without_rows(self.recording, wrong))
         for stream, rows in wrong.items():
             found, count = self.wrong[stream]
             self.wrong[stream] = found + len(rows), count
@@ -344,7 +347,7 @@ class FlightSource:
 
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
-        along = self._passes.along(state.effects, state.beta, state.motion, self._as_recorded)
+        along = self._passes.along(state.effects, state.beta, state.motion, self._opened.recording)
         journal, _ = self._passes.run([], along)
         found = []
         for stream, (before, count) in self.wrong.items():
@@ -364,7 +367,7 @@ class FlightSource:
         found = {}
         for name, sensor in self.model.sensors.items():
             if name in self.wrong and name in self._logged.streams:
-                z, t = readings(self._logged, self.model, name)
+                z, t = readings(self.flight.reading(self._logged), name)
                 inside = (t >= self._passes.start) & (t <= self._passes.end)
                 z, t = z[inside], t[inside]
                 found[name] = wrong_among(z - sensor.predict(self._passes.plain_motion.at(t)))
@@ -405,7 +408,7 @@ class FlightSource:
 
     def gated(self) -> Journal:
         """The filter with its gate over the recording as it is."""
-        return run_filter(self._as_recorded, self._gated, engine="numba", stride=0)
+        return run_filter(self._opened, engine="numba", stride=0)
 
     # ---- residuals and states
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.filter.effect_forms import Along, Terms, with_covariates
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.source import Part
 from sinan.experiments.residual_loop.term import covariates_vary
@@ -18,17 +18,16 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect, effects_for
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
-from sinan.sensors.recording import Recording
 
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
 _OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 
 
-def flight_candidates(recording: Recording, model: FlightModel, motion: Motion) -> tuple[Effect, ...]:
+def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     """The effects that enter a stream of the run and whose covariates vary along the motion of the plain model."""
-    declared = set(recording.effects)
+    recording, model, declared = flight.recording, flight.model, set(flight.recording.effects)
     guessed = recording.environment.magnetic_field is None
-    plain, found = Along(recording, model, Terms(), motion), []
+    plain, found = Along(flight, Terms(), motion), []
     for entry in effects_for("flight", candidate_streams(model)):
         if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
             continue
@@ -72,9 +71,9 @@ def best_starts(passes: FlightPasses, fit: Fitted, part: Part, candidates: Seque
 
 def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
     """Whether an effect is another one where the whole path lies elsewhere above the ground."""
-    if entry.stream not in passes.model.sensors:
+    if entry.stream not in passes.flight.model.sensors:
         return False
-    along = Along(passes.recording, passes.model, Terms(), passes.plain_motion).at(entry.stream)
+    along = Along(passes.flight, Terms(), passes.plain_motion).at(entry.stream)
     elsewhere = replace(along, p_n=along.p_n + np.array([1.0, 1.0, 0.0]))
     return not np.allclose(entry.regressor(along), entry.regressor(elsewhere), rtol=0.0, atol=1e-6)
 

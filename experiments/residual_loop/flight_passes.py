@@ -12,7 +12,7 @@ from sinan.estimator.evidence.score import WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, reference_motion
 from sinan.estimator.filter.events import ACCEPTED
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
@@ -116,18 +116,18 @@ class FlightPasses:
 
     Parameters
     ----------
-    recording : without its single wrong readings; it is replaced when more are found
-    model : of the filter, without gates
+    flight : without its single wrong readings, and without gates; readings are taken out when more are found wrong
     prior_sigma : 1-sigma of every parameter before any reading, in plausible sizes
     """
 
-    def __init__(self, recording: Recording, model: FlightModel, prior_sigma: float = IMPLAUSIBLE) -> None:
-        self.recording, self.model, self.prior_sigma = recording, model, prior_sigma
-        self.table = imu_table(recording, model)
+    def __init__(self, flight: Flight, prior_sigma: float = IMPLAUSIBLE) -> None:
+        self.flight, self.prior_sigma = flight, prior_sigma
+        self.table = imu_table(flight)
+        recording = flight.recording
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
         self.split = float(t[round(_FITTING_SHARE * (len(t) - 1))])
-        journal = run_filter(recording, model, {}, engine="numba", stride=0)
+        journal = run_filter(flight, {}, engine="numba", stride=0)
         self.notes = journal.notes
         plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
         declared = recording.initial
@@ -138,7 +138,7 @@ class FlightPasses:
         )
         self._start_std = self._attitude_std_at_start(journal)
         if self._start_std is not None and self._start_std >= COARSE_ATTITUDE:
-            self.model = model.replace(relinearise=True)
+            self.flight = flight.believing(relinearise=True)
         self.plain_motion = self._settled(plain_motion)
 
     def along(
@@ -154,9 +154,9 @@ class FlightPasses:
         ----------
         recording : another with the same IMU; default: that without wrong readings
         """
-        recording = self.recording if recording is None else recording
+        recording = self.flight.recording if recording is None else recording
         terms = Terms.of(zip(effects, beta, strict=True)).joined(declared_terms(recording))
-        return Along(self._started(recording, motion), self.model, terms, motion, self.table)
+        return Along(self.flight.reading(self._started(recording, motion)), terms, motion, self.table)
 
     @property
     def plain(self) -> Along:
@@ -171,12 +171,12 @@ class FlightPasses:
     @staticmethod
     def run_withheld(stream: str, held: Sequence[tuple[float, float]], along: Along) -> Journal:
         """A pass that is not given a stream's readings of some windows, but says what it predicts of them."""
-        model = along.model.replace(withheld={stream: held})
-        return pass_along(replace(along, model=model), [], blocks=0, keep_rows=1, stride=0)[0]
+        flight = along.flight.believing(withheld={stream: held})
+        return pass_along(replace(along, flight=flight), [], blocks=0, keep_rows=1, stride=0)[0]
 
     def follow(self, journal: Journal, along: Along) -> Motion:
         """The motion that a pass has found, the effects taken off, those declared too."""
-        return reference_motion(self.recording, journal, along.terms, self.table)
+        return reference_motion(self.flight.recording, journal, along.terms, self.table)
 
     def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part, again: bool = True) -> Fitted:
         """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
@@ -194,7 +194,7 @@ class FlightPasses:
         std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), best.beta)
         found = Fitted(
             tuple(effects), tuple(best.beta), tuple(std), best.deviance, best.journal, best.along, best.sensitivity,
-            self.recording,
+            self.flight.recording,
         )  # fmt: skip
         for k, seen, predicted in self._hardly_seen(effects, best.beta, best.information):
             least = self._least(found, k, part, seen, predicted)
@@ -315,7 +315,7 @@ class FlightPasses:
         """Raise where a pass has led to what is no number: nothing can be said of such a model."""
         if not all(np.all(np.isfinite(value)) for value in values):
             raise InputError(
-                self.recording.where, "a fit that does not converge", "readings that the model can explain"
+                self.flight.recording.where, "a fit that does not converge", "readings that the model can explain"
             )
 
     def in_part(self, t: FloatArray, part: Part) -> BoolArray:
@@ -368,7 +368,7 @@ class FlightPasses:
         for that, and each pass starts from where the one before has ended. Where the declared heading is kept, so is
         its sigma.
         """
-        declared = self.recording.initial.attitude_std
+        declared = self.flight.recording.initial.attitude_std
         if declared is not None and declared <= _SECOND_ORDER:
             return None
         assert isinstance(journal.run, RunInputs)
@@ -387,7 +387,7 @@ class FlightPasses:
         """
         if self._start_std is None:
             return recording
-        q_nb, declared = motion.q_nb[0], self.recording.initial
+        q_nb, declared = motion.q_nb[0], self.flight.recording.initial
         if self._keeps_heading and declared.quaternion is not None:
             turn = quaternion_multiply(declared.quaternion, quaternion_conjugate(q_nb))
             about_down = np.array([turn[0], 0.0, 0.0, turn[3]]) / max(float(np.hypot(turn[0], turn[3])), 1e-300)

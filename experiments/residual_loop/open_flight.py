@@ -28,5 +28,5 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
         ready = as_declared(recording, slow_gps)
     else:
         ready = near_level_or_a_place(recording)
-    model = ready.model.replace(relinearise=is_coarse(ready.recording, ready.model))
-    return FlightSource(ready.recording, model, None if declared else recording)
+    flight = ready.flight.believing(relinearise=is_coarse(ready.flight))
+    return FlightSource(flight, None if declared else recording)

@@ -112,7 +112,7 @@ class Prediction:
             _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
             e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
             nis = np.minimum(np.sum(e**2, axis=1), np.sum((e - d) ** 2, axis=1))
-            weight = 1.0 / self._passes.model.spread(one.stream, nis)
+            weight = 1.0 / self._passes.flight.model.spread(one.stream, nis)
             number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
             _, place = np.unique(number, return_inverse=True)
             products.append(np.asarray(np.bincount(place, weight * np.sum(d * e, axis=1)), dtype=np.float64))
@@ -128,7 +128,7 @@ class Prediction:
         found = []
         for one in self._of(fit):
             nis, m = np.sum(one.whitened**2, axis=1), one.whitened.shape[1]
-            own = deviance_of(nis, m, self._passes.model.tail_of(one.stream))
+            own = deviance_of(nis, m, self._passes.flight.model.tail_of(one.stream))
             found.append(replace(one, whitened=one.whitened * np.sqrt(own / np.maximum(nis, 1e-300))[:, None]))
         return found
 

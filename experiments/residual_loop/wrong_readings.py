@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -53,26 +53,27 @@ def wrong_rows(journal: Journal, sensor: str) -> IntArray:
     return one.index[wrong]
 
 
-def without_wrong_readings(recording: Recording, model: FlightModel) -> tuple[Recording, dict[str, tuple[int, int]]]:
-    """The recording without isolated wrong readings, and how many of how many there were by stream.
+def without_wrong_readings(flight: Flight) -> tuple[Flight, dict[str, tuple[int, int]]]:
+    """The flight without isolated wrong readings, and how many of how many there were by stream.
 
     A reading is wrong when its whitened innovation leaves those of its neighbours by six sigma, alone: an effect of the
     catalogue, a step or a disturbance moves neighbours too.
     """
-    found = {name: (0, len(recording.streams[name])) for name in model.sensors if name in recording.streams}
+    streams = flight.recording.streams
+    found = {name: (0, len(streams[name])) for name in flight.model.sensors if name in streams}
     for _ in range(2):  # what a gross one hides shows when it is gone
-        journal = run_filter(recording, model.replace(relinearise=False), {}, engine="numba", stride=0)
-        more = wrong_about(recording, model, journal)
-        recording = without_rows(recording, more)
+        journal = run_filter(flight.believing(relinearise=False), {}, engine="numba", stride=0)
+        more = wrong_about(flight, journal)
+        flight = flight.reading(without_rows(flight.recording, more))
         found = {name: (before + len(more.get(name, ())), count) for name, (before, count) in found.items()}
         if not more:
             break
-    return recording, found
+    return flight, found
 
 
-def wrong_about(recording: Recording, model: FlightModel, journal: Journal) -> dict[str, IntArray]:
-    """The rows that are wrong in a recording's journal, by stream that has any."""
-    wrong = {name: wrong_rows(journal, name) for name in model.sensors if name in recording.streams}
+def wrong_about(flight: Flight, journal: Journal) -> dict[str, IntArray]:
+    """The rows that are wrong in a flight's journal, by stream that has any."""
+    wrong = {name: wrong_rows(journal, name) for name in flight.model.sensors if name in flight.recording.streams}
     return {name: rows for name, rows in wrong.items() if len(rows)}
 
 

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.evidence.score import Evidence, squared_correlation, statistic_of
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.manoeuvre import CLASS_BOUND, TABLE
 from sinan.experiments.scenarios import load_scenario, scenario_names
 from sinan.sensors.files import write_text
@@ -84,7 +85,6 @@ def runs() -> list[Run]:
 
 def evidence_of(run: Run) -> list[Evidence]:
     """Information of all candidates, of a flight jointly, of poses sensor by sensor."""
-    from sinan.estimator.filter.flight_model import flight_model
     from sinan.experiments.residual_loop.flight import FlightSource
     from sinan.experiments.residual_loop.open_source import pose_source, sensors_in_poses
     from sinan.experiments.residual_loop.source import Source
@@ -92,7 +92,7 @@ def evidence_of(run: Run) -> list[Evidence]:
     recording, _ = simulate(run.scenario, np.random.default_rng(SEED), run.declared, declare=True)
     sources: list[Source]
     if run.is_flight:
-        sources = [FlightSource(recording, flight_model(recording))]
+        sources = [FlightSource(Flight.of(recording))]
     else:
         sensors = [s for s in sensors_in_poses(recording) if _calibrates(run.scenario, s)]
         sources = [pose_source(recording, sensor) for sensor in sensors]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from sinan.estimator.evidence.consistency import block_dof, chi_square, nees_by_block
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.answers.estimates import Estimate
@@ -112,5 +113,5 @@ def _nees(flight: Estimate) -> Mapping[str, float]:
     inputs = flight.journal.run
     assert isinstance(inputs, RunInputs)
     part = between(inputs.recording, -np.inf, float(np.nextafter(last.t[0], np.inf)))
-    stopped = run_filter(part, flight.model, engine=flight.document["engine"])
+    stopped = run_filter(Flight(part, flight.model), engine=flight.document["engine"])
     return nees_by_block(layout.difference(true[0], stopped.x_end), stopped.P_end, layout, translation)

@@ -69,7 +69,7 @@ def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     levels = fit_levels(bare, recording.environment.magnetic_field)
     assert levels.bounds is not None
     held = replace(levels, bounds=Bounds(0.05, 0.1))
-    journals = [run(prepare(bare, one.model(bare)), "numba", 0) for one in (levels, held)]
+    journals = [run(prepare(one.flight(bare)), "numba", 0) for one in (levels, held)]
     assert journals[0].nis_per_dof()["place"] < 2.0 < journals[1].nis_per_dof()["place"]
 
 

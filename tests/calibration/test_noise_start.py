@@ -12,7 +12,7 @@ from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import reading_noise, resolution, within_imu
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.events import height_of
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import estimated_motion
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -95,7 +95,7 @@ def test_angles_and_beams_of_a_scan_must_agree(flight: tuple[Recording, Stream])
             streams={**recording.streams, "laser": beams}, sensors={**recording.sensors, "laser": spec}
         )
         with pytest.raises(InputError, match=r"range_2.*expected [12] range.*angles"):
-            run_filter(scan, flight_model(scan), engine="numba")
+            run_filter(Flight.of(scan), engine="numba")
 
 
 def test_no_pressure_is_an_error(flight: tuple[Recording, Stream]) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import sinan.sensors.effects as effects
 import sinan.sensors.effects.shipped as shipped
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.commands.effects import run
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.select import select
@@ -45,7 +45,7 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_the_effect_of_the_guide_is_simulated_and_traced() -> None:
     present = [parse_effect(f"{NAME}={BETA}")]
     recording, _ = simulate(load_scenario("climb_descent"), np.random.default_rng(1), present)
-    selection = select(FlightSource(recording, flight_model(recording)))
+    selection = select(FlightSource(Flight.of(recording)))
     assert selection.names == (NAME,)
     (finding,) = selection.findings
     assert abs(finding.beta[0] - BETA) < THREE_SIGMA * finding.std[0]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import sinan.sensors as sensors
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.layout import CAPACITY, StateLayout, blocks
 from sinan.estimator.filter.run_filter import run_filter
@@ -74,16 +75,16 @@ def test_both_engines_filter_it(beginning: Recording) -> None:
     alone = beginning.replace(streams={name: beginning.streams[name] for name in ("imu", "mag", "fan")})
     model = flight_model(alone, specs={"fan": replace(alone.spec("fan"), bias_std=0.1, bias_walk=1e-3)})
     assert model.layout.has("b_fan")
-    fast, slow = (run_filter(alone, model, engine=engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run_filter(Flight(alone, model), engine=engine) for engine in ("numba", "filterpy"))
     sigma = np.sqrt(fast.P_end.diagonal())
     assert np.max(np.abs(model.layout.difference(fast.x_end, slow.x_end)) / sigma) < AGREEMENT
     assert np.mean(fast.stream("fan").nis) < 2.0 * 3  # of a chi-square of 3, over 80 readings
 
 
 def test_as_a_form_it_gives_what_the_branch_gives(beginning: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
-    branch = run_filter(beginning, flight_model(beginning), engine="numba")
+    branch = run_filter(Flight.of(beginning), engine="numba")
     monkeypatch.setitem(registry._SENSORS, "fan", replace(registry.sensor("fan"), kernel="form"))
-    form = run_filter(beginning, flight_model(beginning), engine="numba")
+    form = run_filter(Flight.of(beginning), engine="numba")
     assert form.iterations > branch.iterations
     change = form.model.layout.difference(form.x_end, branch.x_end) / np.sqrt(branch.P_end.diagonal())
     assert np.max(np.abs(change[:6])) < 0.1  # of a sigma of place and speed: linear about the smoothed motion
@@ -91,7 +92,7 @@ def test_as_a_form_it_gives_what_the_branch_gives(beginning: Recording, monkeypa
 
 def test_the_trace_names_what_it_lacks(recording: Recording) -> None:
     part = window(recording, (0.0, 35.0))
-    found = select(FlightSource(part, flight_model(part)))
+    found = select(FlightSource(Flight.of(part)))
     assert found.names == ("fan.time_offset",)
     (finding,) = found.findings
     assert abs(finding.beta[0] - LATE) < THREE_SIGMA * finding.std[0]

@@ -14,7 +14,7 @@ import pytest
 from scipy import stats
 
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.manoeuvre import looks, most_alike
 from sinan.experiments.residual_loop.open_source import pose_source
@@ -85,7 +85,7 @@ def flown(entry: Effect, present: tuple[Present, ...], seed: int) -> Recording:
 def source_of(recording: Recording, sensor: str) -> Source:
     """The source of a flight, or of a sensor's poses."""
     if recording.kind == "flight":
-        return FlightSource(recording, flight_model(recording))
+        return FlightSource(Flight.of(recording))
     return pose_source(recording, sensor)
 
 
@@ -105,7 +105,7 @@ def information(entry: Effect) -> FloatArray:
     """Lambda of the effect in its scenario."""
     recording, source = clean(entry.scenario, entry.stream, "rotor_drag" in entry.needs)
     if recording.kind == "flight":
-        _, found = sensitivity_pass(recording, flight_model(recording, gate_level=None), [entry], keep_rows=1)
+        _, found = sensitivity_pass(Flight.of(recording, gate_level=None), [entry], keep_rows=1)
         return np.asarray(found.rows.T @ found.rows)
     evidence = source.evidence(source.fit(()))
     columns = evidence.columns(entry.name)

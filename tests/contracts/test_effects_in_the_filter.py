@@ -13,6 +13,7 @@ import pytest
 
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.effect_forms import with_covariates
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
@@ -62,7 +63,7 @@ def flown(scenario: str, drag_declared: bool) -> tuple[Recording, FlightModel, M
     streams = {name: stream.rows(stream.t <= DURATION) for name, stream in recording.streams.items()}
     recording = recording.replace(streams=streams, effects={"motion.rotor_drag": (DRAG,)} if drag_declared else {})
     model = flight_model(recording, gate_level=None)
-    return recording, model, estimated_motion(run_filter(recording, model, engine="numba"))
+    return recording, model, estimated_motion(run_filter(Flight(recording, model), engine="numba"))
 
 
 def acting(name: str) -> Effect:
@@ -84,14 +85,14 @@ def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
     scenario = IN_FLIGHT.get(entry.scenario, entry.scenario)
     recording, model, motion = flown(scenario, "rotor_drag" in entry.needs)
     assert not entry.missing(with_covariates(recording, entry.stream, motion))
-    journal, found = sensitivity_pass(recording, model, [entry], motion=motion, keep_rows=1)
+    journal, found = sensitivity_pass(Flight(recording, model), [entry], motion=motion, keep_rows=1)
     assert np.all(journal.accepted)
     W = by_reading(journal, found.rows)
     for k in range(entry.size):
         size = min(STEP * entry.plausible_in(motion)[k], RESPONSE / np.linalg.norm(W[:, k]))
         h = size * np.eye(entry.size)[k]
         ahead, behind = (
-            run_filter(recording, model, [(entry, sign * h)], engine="numba", stride=0) for sign in (1.0, -1.0)
+            run_filter(Flight(recording, model), [(entry, sign * h)], engine="numba", stride=0) for sign in (1.0, -1.0)
         )
         change = -(by_reading(ahead, ahead.white) - by_reading(behind, behind.white)) / (2.0 * size)
         assert change @ W[:, k] / (W[:, k] @ W[:, k]) == pytest.approx(1.0, abs=ONE_PER_CENT), f"component {k}"

@@ -11,6 +11,7 @@ from sinan.estimator.evidence.consistency import chi_square, nees
 from sinan.estimator.filter.alignment import align, attitude_from_vectors, first_state
 from sinan.estimator.filter.engine import choose_engine
 from sinan.estimator.filter.field import field_of_the_log
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.pieces import journal_pieces
@@ -55,7 +56,7 @@ def test_covariance_of_the_alignment_is_honest() -> None:
         streams = {"imu": Stream(imu.t, at_rest), "mag": Stream(mag.t, dict(zip(MAG, m.T, strict=True)))}
         recording = recording.replace(streams=streams)
         model = flight_model(recording)
-        q, P, _ = align(recording, model)
+        q, P, _ = align(Flight(recording, model))
         error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), still[6:10]))
         total, size = total + nees(error, P), size + 3
     statistic = chi_square(total, size, 1.0 - FALSE_ALARM)
@@ -64,7 +65,7 @@ def test_covariance_of_the_alignment_is_honest() -> None:
 
 def test_what_is_declared_is_taken() -> None:
     recording, _ = fly(1, duration=1.0)
-    x, P = first_state(recording, flight_model(recording))
+    x, P = first_state(Flight.of(recording))
     assert np.array_equal(x[:3], recording.initial.position)
     assert P[6, 6] == pytest.approx(0.02**2)
 
@@ -73,7 +74,7 @@ def test_without_a_declared_start_the_filter_finds_its_way() -> None:
     recording, truth = fly(2, duration=30.0)
     recording = recording.replace(initial=Initial())
     model = flight_model(recording)
-    journal = run_filter(recording, model, engine="numba")
+    journal = run_filter(Flight(recording, model), engine="numba")
     error = model.layout.difference(truth[-1:], journal.x_end[None])[0]
     assert np.max(np.abs(error) / np.sqrt(np.diag(journal.P_end))) < 5.0
 
@@ -88,15 +89,15 @@ def test_field_of_a_log_has_the_dip_of_the_field() -> None:
 def test_no_heading_aid_is_said_by_the_covariance() -> None:
     recording, _ = fly(4, duration=2.0, sensors=("baro",))
     recording = recording.replace(initial=Initial())
-    _, P = first_state(recording, flight_model(recording))
+    _, P = first_state(Flight.of(recording))
     assert np.linalg.eigvalsh(P[6:9, 6:9])[-1] > 3.0
 
 
 def test_pieces_are_the_whole() -> None:
     recording, _ = fly(5, duration=12.0)
     model = flight_model(recording)
-    whole = run_filter(recording, model, engine="numba")
-    pieces = list(journal_pieces(recording, model, engine="numba", seconds=2.5))
+    whole = run_filter(Flight(recording, model), engine="numba")
+    pieces = list(journal_pieces(Flight(recording, model), engine="numba", seconds=2.5))
     assert np.array_equal(np.concatenate([p.nu for p in pieces]), whole.nu)
     assert np.array_equal(pieces[-1].x_end, whole.x_end)
     assert max(len(p) for p in pieces) < 0.3 * len(whole)
@@ -104,7 +105,7 @@ def test_pieces_are_the_whole() -> None:
 
 def test_named_engine_is_taken() -> None:
     recording, _ = fly(6, duration=1.0)
-    inputs = prepare(recording, flight_model(recording))
+    inputs = prepare(Flight.of(recording))
     assert choose_engine("filterpy", inputs) == "filterpy"
     assert choose_engine("auto", inputs) in ("numba", "filterpy")
 
@@ -127,5 +128,5 @@ def test_the_first_height_is_that_of_a_leaning_body(name: str, declared: bool) -
         replace(recording.initial, position=None) if declared else Initial(quaternion=recording.initial.quaternion)
     )
     recording = recording.replace(initial=initial)
-    x, _ = first_state(recording, flight_model(recording))
+    x, _ = first_state(Flight.of(recording))
     assert x[2] == pytest.approx(-5.0, abs=0.15)  # 0.02 rad of the declared attitude across the outer beam

@@ -9,6 +9,7 @@ import pytest
 
 from sinan.estimator.filter.alignment import align
 from sinan.estimator.filter.effect_forms import Along, Terms
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.run_filter import run_filter
@@ -34,14 +35,14 @@ def bent() -> tuple[Recording, FloatArray]:
 
 def start_error(recording: Recording, model: FlightModel, truth: FloatArray) -> float:
     """Angle between the first attitude and the true one [rad]."""
-    q = align(recording, model)[0]
+    q = align(Flight(recording, model))[0]
     return float(np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(truth[0, 6:10]), q))))
 
 
 def corrected(recording: Recording, model: FlightModel, beta: FloatArray) -> Recording:
     terms = Terms.of({"mag.cross_axis": beta})
-    table = imu_table(recording, model)
-    return Along(recording, model, terms, analytic_motion(table.t), table).without_effects
+    table = imu_table(Flight(recording, model))
+    return Along(Flight(recording, model), terms, analytic_motion(table.t), table).without_effects
 
 
 def test_bent_field_turns_the_start(bent) -> None:
@@ -68,7 +69,7 @@ def test_filter_with_the_effect_starts_nearer_the_truth(bent) -> None:
     model = flight_model(recording)
     errors = []
     for betas in ({}, {"mag.cross_axis": IRON}):
-        journal = run_filter(recording, model, betas, engine="numba", stride=1)
+        journal = run_filter(Flight(recording, model), betas, engine="numba", stride=1)
         d = model.layout.difference(truth[:1], journal.x[:1])[0, 6:9]
         errors.append(float(np.linalg.norm(d)))
     assert errors[1] < 0.5 * errors[0]
@@ -101,7 +102,7 @@ def test_flight_with_that_base_is_that_without_it() -> None:
     recording = with_base(WITHOUT_BIAS)
     streams = {name: stream for name, stream in recording.streams.items() if name != "base"}
     alone = recording.replace(streams=streams)
-    ends = [run_filter(r, flight_model(r), engine="numba").x_end for r in (recording, alone)]
+    ends = [run_filter(Flight.of(r), engine="numba").x_end for r in (recording, alone)]
     assert np.array_equal(ends[0], ends[1])
 
 

@@ -10,7 +10,7 @@ from sinan.calibration.levels.heading import with_heading
 from sinan.estimator.evidence.consistency import nees
 from sinan.estimator.filter.alignment import align
 from sinan.estimator.filter.alignment_in_motion import wahba
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import QUATERNION, Initial, Recording
@@ -42,7 +42,7 @@ def begun_at(recording: Recording, start: float, compass: bool) -> Recording:
 
 
 def error_of(recording: Recording, q_true: FloatArray) -> tuple[FloatArray, FloatArray]:
-    q, P, _ = align(recording, flight_model(recording))
+    q, P, _ = align(Flight.of(recording))
     return np.asarray(quaternion_log(quaternion_multiply(quaternion_conjugate(q), q_true))), P
 
 

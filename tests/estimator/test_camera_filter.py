@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
@@ -104,7 +105,7 @@ def errors(journal: Journal, truth: Motion) -> tuple[FloatArray, FloatArray]:
 def test_a_camera_makes_a_flight_ten_times_as_sure_of_its_place() -> None:
     recording, truth = flown()
     bare = recording.replace(streams={n: s for n, s in recording.streams.items() if n != "camera"})
-    without, with_it = (errors(run_filter(r, model_of(r)), truth) for r in (bare, recording))
+    without, with_it = (errors(run_filter(Flight(r, model_of(r))), truth) for r in (bare, recording))
     rms = [[float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in pair] for pair in (without, with_it)]
     assert rms[1][0] < 0.1 * rms[0][0]
     assert rms[1][1] < 0.7 * rms[0][1]
@@ -112,7 +113,7 @@ def test_a_camera_makes_a_flight_ten_times_as_sure_of_its_place() -> None:
 
 def test_its_innovations_are_as_large_as_they_say() -> None:
     recording, _ = flown()
-    journal = run_filter(recording, model_of(recording))
+    journal = run_filter(Flight(recording, model_of(recording)))
     nis = journal.stream("camera").nis
     assert np.sum(np.isfinite(nis)) > 500
     low, high = chi2.ppf([FALSE_ALARM / 2, 1.0 - FALSE_ALARM / 2], 2 * np.sum(np.isfinite(nis)))
@@ -122,7 +123,7 @@ def test_its_innovations_are_as_large_as_they_say() -> None:
 def test_the_state_is_off_by_as_much_as_its_covariance_says() -> None:
     """Position and attitude at the end of the flight, in sigma: no one of six beyond four."""
     recording, truth = flown()
-    journal = run_filter(recording, model_of(recording))
+    journal = run_filter(Flight(recording, model_of(recording)))
     at = truth.at(journal.imu_t[-1:])
     error = np.concatenate(
         [
@@ -139,7 +140,7 @@ def test_both_engines_agree() -> None:
     recording, _ = flown()
     part = {n: s.rows(s.t < recording.streams["imu"].t[0] + 4.0) for n, s in recording.streams.items()}
     short = recording.replace(streams={n: s for n, s in part.items() if len(s) > 1})
-    a, b = (run_filter(short, model_of(short), engine=engine) for engine in ("numba", "filterpy"))  # type: ignore[arg-type]
+    a, b = (run_filter(Flight(short, model_of(short)), engine=engine) for engine in ("numba", "filterpy"))  # type: ignore[arg-type]
     np.testing.assert_allclose(a.x_end, b.x_end, atol=1e-9)
     np.testing.assert_allclose(a.P_end, b.P_end, atol=1e-9)
 
@@ -158,8 +159,8 @@ SIZES = {
 def test_an_effect_in_the_model_takes_the_error_away(name: str) -> None:
     """Without it the innovations are too large; with it, in its exact form, they are noise."""
     recording, _ = flown(name, SIZES[name])
-    plain = run_filter(recording, model_of(recording))
-    known = run_filter(recording, model_of(recording), {name: np.array(SIZES[name])})
+    plain = run_filter(Flight(recording, model_of(recording)))
+    known = run_filter(Flight(recording, model_of(recording)), {name: np.array(SIZES[name])})
     before, after = (float(np.nanmean(journal.stream("camera").nis)) / 2.0 for journal in (plain, known))
     assert before > 1.3
     assert after == pytest.approx(1.0, abs=0.1)
@@ -172,8 +173,8 @@ def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
     part = {n: s.rows(s.t < 20.0) for n, s in recording.streams.items()}
     short = recording.replace(streams=part)
     model, entry = model_of(short), effect(name)
-    motion = estimated_motion(run_filter(short, model))
-    journal, found = sensitivity_pass(short, model, [entry], motion=motion, keep_rows=1)
+    motion = estimated_motion(run_filter(Flight(short, model)))
+    journal, found = sensitivity_pass(Flight(short, model), [entry], motion=motion, keep_rows=1)
 
     def by_reading(one: Journal, rows: FloatArray) -> FloatArray:
         order = np.lexsort((one.index, one.sensor))
@@ -182,7 +183,7 @@ def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
     W = by_reading(journal, found.rows)
     for k in range(entry.size):
         size = min(0.02 * entry.plausible[k], 10.0 / np.linalg.norm(W[:, k]))
-        runs = [run_filter(short, model, {name: sign * size * np.eye(entry.size)[k]}) for sign in (1.0, -1.0)]
+        runs = [run_filter(Flight(short, model), {name: sign * size * np.eye(entry.size)[k]}) for sign in (1.0, -1.0)]
         ahead, behind = (np.nan_to_num(by_reading(one, one.white)) for one in runs)
         change = -(ahead - behind) / (2.0 * size)
         assert change @ W[:, k] / (W[:, k] @ W[:, k]) == pytest.approx(1.0, abs=0.02), f"component {k}"
@@ -225,7 +226,7 @@ def test_time_does_not_run_back_between_pictures() -> None:
 def test_the_smoother_takes_it_too() -> None:
     """Its place is better than the filter's, which does not know what comes later."""
     recording, truth = flown()
-    journal = run_filter(recording, model_of(recording))
+    journal = run_filter(Flight(recording, model_of(recording)))
     late = (journal.imu_t > 5.0) & (journal.imu_t < truth.t[-1])
     rms = [
         float(np.sqrt(np.mean((x[late, :3] - truth.at(journal.imu_t[late]).p_n) ** 2)))

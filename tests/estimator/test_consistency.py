@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.consistency import autocorrelation, chi_square, coverage, cross_correlation, nees
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.layout import DP, DTHETA, DV
 from sinan.estimator.filter.run_filter import run_filter
@@ -25,7 +26,7 @@ def flights() -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, Floa
     for seed in range(RUNS):
         recording, truth = fly(1000 + seed, duration=20.0)
         model = flight_model(recording)
-        journal = run_filter(recording, model, engine="numba")
+        journal = run_filter(Flight(recording, model), engine="numba")
         states = smooth(journal, sigmas=True)
         rows = np.searchsorted(states.t, states.t_sigma)
         ratio = model.layout.difference(truth[rows], states.x[rows])[5] / states.sigma[5]
@@ -55,7 +56,7 @@ def test_smoothed_errors_are_as_large_as_their_sigma(flights) -> None:
 
 def test_smoother_does_not_depend_on_its_stretches() -> None:
     recording, _ = fly(1, duration=6.0)
-    journal = run_filter(recording, flight_model(recording), engine="numba")
+    journal = run_filter(Flight.of(recording), engine="numba")
     assert np.max(np.abs(smooth(journal, part=100).x - smooth(journal, part=1200).x)) < 1e-9
 
 
@@ -64,13 +65,13 @@ def test_the_covariance_of_two_instants_is_what_fixes_at_one_tell_of_the_other()
     recording, _ = fly(5, duration=12.0)
     model, fixes, part = flight_model(recording), 100, 200
     states = np.r_[DP, DV, DTHETA, model.layout.slice("b_gps")]
-    journal = run_filter(recording, model, engine="numba")
+    journal = run_filter(Flight(recording, model), engine="numba")
     t, C = joint_covariance(journal, states, part)
     before = smooth(journal, sigmas=True, part=part).sigma[:, states]
     assert np.allclose(np.sqrt(np.einsum("jaja->ja", C)), before, rtol=1e-9)
     k = len(t) // 2
     crowded = with_fixes(recording, t[k], fixes)
-    after = smooth(run_filter(crowded, flight_model(crowded), engine="numba"), sigmas=True, part=part).sigma[:, states]
+    after = smooth(run_filter(Flight.of(crowded), engine="numba"), sigmas=True, part=part).sigma[:, states]
     H = np.zeros((6, 12))
     H[:3, :3] = H[:3, 9:] = H[3:, 3:6] = np.eye(3)
     R = np.diag(np.repeat([SPECS["gps"].noise_std, SPECS["gps"].velocity_noise_std], 3)) ** 2 / fixes
@@ -98,13 +99,13 @@ def with_fixes(recording: Recording, instant: float, number: int) -> Recording:
 
 def test_smoothed_end_is_the_filtered_end() -> None:
     recording, _ = fly(2, duration=3.0)
-    journal = run_filter(recording, flight_model(recording), engine="numba")
+    journal = run_filter(Flight.of(recording), engine="numba")
     assert np.max(np.abs(smooth(journal).x[-1] - journal.x_end)) < 1e-9
 
 
 def test_smoothed_motion_is_nearer_to_the_truth() -> None:
     recording, truth = fly(4, duration=20.0)
-    journal = run_filter(recording, flight_model(recording), engine="numba")
+    journal = run_filter(Flight.of(recording), engine="numba")
     middle = slice(1000, 3000)
     errors = [
         np.std(m.v_n[middle] - truth[middle, 3:6])

@@ -9,6 +9,7 @@ import pytest
 
 from sinan.estimator.evidence.sensitivity import Sensitivity, candidate_streams, sensitivity_pass, sensor_regressors
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, stream_form, with_covariates
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
@@ -34,13 +35,13 @@ NAMES = sorted(
 def flown() -> tuple[Recording, Motion, Journal, Sensitivity]:
     recording, _ = simulate(load_scenario("aerobatics"), np.random.default_rng(7))
     model = flight_model(recording, gate_level=None)
-    journal = run_filter(recording, model, engine="numba")
+    journal = run_filter(Flight(recording, model), engine="numba")
     motion = estimated_motion(journal)
     candidates = [
         e for e in effects_for("flight", candidate_streams(model))
         if not e.missing(with_covariates(recording, e.stream, motion))
     ]  # fmt: skip
-    return recording, motion, *sensitivity_pass(recording, model, candidates, motion=motion, keep_rows=1)
+    return recording, motion, *sensitivity_pass(Flight(recording, model), candidates, motion=motion, keep_rows=1)
 
 
 def by_reading(journal: Journal) -> FloatArray:
@@ -59,7 +60,9 @@ def test_innovations_answer_as_the_sensitivity_says(flown, name: str) -> None:
     k = entry.size - 1
     h = np.zeros(entry.size)
     h[k] = STEP * entry.plausible_in(motion)[k]
-    ends = [by_reading(run_filter(recording, model, {name: s * h}, engine="numba", stride=0)) for s in (1.0, -1.0)]
+    ends = [
+        by_reading(run_filter(Flight(recording, model), {name: s * h}, engine="numba", stride=0)) for s in (1.0, -1.0)
+    ]
     S = np.zeros(len(journal.white))
     S[np.repeat(journal.accepted, journal.dof)] = found.rows[:, found.of(name)][:, k]
     order = np.lexsort((journal.index, journal.sensor))
@@ -73,8 +76,8 @@ def test_declared_effects_are_modelled() -> None:
     beta = [0.05, -0.03, 0.04]
     declared, _ = simulate(scenario, np.random.default_rng(3), {"mag.scale": beta}, declare=True)
     model = flight_model(declared)
-    with_it = run_filter(declared, model, engine="numba", stride=0)
-    without = run_filter(declared.replace(effects={}), model.replace(gate_level=None), engine="numba", stride=0)
+    with_it = run_filter(Flight(declared, model), engine="numba", stride=0)
+    without = run_filter(Flight(declared.replace(effects={}), model.replace(gate_level=None)), engine="numba", stride=0)
     assert with_it.nis_per_dof()["mag"] == pytest.approx(1.0, abs=0.05)
     assert without.nis_per_dof()["mag"] > 1.5
 
@@ -109,7 +112,7 @@ def test_effects_on_readings_that_the_reference_does_not_predict(flown) -> None:
     model = flight_model(recording, gate_level=None)
     for name in ("sonar.sound_speed", "sonar.beam_cone", "sonar.mount_offset"):
         terms = Terms.of({name: effect(name).plausible})
-        along = Along(recording, model, terms, over)
+        along = Along(Flight(recording, model), terms, over)
         form = stream_form(along, "sonar")
         assert np.all(np.isfinite(form.offset))
         assert np.all(np.isfinite(form.D))

@@ -10,6 +10,7 @@ import pytest
 from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.error_dynamics import transition
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
@@ -54,7 +55,7 @@ def difference(a: Journal, b: Journal) -> float:
 def test_engines_agree(case: str) -> None:
     recording, _ = fly(5, duration=5.0, **TRIOS[case])
     model = flight_model(recording, robust_level=1e-2, gate_level=1e-3)
-    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
     assert difference(fast, slow) < AGREEMENT
     assert np.array_equal(fast.status, slow.status)
 
@@ -63,7 +64,7 @@ def test_engines_agree_with_colour_tails_and_an_unsure_field() -> None:
     recording, _ = fly(11, duration=5.0)
     model = flight_model(recording, specs=COLOURED, gate_level=None, tail=4.0, field=0.1 * np.diag([1.0, 2.0, 3.0]))
     assert model.layout.n == 22 + 11 + 3
-    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
     assert np.any(fast.weight < 1.0)
     assert difference(fast, slow) < AGREEMENT
 
@@ -72,7 +73,7 @@ def test_engines_agree_under_bounds() -> None:
     recording, _ = fly(12, duration=5.0, sensors=("mag",))
     model = flight_model(recording, bounds=Bounds(0.5, 1.0), specs={"mag": COLOURED["mag"]})
     assert {"place", "speed"} <= set(model.sensors)
-    fast, slow = (run_filter(recording, model, engine=engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
     assert difference(fast, slow) < AGREEMENT
 
 
@@ -81,9 +82,7 @@ def test_engines_agree_with_effects_and_earth_rotation() -> None:
     environment = replace(recording.environment, earth_rotation=True)
     recording = recording.replace(environment=environment, origin=(40.0, 116.0, 50.0))
     betas = {"accel.scale": [0.02, 0.0, 0.01], "gps.lever_arm": [0.3, 0.1, -0.2], "laser.boresight": [0.03, -0.02]}
-    fast, slow = (
-        run_filter(recording, flight_model(recording), betas, engine=e, passes=2) for e in ("numba", "filterpy")
-    )
+    fast, slow = (run_filter(Flight.of(recording), betas, engine=e, passes=2) for e in ("numba", "filterpy"))
     assert difference(fast, slow) < AGREEMENT
 
 
@@ -92,7 +91,7 @@ def test_phi_is_the_derivative_of_the_step() -> None:
     recording, _ = fly(7, duration=1.0)
     model = flight_model(recording)
     layout, rng = model.layout, np.random.default_rng(1)
-    x = prepare(recording, model).x
+    x = prepare(Flight(recording, model)).x
     u0, u1, h = rng.normal(size=6), rng.normal(size=6), 0.02
     x1, step = strapdown_step(x, u0, u1, h, model.g_n, model.w_ie_n)
     Phi = transition(step, layout.n)
@@ -108,7 +107,7 @@ def test_phi_is_the_derivative_of_the_step() -> None:
 def test_covariance_stays_symmetric_and_positive() -> None:
     """A million steps and readings: the same flight again and again, the covariance carried on."""
     recording, _ = fly(8, duration=60.0)
-    inputs = prepare(recording, flight_model(recording, gate_level=None))
+    inputs = prepare(Flight.of(recording, gate_level=None))
     outputs, P, steps = outputs_for(inputs, 0), inputs.P, 0
     while steps < 1_000_000:
         _, P = CompiledRun(replace(inputs, P=P), outputs).all()
@@ -122,15 +121,15 @@ def test_cutting_an_interval_leaves_the_noise_alone() -> None:
     """Readings of no weight cut the IMU's intervals; the covariance at the end is that of the uncut run."""
     specs = {**SPECS, "baro": SensorSpec(noise_std=1e9, bias_std=2.0, bias_walk=0.02)}
     recording, _ = fly(9, duration=4.0, specs=specs)
-    cut = run_filter(recording, flight_model(recording), engine="numba")
-    whole = run_filter(recording, flight_model(recording, use=("gps", "mag", "laser")), engine="numba")
+    cut = run_filter(Flight.of(recording), engine="numba")
+    whole = run_filter(Flight.of(recording, use=("gps", "mag", "laser")), engine="numba")
     ratio = np.diag(cut.P_end)[:21] / np.diag(whole.P_end)[:21]
     assert np.max(np.abs(ratio - 1.0)) < 1e-4
 
 
 def test_chunks_give_the_same_bits() -> None:
     recording, _ = fly(10, duration=4.0)
-    inputs = prepare(recording, flight_model(recording))
+    inputs = prepare(Flight.of(recording))
     whole, outputs = run(inputs, "numba"), outputs_for(inputs)
     engine = CompiledRun(inputs, outputs)
     for i0, i1 in ((0, 123), (123, 500), (500, len(inputs.imu) - 1)):
@@ -140,6 +139,6 @@ def test_chunks_give_the_same_bits() -> None:
 
 def test_noise_free_flight_has_no_innovations() -> None:
     recording, truth = fly(3, duration=20.0, noise=0.0)
-    journal = run_filter(recording, flight_model(recording), engine="numba")
+    journal = run_filter(Flight.of(recording), engine="numba")
     assert np.max(np.abs(journal.white)) < 0.02
     assert np.max(np.abs(journal.imu_x[-1, :3] - truth[-1, :3])) < 1e-3

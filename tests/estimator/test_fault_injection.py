@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.relinearise import run_relinearised
@@ -40,7 +41,7 @@ def with_columns(stream: Stream, change: Callable[[FloatArray], FloatArray]) -> 
 
 
 def run(recording: Recording) -> Journal:
-    return run_filter(recording, flight_model(recording), engine="numba")
+    return run_filter(Flight.of(recording), engine="numba")
 
 
 def worst(journal: Journal, truth: FloatArray) -> float:
@@ -165,7 +166,7 @@ def test_imu_gap(flown, gap: float) -> None:
         journal = run(holed.replace(initial=start))
         error = journal.model.layout.difference(truth[-1:], journal.x_end[None])[0]
         assert np.linalg.norm(error[:3]) < METRES
-        cured = run_relinearised(holed.replace(initial=start), flight_model(holed), engine="numba")
+        cured = run_relinearised(Flight(holed.replace(initial=start), flight_model(holed)), engine="numba")
         assert worst(cured, truth) < BOUND
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.faults import frozen_runs, saturated_runs
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import prepare
@@ -50,7 +51,9 @@ def worst(journal: Journal, truth: FloatArray) -> float:
 @pytest.mark.parametrize("gap", [0.001, 0.012, 0.1, 1.0, 10.0])
 def test_imu_gap(flown, gap: float) -> None:
     recording, truth = flown
-    journal = run_filter(without_rows(recording, "imu", 10.0, 10.0 + gap), flight_model(recording), engine="numba")
+    journal = run_filter(
+        Flight(without_rows(recording, "imu", 10.0, 10.0 + gap), flight_model(recording)), engine="numba"
+    )
     assert worst(journal, truth) < BOUND
     assert any("gap" in str(note) for note in journal.notes) == (gap > 0.01)
 
@@ -58,7 +61,7 @@ def test_imu_gap(flown, gap: float) -> None:
 def test_imu_gap_costs_certainty(flown) -> None:
     """Inside the gap the noise is that of the unseen motion, hundreds of times the instruments'."""
     recording, _ = flown
-    table = imu_table(without_rows(recording, "imu", 10.0, 11.0), flight_model(recording))
+    table = imu_table(Flight(without_rows(recording, "imu", 10.0, 11.0), flight_model(recording)))
     inside = (table.t[:-1] > 9.992) & (table.t[:-1] < 10.99)
     assert np.min(table.q_gyro[inside]) > 100.0 * np.median(table.q_gyro)
     assert np.min(table.q_accel[inside]) > 100.0 * np.median(table.q_accel)
@@ -68,9 +71,7 @@ def test_imu_gap_costs_certainty(flown) -> None:
 def test_stream_missing(flown, name: str) -> None:
     recording, _ = flown
     streams = {key: stream for key, stream in recording.streams.items() if key != name}
-    journal = run_filter(
-        recording.replace(streams=streams), flight_model(recording.replace(streams=streams)), engine="numba"
-    )
+    journal = run_filter(Flight.of(recording.replace(streams=streams)), engine="numba")
     assert np.all(np.isfinite(journal.x_end))
     assert name not in journal.sensors
 
@@ -83,7 +84,7 @@ def test_frozen_stream_is_left_out(flown, name: str, column: str) -> None:
     stream = recording.streams[name]
     late = stream.t > 15.0
     stuck = {c: np.where(late, values[late][0], values) for c, values in stream.columns.items()}
-    journal = run_filter(with_stream(recording, name, **stuck), flight_model(recording), engine="numba")
+    journal = run_filter(Flight(with_stream(recording, name, **stuck), flight_model(recording)), engine="numba")
     assert journal.counts()[name]["faulty"] >= late.sum() - 1
     assert worst(journal, truth) < BOUND
 
@@ -93,7 +94,7 @@ def test_frozen_imu_is_a_gap(flown) -> None:
     imu = recording.streams["imu"]
     held = (imu.t > 10.0) & (imu.t < 11.0)
     stuck = {c: np.where(held, values[held][0], values) for c, values in imu.columns.items()}
-    journal = run_filter(with_stream(recording, "imu", **stuck), flight_model(recording), engine="numba")
+    journal = run_filter(Flight(with_stream(recording, "imu", **stuck), flight_model(recording)), engine="numba")
     assert any("frozen" in str(note) for note in journal.notes)
     assert worst(journal, truth) < BOUND
 
@@ -102,7 +103,7 @@ def test_saturated_gyroscope_is_journalled(flown) -> None:
     recording, _ = flown
     imu = recording.streams["imu"]
     clipped = {c: np.clip(imu[c], -0.5, 0.5) for c in GYRO}
-    journal = run_filter(with_stream(recording, "imu", **clipped), flight_model(recording), engine="numba")
+    journal = run_filter(Flight(with_stream(recording, "imu", **clipped), flight_model(recording)), engine="numba")
     assert any("gyro: saturated" in str(note) for note in journal.notes)
     assert np.all(np.isfinite(journal.x_end))
 
@@ -111,7 +112,7 @@ def test_outliers_are_refused_and_journalled(flown) -> None:
     recording, truth = flown
     north = recording.streams["gps"]["north"].copy()
     north[50::40] += 100.0
-    journal = run_filter(with_stream(recording, "gps", north=north), flight_model(recording), engine="numba")
+    journal = run_filter(Flight(with_stream(recording, "gps", north=north), flight_model(recording)), engine="numba")
     assert journal.rejected()["gps"] == len(north[50::40])
     assert worst(journal, truth) < BOUND
 
@@ -121,7 +122,7 @@ def test_robust_weights_keep_every_reading(flown) -> None:
     north = recording.streams["gps"]["north"].copy()
     north[50::40] += 20.0
     model = flight_model(recording, gate_level=None, robust_level=1e-3)
-    journal = run_filter(with_stream(recording, "gps", north=north), model, engine="numba")
+    journal = run_filter(Flight(with_stream(recording, "gps", north=north), model), engine="numba")
     assert journal.rejected()["gps"] == 0
     assert np.min(journal.stream("gps").weight) < 0.2
     assert worst(journal, truth) < BOUND
@@ -131,8 +132,8 @@ def test_late_stream_at_its_time_of_validity(flown) -> None:
     recording, _ = flown
     gps = recording.streams["gps"]
     late = with_stream(recording, "gps", t=gps.t + 0.15)
-    told = run_filter(late, flight_model(late, latency={"gps": 0.15}), engine="numba")
-    prompt = run_filter(recording, flight_model(recording), engine="numba")
+    told = run_filter(Flight.of(late, latency={"gps": 0.15}), engine="numba")
+    prompt = run_filter(Flight.of(recording), engine="numba")
     assert np.nanmax(np.abs(told.stream("gps").nu - prompt.stream("gps").nu)) < 1e-6
 
 
@@ -140,7 +141,7 @@ def test_readings_outside_the_imu_are_journalled(flown) -> None:
     recording, truth = flown
     short = without_rows(recording, "imu", 0.0, 2.0)
     short = short.replace(initial=Initial())
-    journal = run_filter(short, flight_model(short), engine="numba")
+    journal = run_filter(Flight.of(short), engine="numba")
     assert journal.counts()["gps"]["outside the IMU's time"] == int(np.sum(recording.streams["gps"].t < 2.0))
     assert worst(journal, truth) < BOUND
 
@@ -148,7 +149,7 @@ def test_readings_outside_the_imu_are_journalled(flown) -> None:
 def test_no_aiding_at_all(flown) -> None:
     recording, _ = flown
     alone = recording.replace(streams={"imu": recording.streams["imu"]})
-    journal = run_filter(alone, flight_model(alone), engine="numba")
+    journal = run_filter(Flight.of(alone), engine="numba")
     assert any("no aiding stream" in str(note) for note in journal.notes)
     assert np.all(np.isfinite(journal.x_end))
 
@@ -185,13 +186,14 @@ def test_impossible_first_state(flown, changes: dict[str, object], place: str) -
     recording, _ = flown
     with pytest.raises(InputError, match=rf"\[initial\] {place}"):
         run_filter(
-            recording.replace(initial=replace(recording.initial, **changes)), flight_model(recording), engine="numba"
+            Flight(recording.replace(initial=replace(recording.initial, **changes)), flight_model(recording)),
+            engine="numba",
         )
 
 
 @pytest.mark.parametrize("engine", ["numba", "filterpy"])
 def test_a_state_that_overflows_is_an_error_with_time_and_sensor(flown, engine: str) -> None:
-    inputs = prepare(flown[0], flight_model(flown[0], gate_level=None))
+    inputs = prepare(Flight.of(flown[0], gate_level=None))
     u, inside = inputs.imu.u.copy(), (inputs.imu.t > 0.5) & (inputs.imu.t < 0.6)
     u[inside, :3] = 1e308  # beyond what a recording may hold
     with np.errstate(all="ignore"), pytest.raises(InputError, match=r"t = 0\.5.* s, sensor .*not finite"):
@@ -229,7 +231,7 @@ def test_interval_noise_adds_up(flown) -> None:
     keep[[0, -1]] = True
     thinned = recording.replace(streams={"imu": imu.rows(keep)})
     model = flight_model(recording, use=())
-    table = imu_table(thinned, model)
+    table = imu_table(Flight(thinned, model))
     h = np.diff(table.t)
     w = 0.5 * (np.append(0.0, h) + np.append(h, 0.0))
     assert np.sum(table.q_accel * h) == pytest.approx(model.accel.sigma**2 * np.sum(w**2), rel=0.05)

@@ -9,6 +9,7 @@ import pytest
 
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.sensors.recording import Recording, SensorSpec
@@ -32,7 +33,7 @@ def model_of(recording: Recording, specs: dict[str, SensorSpec]) -> FlightModel:
 
 def known_attitude(recording: Recording, specs: dict[str, SensorSpec]) -> RunInputs:
     """A run whose start is known well, so that it is linear in what is left."""
-    inputs = prepare(recording, model_of(recording, specs))
+    inputs = prepare(Flight(recording, model_of(recording, specs)))
     P = inputs.P.copy()
     P[6:9, :], P[:, 6:9] = 0.0, 0.0
     P[6:9, 6:9] = 1e-6 * np.eye(3)

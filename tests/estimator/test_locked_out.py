@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from tests.estimator.analytic_flight import fly
 
@@ -19,6 +19,6 @@ def test_a_lost_filter_is_led_back(betas: dict[str, list[float]], relinearise: b
     recording, truth = fly(4, duration=20.0)
     assert recording.initial.velocity is not None
     lost = recording.replace(initial=replace(recording.initial, velocity=recording.initial.velocity + 8.0))
-    journal = run_filter(lost, flight_model(lost, relinearise=relinearise), betas, engine="numba")
+    journal = run_filter(Flight.of(lost, relinearise=relinearise), betas, engine="numba")
     assert np.linalg.norm(journal.imu_x[-1, 3:6] - truth[-1, 3:6]) < 0.5
     assert any("doubtful readings were given less weight" in str(note) for note in journal.notes)

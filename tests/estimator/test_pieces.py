@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
@@ -18,8 +19,8 @@ MEGABYTE = 2**20
 def test_pieces_end_where_the_whole_ends() -> None:
     recording, _ = fly(41, duration=30.0)
     model = flight_model(recording)
-    whole = run_filter(recording, model, engine="numba")
-    parts = list(journal_pieces(recording, model, "numba", seconds=7.0))
+    whole = run_filter(Flight(recording, model), engine="numba")
+    parts = list(journal_pieces(Flight(recording, model), "numba", seconds=7.0))
     assert len(parts) == 5
     np.testing.assert_array_equal(parts[-1].x_end, whole.x_end)
     np.testing.assert_array_equal(parts[-1].P_end, whole.P_end)
@@ -32,7 +33,7 @@ def test_a_quarter_of_an_hour_needs_no_more_than_its_readings_do() -> None:
     model = flight_model(recording, use=("gps", "mag", "baro", "laser"), gate_level=None)
     tracemalloc.start()
     try:
-        samples = sum(len(journal.imu_t) - 1 for journal in journal_pieces(recording, model, "numba"))
+        samples = sum(len(journal.imu_t) - 1 for journal in journal_pieces(Flight(recording, model), "numba"))
         peak = tracemalloc.get_traced_memory()[1] / MEGABYTE
     finally:
         tracemalloc.stop()

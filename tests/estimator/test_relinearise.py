@@ -12,6 +12,7 @@ from sinan.estimator.filter.effect_forms import Along, Terms, linear_form, refer
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.events import collect
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import outputs_for, prepare
@@ -41,10 +42,10 @@ def attitude_error(layout: StateLayout, truth: Stream, x: FloatArray) -> FloatAr
 def test_engines_agree_about_a_reference() -> None:
     recording, _ = fly(5, duration=3.0)
     model = flight_model(recording, gate_level=None)
-    journal = run_filter(recording, model, engine="numba")
+    journal = run_filter(Flight(recording, model), engine="numba")
     motion = reference_motion(recording, journal, Terms(), journal.run.imu)
-    forms = {name: linear_form(Along(recording, model, Terms(), motion), name) for name in model.sensors}
-    inputs = prepare(recording, model, events=collect(recording, model, forms))
+    forms = {name: linear_form(Along(Flight(recording, model), Terms(), motion), name) for name in model.sensors}
+    inputs = prepare(Flight(recording, model), events=collect(Flight(recording, model), forms))
     assert difference(run(inputs, "numba"), run(inputs, "filterpy")) < AGREEMENT
 
 
@@ -76,7 +77,7 @@ def test_it_holds_declared_effects() -> None:
     plain, _ = simulate(scenario, np.random.default_rng(7))
     field = {"mag.current": (0.002, -0.001, 0.003), "gps.latency": (0.1,)}
     declared, _ = simulate(scenario, np.random.default_rng(7), field, declare=True)
-    ends = [run_relinearised(r, flight_model(r), engine="numba", stride=0) for r in (plain, declared)]
+    ends = [run_relinearised(Flight.of(r), engine="numba", stride=0) for r in (plain, declared)]
     sigma = np.sqrt(np.diag(ends[0].P_end))
     moved = ends[0].model.layout.difference(ends[1].x_end[None], ends[0].x_end[None])[0] / sigma
     assert np.max(np.abs(moved)) < 0.2
@@ -86,17 +87,17 @@ def test_sensitivities_are_those_of_the_relinearised_filter() -> None:
     """Innovations with and without a small effect in the model, along one motion, differ by S_beta beta."""
     recording, _ = simulate(load_scenario("no_aiding"), np.random.default_rng(101))
     model = flight_model(recording, gate_level=None, relinearise=True)
-    journal = run_relinearised(recording, model, engine="numba", stride=0)
-    motion = reference_motion(recording, journal, Terms(), imu_table(recording, model))
+    journal = run_relinearised(Flight(recording, model), engine="numba", stride=0)
+    motion = reference_motion(recording, journal, Terms(), imu_table(Flight(recording, model)))
     names, beta = ("mag.declination", "mag.cross_axis", "gyro.temperature"), 1e-5
-    _, found = sensitivity_pass(recording, model, names, motion=motion, keep_rows=1, stride=0)
+    _, found = sensitivity_pass(Flight(recording, model), names, motion=motion, keep_rows=1, stride=0)
     for name in names:
         step = np.full(effect(name).size, beta)
         ends = []
         for sign in (1.0, -1.0):
             terms = Terms.of({name: sign * step})
             first = (journal.run.x, journal.run.P)
-            along = Along(recording, model, terms, motion, first=first)
+            along = Along(Flight(recording, model), terms, motion, first=first)
             ends.append(run(along.inputs, "numba", 0).white)
         slope = (ends[1] - ends[0]) / 2.0
         predicted = found.rows[:, found.of(name)] @ step
@@ -107,19 +108,19 @@ def test_a_long_gap_makes_the_attitude_coarse() -> None:
     recording, _ = fly(8, duration=20.0)
     imu = recording.streams["imu"]
     holed = recording.replace(streams={**recording.streams, "imu": imu.rows((imu.t < 6.0) | (imu.t > 14.0))})
-    assert not is_coarse(recording, flight_model(recording))
-    assert is_coarse(holed, flight_model(holed))
+    assert not is_coarse(Flight.of(recording))
+    assert is_coarse(Flight.of(holed))
 
 
 def test_a_beam_above_the_horizon_has_no_prediction() -> None:
     recording, _ = fly(9, duration=3.0)
     model = flight_model(recording, relinearise=True)
-    journal = run_filter(recording, model.replace(relinearise=False), engine="numba")
-    table = imu_table(recording, model)
+    journal = run_filter(Flight(recording, model.replace(relinearise=False)), engine="numba")
+    table = imu_table(Flight(recording, model))
     motion = reference_motion(recording, journal, Terms(), table)
     over = (motion.t > 1.0) & (motion.t < 2.0)
     motion = replace(motion, q_nb=np.where(over[:, None], np.array([0.0, 1.0, 0.0, 0.0]), motion.q_nb))
-    after = run(Along(recording, model, Terms(), motion, table).inputs, "numba")
+    after = run(Along(Flight(recording, model), Terms(), motion, table).inputs, "numba")
     assert np.all(np.isfinite(after.x_end))
     assert after.counts()["laser"]["no prediction"] >= 18
 
@@ -130,10 +131,10 @@ def test_nothing_is_learnt_of_heading_and_field_turned_together() -> None:
     """
     recording, _ = fly(13, duration=2.0)
     model = flight_model(recording, field=0.1 * np.eye(3)).replace(relinearise=True)
-    plain = run_filter(recording, model.replace(relinearise=False), engine="numba")
+    plain = run_filter(Flight(recording, model.replace(relinearise=False)), engine="numba")
     motion = reference_motion(recording, plain, Terms(), plain.run.imu)
     found = model.m_n + np.array([-0.2, 0.3, 0.1])
-    inputs = Along(recording, model, Terms(), replace(motion, m_n=found[None])).inputs
+    inputs = Along(Flight(recording, model), Terms(), replace(motion, m_n=found[None])).inputs
     engine, layout = ReadableFilter(inputs, outputs_for(inputs)), model.layout
     engine.x[6:10] = quaternion_multiply(engine.x[6:10], quaternion_exp(np.array([0.05, -0.1, 0.2])))
     down = np.array([0.0, 0.0, 1.0])
@@ -147,5 +148,7 @@ def test_nothing_is_learnt_of_heading_and_field_turned_together() -> None:
 def test_engines_agree_about_a_reference_in_an_unsure_field() -> None:
     recording, _ = fly(14, duration=3.0)
     model = flight_model(recording, gate_level=None, field=0.1 * np.eye(3)).replace(relinearise=True)
-    fast, slow = (run_relinearised(recording, model, engine=engine, passes=2) for engine in ("numba", "filterpy"))
+    fast, slow = (
+        run_relinearised(Flight(recording, model), engine=engine, passes=2) for engine in ("numba", "filterpy")
+    )
     assert difference(fast, slow) < AGREEMENT

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.filter.faults import Note, stuck_runs
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import ImuTable, beyond_the_range, imu_table
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import ACCEL, GYRO, Recording, SensorSpec, Stream
@@ -38,7 +38,7 @@ def samples(rate_x: FloatArray) -> FloatArray:
 def table_of(rate_x: FloatArray) -> ImuTable:
     imu = Stream(T, dict(zip((*ACCEL, *GYRO), samples(rate_x).T, strict=True)))
     recording = Recording("swing", "flight", {"imu": imu}, SPECS)
-    return imu_table(recording, flight_model(recording))
+    return imu_table(Flight.of(recording))
 
 
 def notes_of(rate_x: FloatArray) -> list[Note]:
@@ -176,7 +176,7 @@ def test_reading_that_drops_to_zero_is_in_no_sample(axes: list[int]) -> None:
     u[1600:2000, axes] = 0.0
     imu = Stream(T, dict(zip((*ACCEL, *GYRO), u.T, strict=True)))
     recording = Recording("swing", "flight", {"imu": imu}, SPECS)
-    assert np.max(imu_table(recording, flight_model(recording)).u[:, 2]) < -9.0
+    assert np.max(imu_table(Flight.of(recording)).u[:, 2]) < -9.0
 
 
 def test_clipped_axis_is_not_stuck_too() -> None:
@@ -201,6 +201,6 @@ def test_log_that_begins_or_ends_frozen_keeps_its_ends(frozen: slice) -> None:
     recording = Recording(
         "frozen end", "flight", {"imu": Stream(t, dict(zip((*ACCEL, *GYRO), u.T, strict=True)))}, SPECS
     )
-    table = imu_table(recording, flight_model(recording))
+    table = imu_table(Flight.of(recording))
     assert table.t[0] == t[0]
     assert table.t[-1] == t[-1]

@@ -18,6 +18,7 @@ from sinan.estimator.filter.effect_forms import Along, Terms, reference_motion
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.error_dynamics import transition
 from sinan.estimator.filter.events import ACCEPTED
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
@@ -94,7 +95,7 @@ def flown(case: str) -> tuple[Recording, FlightModel, Journal, Motion]:
     how, judged = FLIGHTS[case]
     recording, _ = fly(11, duration=4.0, **how)
     model = flight_model(recording, **judged)
-    journal = run_filter(recording, model, engine="numba")
+    journal = run_filter(Flight(recording, model), engine="numba")
     return recording, model, journal, reference_motion(recording, journal, Terms(), journal.run.imu)
 
 
@@ -107,8 +108,8 @@ def candidates(model: FlightModel) -> tuple[Effect, ...]:
 def test_fused_pass_is_the_dense_recursion(case: str) -> None:
     recording, model, journal, motion = flown(case)
     effects = candidates(model)
-    _, found = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1)
-    p, N, along = found.rows.shape[1], len(motion), Along(recording, model, Terms(), motion)
+    _, found = sensitivity_pass(Flight(recording, model), effects, motion=motion, keep_rows=1)
+    p, N, along = found.rows.shape[1], len(motion), Along(Flight(recording, model), Terms(), motion)
     G_u = np.zeros((N, 6, p))
     G_z = {name: np.zeros((len(journal.stream(name)), sensor.size, p)) for name, sensor in model.sensors.items()}
     for entry, columns in zip(effects, found.slices, strict=True):
@@ -117,7 +118,7 @@ def test_fused_pass_is_the_dense_recursion(case: str) -> None:
             G_u[:, rows, columns] = driver_regressors(along, entry.stream, [entry])
         else:
             G_z[entry.stream][:, :, columns] = sensor_regressors(along.of_vehicle, entry.stream, [entry])
-    dense = DenseSensitivity(prepare(recording, model), G_u, G_z)
+    dense = DenseSensitivity(prepare(Flight(recording, model)), G_u, G_z)
     for _ in dense.steps():
         pass
     W = np.concatenate(dense.W)
@@ -128,8 +129,8 @@ def test_fused_pass_is_the_dense_recursion(case: str) -> None:
 def test_a_chunk_that_ends_between_two_readings_hands_on_the_whole_V() -> None:
     recording, model, journal, motion = flown("all aiding")
     effects, inner = candidates(model), journal.run.events.t
-    _, one = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1, blocks=1)
-    _, many = sensitivity_pass(recording, model, effects, motion=motion, keep_rows=1, blocks=20)
+    _, one = sensitivity_pass(Flight(recording, model), effects, motion=motion, keep_rows=1, blocks=1)
+    _, many = sensitivity_pass(Flight(recording, model), effects, motion=motion, keep_rows=1, blocks=20)
     assert not np.any(np.isin(many.edges[1:-1], inner))
     for a, b in ((one.rows, many.rows), (one.V, many.V)):
         assert np.all(np.abs(a - b) <= ROUNDING * np.linalg.norm(a, axis=0))

@@ -8,6 +8,7 @@ import pytest
 from sinan.estimator.evidence.level_scores import level_scores
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
@@ -38,12 +39,12 @@ def log() -> tuple[Recording, FlightModel]:
 
 
 def alone(recording: Recording, model: FlightModel, part: tuple[float, float], stride: int = 1) -> Journal:
-    return run(prepare(between(recording, *part), model), "numba", stride)
+    return run(prepare(Flight(between(recording, *part), model)), "numba", stride)
 
 
 def test_each_stretch_is_a_run_of_its_own(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
-    both = run(prepare(recording, model), "numba")
+    both = run(prepare(Flight(recording, model)), "numba")
     for part in (FIRST, SECOND):
         own = alone(recording, model, part)
         mine = (both.t >= part[0]) & (both.t <= own.t_end)
@@ -62,7 +63,7 @@ def test_each_stretch_is_a_run_of_its_own(log: tuple[Recording, FlightModel]) ->
 def test_the_readable_engine_does_the_same(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
     short = between(recording, 9.0, 43.0)
-    fast, slow = (run(prepare(short, model), engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run(prepare(Flight(short, model)), engine) for engine in ("numba", "filterpy"))
     assert np.array_equal(fast.status, slow.status)
     assert np.nanmax(np.abs(fast.nis - slow.nis)) < 1e-6
     assert np.max(np.abs(fast.imu_x - slow.imu_x)) < 1e-6
@@ -70,7 +71,7 @@ def test_the_readable_engine_does_the_same(log: tuple[Recording, FlightModel]) -
 
 def test_nothing_later_is_smoothed_into_what_was_before(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
-    both = smooth(run(prepare(recording, model), "numba"), sigmas=True)
+    both = smooth(run(prepare(Flight(recording, model)), "numba"), sigmas=True)
     for part in (FIRST, SECOND):
         own = smooth(alone(recording, model, part), sigmas=True)
         assert np.array_equal(both.x[np.isin(both.t, own.t)], own.x)
@@ -80,8 +81,8 @@ def test_nothing_later_is_smoothed_into_what_was_before(log: tuple[Recording, Fl
 
 def test_levels_are_of_both(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
-    both = level_scores(prepare(recording, model))
-    first, second = (level_scores(prepare(between(recording, *part), model)) for part in (FIRST, SECOND))
+    both = level_scores(prepare(Flight(recording, model)))
+    first, second = (level_scores(prepare(Flight(between(recording, *part), model))) for part in (FIRST, SECOND))
     assert np.allclose(both.start, first.start + second.start, rtol=1e-9)
     assert np.allclose(both.bias, first.bias + second.bias, rtol=1e-9)
     assert float(np.sum(both.q_gyro)) == pytest.approx(float(np.sum(first.q_gyro) + np.sum(second.q_gyro)))
@@ -91,16 +92,16 @@ def test_levels_are_of_both(log: tuple[Recording, FlightModel]) -> None:
 def test_information_of_an_effect_adds(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
     effects = ("accel.scale", "gps.latency", "mag.scale")
-    _, both = sensitivity_pass(recording, model, effects)
-    parts = [sensitivity_pass(between(recording, *part), model, effects)[1] for part in (FIRST, SECOND)]
+    _, both = sensitivity_pass(Flight(recording, model), effects)
+    parts = [sensitivity_pass(Flight(between(recording, *part), model), effects)[1] for part in (FIRST, SECOND)]
     together = sum(one.information.sum(axis=0) for one in parts)
     assert np.allclose(both.information.sum(axis=0), together, rtol=1e-3, atol=1e-3 * np.max(np.abs(together)))
 
 
 def test_pieces_begin_anew_too(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
-    whole = run(prepare(recording, model), "numba")
-    x_end = [piece.x_end for piece in journal_pieces(recording, model, "numba", seconds=5.0)][-1]
+    whole = run(prepare(Flight(recording, model)), "numba")
+    x_end = [piece.x_end for piece in journal_pieces(Flight(recording, model), "numba", seconds=5.0)][-1]
     assert np.array_equal(x_end, whole.x_end)
 
 
@@ -109,7 +110,7 @@ def test_a_gap_in_which_hardly_anything_turns_is_bridged() -> None:
     whole, _ = fly(7, duration=20.0)
     imu = whole.streams["imu"]
     recording = whole.replace(streams={**whole.streams, "imu": imu.rows((imu.t < 10.0) | (imu.t > 10.1))})
-    inputs = prepare(recording, flight_model(recording))
+    inputs = prepare(Flight.of(recording))
     assert inputs.imu.starts == (0,)
     assert np.sum(inputs.imu.row < 0) > 0
 
@@ -120,7 +121,7 @@ def test_a_break_is_none_that_anything_bridges() -> None:
     kept = imu.rows((imu.t < 10.0) | (imu.t > 10.1))
     second = float(kept.t[kept.t > 10.05][0])
     recording = whole.replace(streams={**whole.streams, "imu": kept}, breaks=(second,))
-    inputs = prepare(recording, flight_model(recording))
+    inputs = prepare(Flight.of(recording))
     assert [float(inputs.imu.t[i]) for i in inputs.imu.starts] == [float(imu.t[0]), second]
 
 
@@ -130,7 +131,7 @@ def test_a_stretch_that_no_first_state_can_be_found_in_is_left_out() -> None:
     imu = fly(7, duration=55.0)[0].streams["imu"]
     kept = (imu.t < 12.0) | ((imu.t > 25.0) & (imu.t < 25.5)) | (imu.t >= 40.0)
     with_crumb = recording.replace(streams={**recording.streams, "imu": imu.rows(kept)})
-    plain, crumb = (run_filter(one, model, engine="numba") for one in (recording, with_crumb))
+    plain, crumb = (run_filter(Flight(one, model), engine="numba") for one in (recording, with_crumb))
     assert np.array_equal(plain.imu_x, crumb.imu_x)
     assert any("too short" in str(note) for note in crumb.notes)
 
@@ -141,6 +142,6 @@ def test_a_stretch_may_lack_a_stream_that_another_has(lost: str) -> None:
     recording, model = a_log()
     stream = recording.streams[lost]
     recording = recording.replace(streams={**recording.streams, lost: stream.rows(stream.t < FIRST[1])})
-    journal = run(prepare(recording, model), "numba")
+    journal = run(prepare(Flight(recording, model)), "numba")
     assert np.all(np.isfinite(journal.imu_x))
     assert not np.any(journal.stream(lost).t > SECOND[0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.filter.events import ACCEPTED, STATUS, WITHHELD
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.recording import POSITION, VELOCITY, Recording
@@ -37,8 +38,8 @@ def test_withheld_fixes_move_nothing(flight: Recording, engine: str) -> None:
     """The states are those of a log in which they are not."""
     gps = flight.streams["gps"]
     thinned = flight.replace(streams={**flight.streams, "gps": gps.rows(~inside(gps.t))})
-    held = run_filter(flight, withholding(flight), engine=engine)
-    without = run_filter(thinned, flight_model(thinned), engine=engine)
+    held = run_filter(Flight(flight, withholding(flight)), engine=engine)
+    without = run_filter(Flight.of(thinned), engine=engine)
     sigma = np.sqrt(without.imu_var[:, :6])
     assert np.max(np.abs(held.imu_x[:, :6] - without.imu_x[:, :6]) / sigma) < CUT_INTERVALS
     assert np.allclose(held.imu_var, without.imu_var, rtol=CUT_INTERVALS)
@@ -47,7 +48,7 @@ def test_withheld_fixes_move_nothing(flight: Recording, engine: str) -> None:
 def test_withheld_fixes_are_predicted_with_their_density(flight: Recording) -> None:
     """Innovation and its covariance about the predicted state, and log N(nu; 0, S)."""
     gps = flight.streams["gps"]
-    one = (journal := run_filter(flight, withholding(flight), engine="numba")).stream("gps")
+    one = (journal := run_filter(Flight(flight, withholding(flight)), engine="numba")).stream("gps")
     held = one.status == WITHHELD
     assert np.array_equal(held, inside(gps.t[one.index]))
     assert np.array_equal(one.accepted, ~held)
@@ -64,13 +65,13 @@ def test_withheld_fixes_are_predicted_with_their_density(flight: Recording) -> N
 
 
 def test_engines_agree_on_withheld_readings(flight: Recording) -> None:
-    fast, slow = (run_filter(flight, withholding(flight), engine=engine) for engine in ("numba", "filterpy"))
+    fast, slow = (run_filter(Flight(flight, withholding(flight)), engine=engine) for engine in ("numba", "filterpy"))
     assert np.array_equal(fast.status, slow.status)
     assert np.allclose(fast.white, slow.white, rtol=AGREEMENT, atol=AGREEMENT)
 
 
 def test_withheld_readings_are_counted_by_their_name(flight: Recording) -> None:
-    journal = run_filter(flight, withholding(flight), engine="numba")
+    journal = run_filter(Flight(flight, withholding(flight)), engine="numba")
     held = int(np.sum(inside(flight.streams["gps"].t)))
     assert journal.counts()["gps"][STATUS[WITHHELD]] == held
     assert np.sum(journal.accepted) == np.sum(journal.status == ACCEPTED)
@@ -79,7 +80,7 @@ def test_withheld_readings_are_counted_by_their_name(flight: Recording) -> None:
 def test_a_lateness_leaves_the_same_fixes_withheld(flight: Recording) -> None:
     """Windows are of stamps, whatever instant a fix belongs to."""
     gps = flight.streams["gps"]
-    one = run_filter(flight, withholding(flight), {"gps.latency": [0.15]}, engine="numba").stream("gps")
+    one = run_filter(Flight(flight, withholding(flight)), {"gps.latency": [0.15]}, engine="numba").stream("gps")
     assert np.array_equal(one.status == WITHHELD, inside(gps.t[one.index]))
 
 
@@ -90,7 +91,7 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start(flight: Recording) -> N
     moved = flight.replace(streams={**flight.streams, "gps": type(gps)(gps.t, far)})
     model = withholding(flight).replace(relinearise=True)
     here, there = (
-        run_filter(log, model, {"gps.lever_arm": [0.3, 0.0, 0.0]}, engine="numba") for log in (flight, moved)
+        run_filter(Flight(log, model), {"gps.lever_arm": [0.3, 0.0, 0.0]}, engine="numba") for log in (flight, moved)
     )
     sigma = np.sqrt(np.diag(here.P_end))
     assert np.max(np.abs(here.model.layout.difference(here.x_end, there.x_end)) / sigma) < SETTLED

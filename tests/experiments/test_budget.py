@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.term import Term
@@ -22,7 +22,7 @@ def budgets(*effects: str) -> dict[str, Budget]:
     """Of a figure of eight with effects, all of which are in the final model."""
     present = [parse_effect(one) for one in effects]
     recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(31), present)
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     final = source.fit([Term(one.split("=")[0]) for one in effects])
     return {one.stream: one for one in source.budget(source.fit(()), final)}
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
@@ -43,7 +44,7 @@ def test_its_states_are_written_and_its_biases_where_it_begins(flight: Path, tmp
     estimate_command.run(str(flight), "numba", states, None, out, None, smoothed=True)
     recording = resolve(str(flight))
     model = flight_model(recording)
-    known = smooth(run_filter(recording, model, engine="numba"), sigmas=True)
+    known = smooth(run_filter(Flight(recording, model), engine="numba"), sigmas=True)
     with states.open() as file:
         rows = list(csv.reader(file))
     values = np.array([[float(cell) for cell in row] for row in rows[1:]])

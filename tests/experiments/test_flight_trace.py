@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.blind.maker.make import make_one
 from sinan.experiments.datasets import resolve
@@ -61,7 +62,7 @@ def flown(scenario: str, seed: int, *effects: str):
 )
 def test_the_right_effect_alone(scenario: str, effect: str) -> None:
     recording, _ = flown(scenario, 21, effect)
-    selection = select(FlightSource(recording, flight_model(recording)))
+    selection = select(FlightSource(Flight.of(recording)))
     present = parse_effect(effect)
     assert selection.names == (present.effect.name,)
     finding = selection.findings[0]
@@ -73,7 +74,7 @@ def test_the_right_effect_alone(scenario: str, effect: str) -> None:
 @pytest.mark.parametrize("scenario", ["figure_eight", "square"])
 def test_nothing_is_named_where_nothing_is_missing(scenario: str) -> None:
     recording, _ = flown(scenario, 22)
-    assert not select(FlightSource(recording, flight_model(recording))).findings
+    assert not select(FlightSource(Flight.of(recording))).findings
 
 
 @pytest.mark.parametrize(("seed", "index"), [(5001, 124), (5001, 145), (9001, 461), (9001, 989), (10001, 209)])
@@ -136,7 +137,7 @@ def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
     off = {"mag_x": mag.columns["mag_x"] + 0.1 * np.cos(angle), "mag_y": mag.columns["mag_y"] + 0.1 * np.sin(angle)}
     turning = replace(mag, columns={**mag.columns, **off})
     disturbed = recording.replace(streams={**recording.streams, "mag": turning})
-    result = trace(FlightSource(disturbed, flight_model(disturbed)))
+    result = trace(FlightSource(Flight.of(disturbed)))
     assert result.verdict.word == "unexplained"
     assert [finding.term.interval for finding in result.selection.findings if finding.term.interval] == []
 
@@ -150,7 +151,7 @@ def test_wrong_readings_that_a_strong_effect_hides_are_no_transients() -> None:
     wrong[[100, 230, 231, 300, 410]] += 9.0 * recording.sensors["laser"].noise_std
     streams = {**recording.streams, "laser": replace(laser, columns={**laser.columns, distance: wrong})}
     recording = recording.replace(streams=streams)
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     selection = select(source)
     assert selection.names == ("laser.terrain_slope", "laser.outliers")
     for fit in (selection.plain, selection.final):
@@ -168,7 +169,7 @@ def test_a_wrong_first_reading_is_no_transient(stream: str) -> None:
     off[0] += 12.0 * recording.sensors[stream].noise_std
     streams = {**recording.streams, stream: replace(readings, columns={**readings.columns, name: off})}
     recording = recording.replace(streams=streams)
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     assert select(source).names == ()
     assert source.wrong[stream][0] > 0
 
@@ -182,7 +183,7 @@ def test_a_disturbance_of_a_few_readings_is_one() -> None:
     recording = recording.replace(
         streams={**recording.streams, "baro": replace(baro, columns={**baro.columns, name: off})}
     )
-    assert select(FlightSource(recording, flight_model(recording))).names == ("baro.transient",)
+    assert select(FlightSource(Flight.of(recording))).names == ("baro.transient",)
 
 
 def test_a_slope_under_a_path_that_nothing_measures() -> None:
@@ -201,7 +202,7 @@ def test_a_slope_under_a_path_that_nothing_measures() -> None:
 def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
     """Every reading is then the height: no derivative sees the angle, the whole gain does."""
     recording, _ = flown("low_pass", seed, "sonar.beam_cone=0.7")
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     found = trace(source)
     (finding,) = [f for f in found.selection.findings if f.term.in_mean]
     t, x = source.states(found.selection.final)
@@ -215,7 +216,7 @@ def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
 @pytest.mark.parametrize(("cone", "start"), [(0.1, 0.9), (0.3, 0.9), (0.45, 0.9)])
 def test_a_step_that_leaps_over_the_minimum_comes_back(cone: float, start: float) -> None:
     recording, _ = flown("low_pass", 21, f"sonar.beam_cone={cone}")
-    source, term = FlightSource(recording, flight_model(recording)), Term("sonar.beam_cone")
+    source, term = FlightSource(Flight.of(recording)), Term("sonar.beam_cone")
     far, near = (source.fit((term,), {term: np.array([b])}) for b in (start, cone))
     assert far.deviance == pytest.approx(near.deviance, abs=1.0)
     assert abs(far.beta[term][0] - cone) < 4.0 * far.std[term][0] < 0.1
@@ -224,7 +225,7 @@ def test_a_step_that_leaps_over_the_minimum_comes_back(cone: float, start: float
 def test_what_no_reading_sees_goes_to_zero_from_wherever_it_starts() -> None:
     """A hover turns about no axis."""
     recording, _ = flown("hover", 30)
-    source, term = FlightSource(recording, flight_model(recording)), Term("gyro.cross_axis")
+    source, term = FlightSource(Flight.of(recording)), Term("gyro.cross_axis")
     plausible = np.array([parameter.plausible for parameter in source.effect(term).parameters])
     fit = source.fit((term,), {term: 5.0 * plausible})
     assert np.all(np.abs(fit.beta[term]) < 0.1 * plausible)
@@ -235,7 +236,7 @@ def test_what_no_reading_sees_goes_to_zero_from_wherever_it_starts() -> None:
 def test_what_the_readings_know_does_not_feel_what_holds_it() -> None:
     """One plausible size, known to a hundredth of it: the estimate is that of the readings alone."""
     recording, _ = flown("figure_eight", 31, "mag.current=0.03,0,0.01")
-    source, term = FlightSource(recording, flight_model(recording)), Term("mag.current")
+    source, term = FlightSource(Flight.of(recording)), Term("mag.current")
     fit = source.fit((term,))
     left = statistic_of(source.evidence(fit, own_terms_only=True), "mag.current")
     assert np.all(np.abs(left.beta) < 0.1 * left.std)
@@ -245,7 +246,7 @@ def test_what_the_readings_know_does_not_feel_what_holds_it() -> None:
 def test_no_effect_is_a_statement() -> None:
     """A clean flight: the report says so, and from which size on each effect would have been seen."""
     recording, _ = flown("square", 24)
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     document = json.loads(json.dumps(report(Traced.alone(source, trace(source))), allow_nan=False))
     assert document["verdict"] == "no_effect"
     assert document["effects"] == []
@@ -279,17 +280,17 @@ def test_a_coarse_declared_attitude_is_no_error_of_the_accelerometer(tmp_path: P
     """Declared to 0.04 rad: until the tilt is found its square is a force of 0.02 m/s^2, nine sigma of a transient."""
     recording = resolve(str(make_one(tmp_path, 6001, 545, KINDS, "mixed", {"none": 1.0})), None)
     assert recording.initial.attitude_std is not None
-    assert select(FlightSource(recording, flight_model(recording))).names == ()
+    assert select(FlightSource(Flight.of(recording))).names == ()
 
 
 def test_steps_are_those_about_the_fit_that_is_asked() -> None:
     """A slope of the ground in the model changes what an offset of the laser does."""
     recording, _ = flown("yaw_turns", 25, "laser.terrain_slope=0.3,-0.2")
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     steps = [("laser", 20.0), ("accel", 20.0)]
     plain, sloped = source.fit(()), source.fit((Term("laser.terrain_slope"),))
     source._step_rows(plain, steps)
-    fresh = FlightSource(recording, flight_model(recording))
+    fresh = FlightSource(Flight.of(recording))
     again = fresh._step_rows(fresh.fit((Term("laser.terrain_slope"),)), steps)
     np.testing.assert_allclose(source._step_rows(sloped, steps).wanted, again.wanted, atol=1e-9)
 
@@ -298,7 +299,7 @@ def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
     """The stamps of a late sensor are not the instants of the interval; a fit from before still has its readings."""
     recording, _ = flown("square", 26)
     model = flight_model(recording)
-    source = FlightSource(recording, model.replace(latency={**model.latency, "baro": 0.15}))
+    source = FlightSource(Flight(recording, model.replace(latency={**model.latency, "baro": 0.15})))
     plain = source.fit(())
     t = source.recording.streams["baro"].t
     term = Term("baro.transient", (float(t[200]) - 0.151, float(t[200]) - 0.149))
@@ -311,7 +312,7 @@ def test_readings_of_an_interval_are_those_that_were_valid_then() -> None:
 def test_a_fit_is_found_once() -> None:
     """Nor again from its own estimate on, or with wrong readings named; but of other readings it is."""
     recording, _ = flown("square", 27, "baro.scale=0.05")
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     term, wrong = Term("baro.scale"), Term("gps.outliers")
     found = source.fit((term,))
     for same in (source.fit((term,)), source.fit((term,), found.beta), source.fit((term, wrong), found.beta)):
@@ -325,7 +326,7 @@ def test_declared_effects_are_taken_off_the_motion_that_is_followed() -> None:
     """A twentieth too much of the accelerometer is no force, whatever else is in the model."""
     scenario, effects = load_scenario("hover"), {"accel.scale": (0.05, 0.05, 0.05)}
     recording, _ = simulate(scenario, np.random.default_rng(28), effects, declare=True)
-    passes = FlightSource(recording, flight_model(recording))._passes
+    passes = FlightSource(Flight.of(recording))._passes
     journal, _ = passes.run([], passes.plain)
     force = np.linalg.norm(np.mean(passes.follow(journal, passes.plain).f_b, axis=0))
     assert force == pytest.approx(np.linalg.norm(passes.plain_motion.g_n), abs=PLAUSIBLE_BIAS)
@@ -356,4 +357,4 @@ def test_readings_in_another_unit_are_refused_by_the_gate() -> None:
     wrong = Stream(baro.t, {**baro.columns, "height": 1000.0 * baro["height"]})
     in_millimetres = recording.replace(streams={**recording.streams, "baro": wrong})
     for one, names in ((recording, set()), (in_millimetres, {"baro"})):
-        assert set(refused(doubted_shares(FlightSource(one, flight_model(one)).gated()))) == names
+        assert set(refused(doubted_shares(FlightSource(Flight.of(one)).gated()))) == names

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.blind.maker.catalogue import CATALOGUE, OUTLIER_SIZE, Hidden
 from sinan.experiments.blind.maker.drawing import draw_warm_up
 from sinan.experiments.blind.maker.flight_recording import as_streams, draw_payload, draw_vibration, report_sensors
@@ -384,7 +385,7 @@ def test_one_who_knows_gains_what_there_is_to_see(
     span = None if interval is None else (minute.begin + interval, minute.end)
     hidden = Hidden(name, np.array(beta), span)
     entry = effect(name) if span is None else effect(name).over(*span)
-    information, _ = sensitivity_pass(minute.control, minute.ready.model, [entry])[1].total
+    information, _ = sensitivity_pass(Flight(minute.control, minute.ready.model), [entry])[1].total
     expected = float(hidden.beta @ information @ hidden.beta)
     assert expected > DETECTABLE_LAMBDA
     assert gain(minute, hidden) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.preparation import prepared
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured import engines, flights, gallery, table
 from sinan.experiments.measured.engines import AGREEMENT, Agreement, agreement, difference, shortened
@@ -79,7 +79,7 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start() -> None:
     term = Term("accel.scale_nonlinearity")
     by_start = []
     for coarse in (False, True):
-        source = FlightSource(recording, flight_model(recording, relinearise=coarse))
+        source = FlightSource(Flight.of(recording, relinearise=coarse))
         fit = replace(source.fit(()), terms=(term,), beta={term: np.array([-0.0014, -0.0001, -0.0072])})
         by_start.append(withheld_errors(source, fit))
     assert by_start[1] == pytest.approx(by_start[0], rel=2.0 * PER_CENT)

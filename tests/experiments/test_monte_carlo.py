@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinan.experiments.monte_carlo.one_flight import Flight, fly, noiseless, rng_of
+from sinan.experiments.monte_carlo.one_flight import Score, fly, noiseless, rng_of
 from sinan.experiments.monte_carlo.study import Kept, MonteCarlo, averaged, digest_of, label, outside, run
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
@@ -91,7 +91,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("key", [f.name for f in fields(Flight)])
+@pytest.mark.parametrize("key", [f.name for f in fields(Score)])
 def test_a_kept_run_with_a_key_missing_is_named(kept: Path, tmp_path: Path, key: str) -> None:
     table = json.loads((kept / "run-000001.json").read_text())
     del table[key]

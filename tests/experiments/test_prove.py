@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import Evidence
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop import prove
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.prove import rolled_back
@@ -30,7 +30,7 @@ def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
     """It touches no held-out reading; without it the other effect is fitted wrongly and would predict nothing."""
     effects = ("mag.temperature=0.0006,0,0.0004", "mag.transient=0.1,0.05,-0.1@2:15")
     recording, _ = simulate(load_scenario("warm_up"), np.random.default_rng(33), [parse_effect(e) for e in effects])
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     selection = select(source)
     assert set(selection.names) == {"mag.temperature", "mag.transient"}
     assert rolled_back(source, selection) == ()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.errors import InputError
@@ -19,8 +20,8 @@ def test_each_log_is_filtered_as_it_is_alone() -> None:
     logs = [fly(seed, duration=6.0)[0].replace(initial=Initial()) for seed in (1, 2)]
     both = joined(logs)
     model = flight_model(both, gate_level=None)
-    together = run_filter(both, model, engine="numba")
-    alone = [run_filter(log, model, engine="numba") for log in logs]
+    together = run_filter(Flight(both, model), engine="numba")
+    alone = [run_filter(Flight(log, model), engine="numba") for log in logs]
     rows = np.cumsum([0, *(len(one.imu_t) for one in alone)])
     assert len(together.imu_t) == rows[-1]
     for one, first, last, shift in zip(alone, rows[:-1], rows[1:], (0.0, 1000.0), strict=True):
