@@ -55,7 +55,10 @@ def is_lateness(entry: Effect) -> bool:
 
 @dataclass(frozen=True)
 class Terms:
-    """Effects with their parameters, those of one name with one interval once."""
+    """Effects in a model with their parameters, those of one name with one interval once: what the filter is given.
+
+    How well they are known is in the estimate of whoever has fitted them.
+    """
 
     pairs: tuple[tuple[Effect, FloatArray], ...] = ()
 
@@ -75,6 +78,24 @@ class Terms:
                 raise ValueError(f"beta of `{entry.name}` is {values.tolist()}; expected {entry.size} finite numbers")
             pairs.append((entry, values))
         return Terms(tuple(pairs))
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Their declarations, in order."""
+        return tuple(entry for entry, _ in self.pairs)
+
+    @property
+    def vector(self) -> FloatArray:
+        """(p,) all parameters, one effect after another."""
+        return np.concatenate([*(beta for _, beta in self.pairs), np.zeros(0)])
+
+    def split(self, values: FloatArray) -> list[FloatArray]:
+        """What goes with each of the parameters (p,), by effect."""
+        return np.split(values, np.cumsum([entry.size for entry in self.effects])[:-1]) if self.pairs else []
+
+    def at(self, vector: FloatArray) -> Terms:
+        """The same effects with other parameters (p,)."""
+        return Terms.of(zip(self.effects, self.split(vector), strict=True))
 
     def joined(self, other: Terms) -> Terms:
         """These, and those of `other` that are not named here."""

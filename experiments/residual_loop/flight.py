@@ -14,6 +14,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
 from sinan.estimator.evidence.sensitivity import candidate_streams
+from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight
@@ -176,13 +177,15 @@ class FlightSource:
         """
         in_mean = [term for term in terms if term.in_mean]
         effects = [declaration(term) for term in in_mean]
-        first = [np.asarray((start or {}).get(term, np.zeros(declaration(term).size))) for term in in_mean]
-        asked = Question.of(in_mean, first, part)
+        first = [(start or {}).get(term, np.zeros(entry.size)) for term, entry in zip(in_mean, effects, strict=True)]
+        own = Terms.of(zip(effects, first, strict=True))
+        asked = Question.of(in_mean, own.vector, part)
         best = self._known.of(asked, self.recording)
         if best is None:
-            best = self._passes.fitted(effects, first, part)
-            self._known.add(asked, Question.of(in_mean, best.beta, part), best)
-        values, stds = dict(zip(in_mean, best.beta, strict=True)), dict(zip(in_mean, best.std, strict=True))
+            best = self._passes.fitted(own, part)
+            self._known.add(asked, Question.of(in_mean, best.own.vector, part), best)
+        values = dict(zip(in_mean, best.own.split(best.own.vector), strict=True))
+        stds = dict(zip(in_mean, best.own.split(best.std), strict=True))
         for term in terms:
             if not term.in_mean:
                 values[term], stds[term] = self._outlier_share(term)
@@ -193,7 +196,7 @@ class FlightSource:
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score of all candidates and of the fit's own terms, by block of time."""
         state = _state(fit)
-        own = state.effects
+        own = state.own.effects
         others = [] if own_terms_only else [entry for entry in self._candidates if entry.name not in fit.keys]
         columns = [*own, *others]
         if not columns:
@@ -202,7 +205,7 @@ class FlightSource:
 
     def _evidence_of(self, columns: Sequence[Effect], fit: Fit) -> Evidence:
         """Of effects, the first of which are the fit's own."""
-        own, rows = _state(fit).effects, self._own_rows(fit)
+        own, rows = _state(fit).own.effects, self._own_rows(fit)
         W, white = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])]), rows.white
         share = (rows.t - self._passes.start) / (self._passes.end - self._passes.start)
         block = np.minimum((BLOCKS * share).astype(int), BLOCKS - 1)
@@ -347,7 +350,7 @@ class FlightSource:
 
         if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
             return []
-        along = self._passes.along(state.effects, state.beta, state.motion, self._opened.recording)
+        along = self._passes.along(state.own, state.motion, self._opened.recording)
         journal, _ = self._passes.run([], along)
         found = []
         for stream, (before, count) in self.wrong.items():
@@ -388,7 +391,7 @@ class FlightSource:
         """Every probe and the evidence for it about the fit, the fit's own terms projected out."""
         state = _state(fit)
         streams = list(self._local_streams)
-        own = state.effects
+        own = state.own.effects
         here = {e.name for e in own}
         covariates = {s: covariates_for(self.recording, s, state.motion.t) for s in streams}
         probes = [e for e in probes_for(streams, state.motion, covariates, self.model.sensors) if e.name not in here]
@@ -475,7 +478,7 @@ class FlightSource:
             return None
         state = _state(before)
         entry = declaration(term)
-        journal, sensitivity = self._passes.run([*state.effects, entry], state.along)
+        journal, sensitivity = self._passes.run([*state.own.effects, entry], state.along)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])
         seen = {name: float(np.sum(predicted[sensor == name] ** 2)) for name in self.model.sensors}

@@ -80,11 +80,11 @@ def _goes_with_place(passes: FlightPasses, entry: Effect) -> bool:
 
 def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, beta: FloatArray) -> float:
     """-2 log L of the fit with one more effect, of this size, the others as they are."""
-    effects, betas = [*fit.effects, entry], [*fit.beta, beta]
+    own = Terms.of([*fit.own.pairs, (entry, beta)])
     try:
-        along = passes.along(effects, betas, fit.motion)
+        along = passes.along(own, fit.motion)
         motion = passes.follow(passes.run([], along)[0], along)
-        journal, _ = passes.run([], passes.along(effects, betas, motion))
+        journal, _ = passes.run([], passes.along(own, motion))
     except InputError:  # no state or covariance follows
         return float(np.inf)
     return passes.deviance(journal, part)

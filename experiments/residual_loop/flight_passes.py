@@ -67,8 +67,8 @@ class Fitted:
 
     Attributes
     ----------
-    effects, beta, std : of each effect in the model; beta is held to zero by the prior of `FlightPasses`, std is by the
-        readings alone
+    own : the effects in the model at their estimate, which the prior of `FlightPasses` holds to zero
+    std : (p,) of each of their parameters, by the readings alone
     deviance : -2 log likelihood of the part that was fitted, without the prior
     journal : of the pass
     along : the effects, and the motion along which they were evaluated
@@ -76,9 +76,8 @@ class Fitted:
     recording : of the readings that were there
     """
 
-    effects: tuple[Effect, ...]
-    beta: tuple[FloatArray, ...]
-    std: tuple[FloatArray, ...]
+    own: Terms
+    std: FloatArray
     deviance: float
     journal: Journal
     along: Along
@@ -97,13 +96,14 @@ class _Tried:
 
     Attributes
     ----------
+    own : the effects
     cost : deviance and, by the prior, the length of beta
     information, score : (p, p), (p,) of the part that is fitted, without the prior
     """
 
+    own: Terms
     cost: float
     deviance: float
-    beta: list[FloatArray]
     journal: Journal
     along: Along
     sensitivity: Sensitivity
@@ -141,13 +141,7 @@ class FlightPasses:
             self.flight = flight.believing(relinearise=True)
         self.plain_motion = self._settled(plain_motion)
 
-    def along(
-        self,
-        effects: Sequence[Effect],
-        beta: Sequence[FloatArray],
-        motion: Motion,
-        recording: Recording | None = None,
-    ) -> Along:
+    def along(self, own: Terms, motion: Motion, recording: Recording | None = None) -> Along:
         """Effects in the model, evaluated along a motion: what a pass is about.
 
         Parameters
@@ -155,13 +149,13 @@ class FlightPasses:
         recording : another with the same IMU; default: that without wrong readings
         """
         recording = self.flight.recording if recording is None else recording
-        terms = Terms.of(zip(effects, beta, strict=True)).joined(declared_terms(recording))
+        terms = own.joined(declared_terms(recording))
         return Along(self.flight.reading(self._started(recording, motion)), terms, motion, self.table)
 
     @property
     def plain(self) -> Along:
         """No effect, along the motion of the plain model."""
-        return self.along([], [], self.plain_motion)
+        return self.along(Terms(), self.plain_motion)
 
     @staticmethod
     def run(wanted: Sequence[Effect], along: Along, stride: int = 0) -> tuple[Journal, Sensitivity]:
@@ -178,7 +172,7 @@ class FlightPasses:
         """The motion that a pass has found, the effects taken off, those declared too."""
         return reference_motion(self.flight.recording, journal, along.terms, self.table)
 
-    def fitted(self, effects: Sequence[Effect], beta: Sequence[FloatArray], part: Part, again: bool = True) -> Fitted:
+    def fitted(self, own: Terms, part: Part, again: bool = True) -> Fitted:
         """Gauss-Newton over beta, from its first values on, with passes in the effects' exact form.
 
         Parameters
@@ -189,50 +183,45 @@ class FlightPasses:
         ------
         InputError : from the first values no state, covariance or finite information follows
         """
-        best = self._likeliest(effects, list(beta), part)
+        best = self._likeliest(own, part)
         covariance = np.linalg.pinv(best.information, rcond=1e-12, hermitian=True)
-        std = _split(np.sqrt(np.maximum(np.diag(covariance), 0.0)), best.beta)
-        found = Fitted(
-            tuple(effects), tuple(best.beta), tuple(std), best.deviance, best.journal, best.along, best.sensitivity,
-            self.flight.recording,
-        )  # fmt: skip
-        for k, seen, predicted in self._hardly_seen(effects, best.beta, best.information):
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        found = Fitted(best.own, std, best.deviance, best.journal, best.along, best.sensitivity, self.flight.recording)
+        for k, seen, predicted in self._hardly_seen(best.own, best.information):
             least = self._least(found, k, part, seen, predicted)
             if again and least.deviance < found.deviance - _SETTLED_DEVIANCE:  # the steps have leapt over a minimum
-                nearer = self.fitted(effects, least.beta, part, again=False)
+                nearer = self.fitted(least.own, part, again=False)
                 return nearer if nearer.deviance < found.deviance else least
             found = least
         return found
 
-    def _likeliest(self, effects: Sequence[Effect], beta: list[FloatArray], part: Part) -> _Tried:
+    def _likeliest(self, own: Terms, part: Part) -> _Tried:
         """Gauss-Newton's steps, each halved where it leads up, until one is small."""
-        prior = self._prior(effects)
+        prior = self._prior(own.effects)
         best: _Tried | None = None
         halvings, predicted = 0, np.inf
         for _ in range(_MOST_STEPS):
-            tried = self._tried(effects, beta, part, prior, best)
+            tried = self._tried(own, part, prior, best)
             if best is not None and (tried is None or best.cost < tried.cost):  # too far: half the way back
                 halvings += 1
                 if halvings > _MOST_HALVINGS or predicted < _SETTLED_DEVIANCE:
                     break
-                beta = [0.5 * (b + good) for b, good in zip(beta, best.beta, strict=True)]
+                own = own.at(0.5 * (own.vector + best.own.vector))
                 continue
             assert tried is not None
             best = tried
-            if not effects:
+            if not own:
                 break
-            pull = best.score - prior * np.concatenate(beta)
+            pull = best.score - prior * own.vector
             step = self._step(best.information, pull, prior)
             predicted = float(2.0 * step @ pull - step @ (best.information @ step + prior * step))
             if np.all(np.abs(step) < _SETTLED * _posterior_sigma(best.information, prior)):
                 break
-            beta = [b + s for b, s in zip(beta, _split(step, beta), strict=True)]
+            own = own.at(own.vector + step)
         assert best is not None
         return best
 
-    def _tried(
-        self, effects: Sequence[Effect], beta: list[FloatArray], part: Part, prior: FloatArray, before: _Tried | None
-    ) -> _Tried | None:
+    def _tried(self, own: Terms, part: Part, prior: FloatArray, before: _Tried | None) -> _Tried | None:
         """A pass with the effects at beta, along the motion with these; None: beta is so far off that none follows.
 
         Raises
@@ -241,31 +230,29 @@ class FlightPasses:
         """
         motion = self.plain_motion if before is None else before.along.motion
         try:
-            if before is not None or any(np.any(b) for b in beta):  # the exact forms hold along the motion with these
-                along = self.along(effects, beta, motion)
+            if before is not None or np.any(own.vector):  # the exact forms hold along the motion with these
+                along = self.along(own, motion)
                 motion = self.follow(self.run([], along)[0] if before is None else before.journal, along)
-            along = self.along(effects, beta, motion)
-            journal, sensitivity = self.run(effects, along)
+            along = self.along(own, motion)
+            journal, sensitivity = self.run(own.effects, along)
             deviance = self.deviance(journal, part)
             W, white = self.rows(sensitivity, journal, part)
             information, score = W.T @ W, W.T @ white
-            self._require_numbers(deviance, information, score, *beta)
+            self._require_numbers(deviance, information, score, own.vector)
         except InputError:
             if before is None:
                 raise
             return None
-        cost = deviance + _length(beta, prior)
-        return _Tried(cost, deviance, beta, journal, along, sensitivity, information, score)
+        cost = deviance + float(own.vector @ (prior * own.vector))
+        return _Tried(own, cost, deviance, journal, along, sensitivity, information, score)
 
-    def _hardly_seen(
-        self, effects: Sequence[Effect], beta: Sequence[FloatArray], information: FloatArray
-    ) -> list[tuple[int, bool, float]]:
+    def _hardly_seen(self, terms: Terms, information: FloatArray) -> list[tuple[int, bool, float]]:
         """Places of the effects that are in the model at a size at which the derivative hardly sees them, whether it
         does at all, and what it predicts of -2 log L for their loss.
         """
         found = []
-        ends = np.cumsum([0, *(len(b) for b in beta)])
-        for k, (entry, b, (first, last)) in enumerate(zip(effects, beta, pairwise(ends), strict=True)):
+        ends = np.cumsum([0, *(entry.size for entry in terms.effects)])
+        for k, ((entry, b), (first, last)) in enumerate(zip(terms.pairs, pairwise(ends), strict=True)):
             own = information[first:last, first:last]
             seen = np.diag(own) * entry.plausible_in(self.plain_motion) ** 2 > WIDEST_DIRECTION**-2
             predicted = float(b @ own @ b)
@@ -278,17 +265,18 @@ class FlightPasses:
         the data say nothing; one that fits better, where there is one on the way; itself where its loss costs what the
         derivative has predicted, or where more of it changes the readings.
         """
-        std = tuple(np.full(len(s), np.inf) if i == k else s for i, s in enumerate(fit.std))
+        mine = np.concatenate([np.full(entry.size, i == k) for i, entry in enumerate(fit.own.effects)])
+        std = np.where(mine, np.inf, fit.std)
 
         def at(share: float) -> Fitted:
-            beta = tuple(share * b if i == k else b for i, b in enumerate(fit.beta))
-            along = self.along(fit.effects, beta, fit.motion)
+            own = fit.own.at(np.where(mine, share * fit.own.vector, fit.own.vector))
+            along = self.along(own, fit.motion)
             try:
-                journal, sensitivity = self.run(fit.effects, along)
+                journal, sensitivity = self.run(own.effects, along)
             except InputError:  # no state or covariance follows
                 return replace(fit, std=std, deviance=np.inf)
             return replace(
-                fit, beta=beta, std=std, deviance=self.deviance(journal, part), journal=journal, along=along,
+                fit, own=own, std=std, deviance=self.deviance(journal, part), journal=journal, along=along,
                 sensitivity=sensitivity,
             )  # fmt: skip
 
@@ -336,7 +324,7 @@ class FlightPasses:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""
         best = np.inf
         for _ in range(_MOST_STEPS):
-            along = self.along([], [], motion)
+            along = self.along(Terms(), motion)
             journal, _ = self.run([], along)
             deviance = self.deviance(journal, "all")
             if not deviance < best - _SETTLED_DEVIANCE:
@@ -400,13 +388,3 @@ def _posterior_sigma(information: FloatArray, prior: FloatArray) -> FloatArray:
     unit = prior**-0.5
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
     return np.asarray(unit * np.sqrt(np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1)))
-
-
-def _length(beta: Sequence[FloatArray], prior: FloatArray) -> float:
-    """Square of the length of the parameters, in sigmas of their prior."""
-    x = np.concatenate([*beta, np.zeros(0)])
-    return float(x @ (prior * x))
-
-
-def _split(values: FloatArray, like: Sequence[FloatArray]) -> list[FloatArray]:
-    return np.split(values, np.cumsum([len(b) for b in like])[:-1]) if like else []

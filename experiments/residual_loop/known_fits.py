@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from sinan.experiments.residual_loop.flight_passes import Fitted
 from sinan.experiments.residual_loop.source import Part
 from sinan.experiments.residual_loop.term import Term
@@ -27,10 +25,9 @@ class Question:
     part: Part
 
     @staticmethod
-    def of(terms: Sequence[Term], first: Sequence[FloatArray], part: Part) -> Question:
-        """What is asked by terms with their first values."""
-        values = np.concatenate([np.zeros(0), *first])
-        return Question(tuple((term, term.probe) for term in terms), values.tobytes(), part)
+    def of(terms: Sequence[Term], first: FloatArray, part: Part) -> Question:
+        """What is asked by terms with the first values of their parameters (p,)."""
+        return Question(tuple((term, term.probe) for term in terms), first.tobytes(), part)
 
 
 class KnownFits:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
@@ -144,8 +145,8 @@ class Prediction:
             asked = []
             for first, last in zip(self._edges[:-1], self._edges[1:], strict=True):
                 mine = [window for window in self._windows if first <= window[0] + 0.5 * WINDOW < last]
-                beta = self._given(fit, first, last, mine)
-                asked.append((self._passes.along(state.effects, beta, state.motion), mine))
+                own = self._given(fit, first, last, mine)
+                asked.append((self._passes.along(own, state.motion), mine))
         found = []
         for name, unit in self._streams:
             parts = [
@@ -155,19 +156,18 @@ class Prediction:
         self._known[id(state)] = state, found
         return found
 
-    def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> list[FloatArray]:
-        """The sizes without what is predicted, to first order about the fit, each held to zero by its plausible size.
+    def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:
+        """The fit's effects without what is predicted, to first order, each held to zero by its plausible size.
 
         Of what lasts without all readings from `first` to `last`, of an interval without those in the windows there.
         """
         state = fit.detail
         assert isinstance(state, Fitted)
         W, white = self._passes.rows(state.sensitivity, state.journal, "all")
-        t, beta = state.journal.t[state.sensitivity.event], np.concatenate(state.beta)
-        ends = np.cumsum([0, *(len(b) for b in state.beta)])
-        parts = zip(state.beta, fit.in_mean, strict=True)
-        lasts = np.concatenate([np.full(len(b), term.interval is None) for b, term in parts])
-        prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.effects]) ** -2.0
+        t, beta = state.journal.t[state.sensitivity.event], state.own.vector
+        parts = zip(state.own.effects, fit.in_mean, strict=True)
+        lasts = np.concatenate([np.full(entry.size, term.interval is None) for entry, term in parts])
+        prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.own.effects]) ** -2.0
 
         def step(rows: BoolArray, columns: BoolArray, white: FloatArray) -> FloatArray:
             V, p = W[np.ix_(rows, columns)], prior[columns]
@@ -183,7 +183,7 @@ class Prediction:
             for begin, end in windows:
                 given &= (t < begin) | (t >= end)
             beta[~lasts] += step(given, ~lasts, white)
-        return np.split(beta, ends[1:-1])
+        return state.own.at(beta)
 
     def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[StreamResidual]:
         seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
