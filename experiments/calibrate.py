@@ -10,7 +10,7 @@ from sinan.calibration.poses.gyro import GyroCalibration, calibrate_gyro, read_t
 from sinan.calibration.poses.triad import Axes, Calibration, calibrate_norm
 from sinan.experiments.residual_loop.open_source import TriadReadings, declared_for, gravity_of
 from sinan.experiments.residual_loop.poses import motion_seen
-from sinan.experiments.residual_loop.term import Model, declared_terms, effects_added, require_known
+from sinan.experiments.residual_loop.term import Model, declared_model, effects_added, require_known
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.errors import InputError
@@ -74,7 +74,7 @@ def calibrate_turns(recording: Recording, axes: str, gravity: float | None) -> G
     """Calibrate a gyroscope by turns between static poses."""
     imu = recording.streams["imu"]
     g = gravity_of(recording, gravity)
-    declared = declared_terms(declared_for(recording, "gyro"))
+    declared = declared_model(declared_for(recording, "gyro"))
     covariates = covariates_for(recording, "gyro", imu.t)
     reading = imu.array(GYRO)
     for _ in range(_MOST_PASSES):
@@ -106,7 +106,7 @@ def without_declared(recording: Recording, readings: TriadReadings) -> TriadRead
     ------
     InputError : an effect needs what the recording does not have, or is too large to be taken off
     """
-    declared = declared_terms(declared_for(recording, readings.sensor, readings.normalised_by))
+    declared = declared_model(declared_for(recording, readings.sensor, readings.normalised_by))
     if not declared:
         return readings
     plain = readings

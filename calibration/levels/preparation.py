@@ -133,6 +133,16 @@ def is_declared(recording: Recording) -> bool:
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 
+def near_level(recording: Recording) -> Prepared:
+    """A recording as `prepared` has it, but that the accelerometer shows the vertical on average (`level`) where no
+    position is measured: what looks at the accelerometer's biases, of which bounds of the motion say next to nothing.
+    """
+    ready = prepared(recording)
+    if "gps" in recording.streams:
+        return ready
+    return replace(ready, flight=replace(ready.levels, bounds=None).flight(ready.recording))
+
+
 def near_level_or_a_place(recording: Recording) -> Prepared:
     """A recording that declares everything but measures no position: its accelerometer shows the vertical on average
     (`level`), or the body stays near a place; the likelier by what its instruments read.

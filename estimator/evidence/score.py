@@ -242,6 +242,20 @@ def gain_of_ratio(statistic: float, noise_dof: float) -> float:
     return float(noise_dof * (1.0 - np.exp(-statistic / noise_dof)))
 
 
+def sums_by_block(S: FloatArray, r: FloatArray, block: IntArray, noise: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """(blocks, p, p) information S' S / noise and (blocks, p) score S' r / noise of whitened rows.
+
+    Parameters
+    ----------
+    S, r : (rows, p), (rows,) sensitivities and innovations or residuals
+    block : (rows,) number of each row's block
+    noise : variance of the whitened rows
+    """
+    parts = [(S[block == k], r[block == k]) for k in range(int(block.max()) + 1)]
+    information = np.stack([part.T @ part / noise for part, _ in parts])
+    return information, np.stack([part.T @ left / noise for part, left in parts])
+
+
 def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> Statistic:
     """The statistic of one candidate, with the effects in `given` fitted as well (Schur complement).
 

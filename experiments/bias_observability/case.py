@@ -114,16 +114,14 @@ def case_of_recording(recording: Recording) -> Case:
     ------
     InputError : not a flight, or what the noise cannot be estimated from
     """
-    from sinan.calibration.levels.preparation import prepared
+    from sinan.calibration.levels.preparation import near_level
     from sinan.estimator.filter.smoother import estimated_motion
 
     if recording.kind != "flight" or "imu" not in recording.streams:
         found = f'kind = "{recording.kind}"' if recording.kind != "flight" else "no stream imu"
         raise InputError(recording.where, found, "a flight with an imu stream, whose filter has biases to see")
     recording, notes = _shortened(recording)
-    ready = prepared(recording)
-    if "gps" not in recording.streams:  # the accelerometer as a level, of which the biases are asked
-        ready = replace(ready, flight=replace(ready.levels, bounds=None).flight(ready.recording))
+    ready = near_level(recording)
     recording, journal = ready.recording, ready.run()
     motion = estimated_motion(journal)
     used = {

@@ -213,10 +213,7 @@ class _Truth:
             from sinan.experiments.residual_loop.open_source import triad_readings
 
             divisor = triad_readings(recording, "mag").normalised_by
-            self.terms = {
-                t: b / divisor if t.in_mean and self.source.effect(t).in_field_units else b
-                for t, b in self.terms.items()
-            }
+            self.terms = {t: b / divisor if t.in_mean and t.effect.in_field_units else b for t, b in self.terms.items()}
         self.in_mean, self.fit = self._modelled({t: b for t, b in self.terms.items() if t.in_mean and self._can(t)})
 
     def _can(self, term: Term) -> bool:
@@ -262,7 +259,7 @@ class _Truth:
         """The chi-square of the readings that are wrong beyond doubt; none where readings are no residuals: turns and
         rests are sums over hundreds.
         """
-        stream = self.source.effect(term).stream
+        stream = term.effect.stream
         if self.sums or all(r.stream != stream for r in self.source.residuals(self.fit)):
             return 0.0
         return float(np.sum(self.wrong[term][self.wrong[term] > BEYOND_DOUBT] ** 2))

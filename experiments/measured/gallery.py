@@ -155,7 +155,7 @@ _OCCURS = 3.0
 
 def _implausible(source: Source, candidate: Mapping[str, Any]) -> bool:
     """Whether no parameter of a candidate would have been seen at a size that occurs."""
-    entry = source.effect(Term(candidate["name"]))
+    entry = Term(candidate["name"]).effect
     if entry.in_field_units:
         return False
     sizes = zip(candidate["detectable_from"], entry.plausible, strict=False)

@@ -8,7 +8,6 @@ from sinan.estimator.filter.flight import Flight
 from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.source import Fit
-from sinan.experiments.residual_loop.term import declaration
 from sinan.experiments.withheld import predicted, windows
 
 
@@ -19,7 +18,7 @@ def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> M
     ----------
     held_out : only fixes of the held-out part count
     """
-    recording, betas = source.recording, {declaration(term): fit.beta[term] for term in fit.in_mean}
+    recording, betas = source.recording, {term.effect: fit.beta[term] for term in fit.in_mean}
     held = windows(recording.streams["gps"].t, WITHHELD, EVERY, FIRST)
     found = predicted(Flight(recording, source.model), "gps", held, betas)
     return {one.age: one.rms for one in by_age(found.rows(found.t > source.held_out_from) if held_out else found)}

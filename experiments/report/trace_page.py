@@ -223,7 +223,7 @@ def _by_stream(source: Source, fit: Fit) -> dict[str, StreamResidual]:
 
 def _stream_of(part: Part, finding: Finding) -> str:
     """The stream in whose residuals an effect shows: its own, or for an IMU the one that sees most of it."""
-    own, plain = part.source.effect(finding.term).stream, part.trace.selection.plain
+    own, plain = finding.term.effect.stream, part.trace.selection.plain
     if own in _by_stream(part.source, plain):
         return own
     signature = part.source.signature(plain, finding.term, finding.beta)
@@ -237,7 +237,7 @@ def _effect_figure(part: Part, finding: Finding) -> tuple[Figure, str] | None:
     if step is None or signature is None:
         return None
     name = finding.term.name
-    own = source.effect(finding.term).stream
+    own = finding.term.effect.stream
     where = (
         ""
         if signature.stream == own

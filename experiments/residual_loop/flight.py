@@ -12,7 +12,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import readings
@@ -42,7 +42,7 @@ from sinan.experiments.residual_loop.source import (
     field_unit,
     held_out,
 )
-from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,
@@ -162,10 +162,6 @@ class FlightSource:
         """What no reading sees stays zero."""
         return self._passes.prior_sigma
 
-    def effect(self, term: Term) -> Effect:
-        """The declaration behind a term, over its interval where it has one."""
-        return declaration(term)
-
     # ---- fitting
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
@@ -176,7 +172,7 @@ class FlightSource:
         further where it had not settled.
         """
         in_mean = [term for term in terms if term.in_mean]
-        effects = [declaration(term) for term in in_mean]
+        effects = [term.effect for term in in_mean]
         first = [(start or {}).get(term, np.zeros(entry.size)) for term, entry in zip(in_mean, effects, strict=True)]
         own = Terms.of(zip(effects, first, strict=True))
         asked = Question.of(in_mean, own.vector, part)
@@ -209,12 +205,7 @@ class FlightSource:
         W, white = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])]), rows.white
         share = (rows.t - self._passes.start) / (self._passes.end - self._passes.start)
         block = np.minimum((BLOCKS * share).astype(int), BLOCKS - 1)
-        count = int(block.max()) + 1
-        information, score = np.zeros((count, W.shape[1], W.shape[1])), np.zeros((count, W.shape[1]))
-        for k in range(count):
-            inside = block == k
-            information[k] = W[inside].T @ W[inside]
-            score[k] = W[inside].T @ white[inside]
+        information, score = sums_by_block(W, white, block)
         plausible = [entry.plausible_in(self._passes.plain_motion) for entry in columns]
         return Evidence(
             (*fit.keys, *(entry.name for entry in columns[len(own) :])),
@@ -477,7 +468,7 @@ class FlightSource:
         if not term.in_mean:
             return None
         state = _state(before)
-        entry = declaration(term)
+        entry = term.effect
         journal, sensitivity = self._passes.run([*state.own.effects, entry], state.along)
         predicted = sensitivity.rows[:, -entry.size :] @ beta
         sensor = np.asarray([journal.sensors[s] for s in journal.sensor[sensitivity.event]])

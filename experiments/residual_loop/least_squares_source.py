@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of
+from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
 from sinan.experiments.residual_loop import onsets
 from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.gauss_newton import minimise
@@ -30,7 +30,7 @@ from sinan.experiments.residual_loop.source import (
     StreamResidual,
     held_out,
 )
-from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from sinan.experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -122,15 +122,11 @@ class LeastSquaresSource:
         """Least squares hold nothing."""
         return np.inf
 
-    def effect(self, term: Term) -> Effect:
-        """The declaration behind a term, over its interval where it has one."""
-        return declaration(term)
-
     # ---- fitting
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Gauss-Newton over nuisance parameters and beta, with halved steps where the cost would rise."""
-        beta = {term: np.zeros(self.effect(term).size) for term in terms}
+        beta = {term: np.zeros(term.effect.size) for term in terms}
         beta.update({term: np.asarray(value) for term, value in (start or {}).items() if term in beta})
         used = self._measured & ~self._held_out if part == "fitting" else self._measured.copy()
         used |= ~self._measured
@@ -201,15 +197,8 @@ class LeastSquaresSource:
         N, r = rows.nuisance[active], rows.residual[active]
         Q = np.linalg.qr(N / np.maximum(np.linalg.norm(N, axis=0), 1e-300))[0]
         S = S - Q @ (Q.T @ S)
-        block = self._blocks(active)
-        count = int(block.max()) + 1
-        information = np.zeros((count, S.shape[1], S.shape[1]))
-        score = np.zeros((count, S.shape[1]))
-        for k in range(count):
-            inside = block == k
-            information[k] = S[inside].T @ S[inside] / noise
-            score[k] = S[inside].T @ r[inside] / noise
-        by_name = {entry.name: entry for entry in wanted} | {term.key: self.effect(term) for term in moving}
+        information, score = sums_by_block(S, r, self._blocks(active), noise)
+        by_name = {entry.name: entry for entry in wanted} | {term.key: term.effect for term in moving}
         sizes = tuple(rows.effects[name].shape[1] for name in names)
         plausible = [self._problem.plausible(by_name[name]) for name in names]
         readings = np.inf if self._problem.noise_known else float(np.sum(active & self._measured))
@@ -345,7 +334,7 @@ class LeastSquaresSource:
             return s
         state = _state(fit)
         active = state.used & ~state.wrong
-        rows = self._problem.rows(state.nuisance, fit.beta, [self.effect(term)], known=True)
+        rows = self._problem.rows(state.nuisance, fit.beta, [term.effect], known=True)
         given, added = self._fitted(rows, fit.beta)[active], rows.effects[term.key][active]
         log_p = log_p_left_out(rows.residual[active], given, added, self._block[active], self._problem.noise_known)
         return replace(s, log_p_corrected=max(s.log_p_corrected, log_p))

@@ -21,11 +21,12 @@ from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
 from sinan.experiments.residual_loop.source import NO_UNIT, FieldUnit
 from sinan.experiments.residual_loop.term import (
     Term,
-    declared_terms,
+    declared_model,
     derivatives_wanted,
     effects_in_mean,
     pose_candidates,
     require_known,
+    without_probes,
 )
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
@@ -77,7 +78,7 @@ class NormPoses:
         self.reading, self.norm = reading, norm
         self._t, self._sigma = t, sigma
         self._covariates = dict(covariates or {})
-        self._declared = declared_terms(declared or {})
+        self._declared = declared_model(declared or {})
         plain = calibrate_norm(sensor, reading, norm, where=self.where)
         if sigma is None:
             walk = None
@@ -136,11 +137,8 @@ class NormPoses:
     def true_reading(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Invert the model for u by Newton's method: u (n, 3) and B = d reading / d u (n, 3, 3)."""
         scale, bias = 1.0 + x[:3], x[3:6] + self._walk.value(self._t, x[6:])
-        y = self.reading - bias
-        for term, beta in model.items():
-            if term.probe is not None:  # offsets that do not depend on u
-                y = y - term.probe.regressor(self._motion(y)) @ beta
-        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
+        y, others = without_probes(self.reading - bias, model, self._motion)
+        pairs = effects_in_mean(self._declared, others)
         if not pairs:
             return y / scale, np.broadcast_to(np.diag(scale), (len(y), 3, 3)).copy()
         return inverted(y, scale, self.norm, lambda u: self._added(u, pairs))

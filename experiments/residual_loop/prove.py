@@ -157,7 +157,7 @@ def stream_in_question(source: Source, selection: Selection, names: Collection[s
         expected = "a stream that the model predicts from beginning to end"
         raise InputError(source.name, "no stream with readings left to fit and to prove by", expected)
     if selection.findings:
-        entered = source.effect(selection.findings[0].term).stream
+        entered = selection.findings[0].term.effect.stream
         if entered in names:
             return entered
     return max(residuals, key=lambda r: r.nis_per_dof).stream
@@ -235,7 +235,7 @@ def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResi
 
 def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) -> set[str]:
     """The stream of an effect, or all where it has no residuals."""
-    stream, names = source.effect(term).stream, {r.stream for r in residuals}
+    stream, names = term.effect.stream, {r.stream for r in residuals}
     return {stream} if stream in names else names
 
 
@@ -357,7 +357,7 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
     """
     gain, change = _held_out_gain(source, fitted, without, unknown)
     if source.noise_known:
-        noise = noise_left(source, fitted, source.effect(term).stream, slow=False)
+        noise = noise_left(source, fitted, term.effect.stream, slow=False)
     else:
         noise = _noise_of_part(source, fitted)
     gain, change = gain / noise, change / noise
@@ -372,7 +372,7 @@ def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown
 
 def _is_slow(source: Source, fitted: Fit, term: Term) -> bool:
     """Whether the residual of an effect's stream is slow; of one without residuals, that of any."""
-    residuals, stream = source.residuals(fitted), source.effect(term).stream
+    residuals, stream = source.residuals(fitted), term.effect.stream
     mine = [r for r in residuals if r.stream == stream] or [r for r in residuals if r.stream not in ASSUMED]
     return bool(slow_streams(mine))
 

@@ -92,7 +92,7 @@ def remaining(
         if option.term.interval is not None:
             p = float(np.exp(option.log_p))
             size = float(np.sqrt(option.statistic / max(option.dof, 1)))
-            stream = source.effect(option.term).stream
+            stream = option.term.effect.stream
             what = f"an offset of {size:.3g} sigma of {stream} {residuals[0].when(*option.term.interval)}"
             found.append(Remaining(stream, "local", size, "time", p, True, what))
     for term, s in suspects:
@@ -115,7 +115,7 @@ def stands_out(
     """
     if finding.term.interval is not None:
         return False
-    stream = source.effect(finding.term).stream
+    stream = finding.term.effect.stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
     if not _says_something(source, fit, finding.term):

@@ -144,7 +144,7 @@ def _change(error: Change) -> dict[str, object]:
 
 
 def _effect(part: Part, finding: Finding) -> dict[str, object]:
-    entry = part.source.effect(finding.term)
+    entry = finding.term.effect
     size, units = part.source.field.of(entry)
     interval = finding.term.interval
     return {
@@ -175,7 +175,7 @@ def _errors(errors: Errors) -> dict[str, object]:
 
 
 def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
-    entry = source.effect(Term(s.name))
+    entry = Term(s.name).effect
     size, units = source.field.of(entry)
     return {
         "name": s.name,

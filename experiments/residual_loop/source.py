@@ -14,7 +14,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import Evidence, Statistic
 from sinan.experiments.residual_loop.budget import Budget
-from sinan.experiments.residual_loop.term import Term
+from sinan.experiments.residual_loop.term import Model, Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE
@@ -73,7 +73,7 @@ class Fit:
     """
 
     terms: tuple[Term, ...]
-    beta: Mapping[Term, FloatArray]
+    beta: Model
     std: Mapping[Term, FloatArray]
     deviance: float
     part: Part
@@ -229,9 +229,6 @@ class Source(Protocol):
     @property
     def prior_sigma(self) -> float:
         """1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not."""
-
-    def effect(self, term: Term) -> Effect:
-        """The declaration behind a term."""
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Fit the model with these effects, from `start`, in their exact form."""

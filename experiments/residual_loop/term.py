@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +32,12 @@ class Term:
         return f"{self.name}@{self.satellite}" if self.satellite else self.name
 
     @property
+    def effect(self) -> Effect:
+        """Its declaration, over its interval where it has one."""
+        entry = self.probe or effect(self.name)
+        return entry.over(*self.interval) if self.interval is not None and entry.localised is not None else entry
+
+    @property
     def in_mean(self) -> bool:
         """Whether the effect changes the mean reading; outliers do not: they are left out of the fit instead."""
         return not self.name.endswith(".outliers")
@@ -43,23 +49,33 @@ class Term:
         return np.asarray((t >= self.interval[0]) & (t < self.interval[1]))
 
 
+#: Parameters of effects by the terms that the loop calls them by; `Terms` of the filter has them by declaration.
 Model = Mapping[Term, FloatArray]
 
 
-def declaration(term: Term) -> Effect:
-    """The declaration behind a term, over its interval where it has one."""
-    entry = term.probe or effect(term.name)
-    return entry.over(*term.interval) if term.interval is not None and entry.localised is not None else entry
-
-
-def declared_terms(effects: Mapping[str, Sequence[float]]) -> dict[Term, FloatArray]:
+def declared_model(effects: Mapping[str, Sequence[float]]) -> dict[Term, FloatArray]:
     """The effects that a recording declares, as a model."""
     return {Term(name): np.asarray(beta, dtype=np.float64) for name, beta in effects.items()}
 
 
 def effects_in_mean(*models: Model) -> list[tuple[Effect, FloatArray]]:
     """Declaration and beta of everything in the models that changes the mean reading."""
-    return [(declaration(term), beta) for model in models for term, beta in model.items() if term.in_mean]
+    return [(term.effect, beta) for model in models for term, beta in model.items() if term.in_mean]
+
+
+def without_probes(
+    reading: FloatArray, model: Model, motion_of: Callable[[FloatArray], Motion]
+) -> tuple[FloatArray, Model]:
+    """Readings (n, 3) less what the probes of a model add to them, and the model without these.
+
+    Parameters
+    ----------
+    motion_of : the motion that goes with readings; a probe is an offset that does not depend on the true one
+    """
+    for term, beta in model.items():
+        if term.probe is not None:
+            reading = reading - term.probe.regressor(motion_of(reading)) @ beta
+    return reading, {term: beta for term, beta in model.items() if term.probe is None}
 
 
 def effects_added(model: Model, plain: FloatArray, motion: Motion) -> FloatArray:
@@ -72,7 +88,7 @@ def effects_added(model: Model, plain: FloatArray, motion: Motion) -> FloatArray
 
 def derivatives_wanted(model: Model, wanted: Iterable[Effect]) -> list[tuple[str, Effect, FloatArray]]:
     """Key, declaration and point of linearisation: the model's terms at their beta, then those wanted at zero."""
-    entries = [(term.key, declaration(term), beta) for term, beta in model.items() if term.in_mean]
+    entries = [(term.key, term.effect, beta) for term, beta in model.items() if term.in_mean]
     named = {key for key, _, _ in entries}
     return entries + [(entry.name, entry, np.zeros(entry.size)) for entry in wanted if entry.name not in named]
 
@@ -85,7 +101,7 @@ def require_known(declared: Model, motion: Motion, where: str) -> None:
     InputError : names the effect and what it needs
     """
     for term in declared:
-        missing = declaration(term).missing(motion)
+        missing = term.effect.missing(motion)
         if missing:
             found = f"{term.name} declared, but no {', '.join(missing)}"
             raise InputError(where, found, "what a declared effect needs")

@@ -280,7 +280,7 @@ def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic,
     gain = without.deviance - fit.deviance
     if source.is_predicting:
         return gain - s.dof >= DETECTABLE_LAMBDA and source.predicts(fit, without)
-    noise = max(s.scatter, noise_left(source, fit, source.effect(term).stream, slow=True))
+    noise = max(s.scatter, noise_left(source, fit, term.effect.stream, slow=True))
     return gain / noise - s.dof >= DETECTABLE_LAMBDA
 
 

@@ -256,7 +256,7 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None
     is_local = term.interval is not None
-    bounded = not is_local or source.effect(term).stream in DRIVERS
+    bounded = not is_local or term.effect.stream in DRIVERS
     others = refit.keys_given(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
@@ -265,7 +265,7 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
         return None
     scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
-        scatter = max(scatter, noise_left(source, refit, source.effect(term).stream, slow=False))
+        scatter = max(scatter, noise_left(source, refit, term.effect.stream, slow=False))
     plain = log_p_of_deviance(evidence, gain, option.dof)
     log_p_raw = min(plain + option.search_raw, 0.0)
     log_p = min(log_p_of_deviance(evidence, gain, option.dof, scatter) + option.search_raw, 0.0)

@@ -22,11 +22,12 @@ from sinan.experiments.residual_loop.pose_probes import probes_of_turns
 from sinan.experiments.residual_loop.source import NO_UNIT
 from sinan.experiments.residual_loop.term import (
     Term,
-    declared_terms,
+    declared_model,
     derivatives_wanted,
     effects_in_mean,
     pose_candidates,
     require_known,
+    without_probes,
 )
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
@@ -76,7 +77,7 @@ class GyroTurns:
         self.faults = tuple(faults)
         self._lost_turns, self._lost_rests = _lost(log, self.faults)
         self.name, self.log, self.noise_known = name, log, noise_known
-        self._declared = declared_terms(declared or {})
+        self._declared = declared_model(declared or {})
         self._bias = np.median(log.poses.mean[:, 3:], axis=0)
         _, self._sigma_rest = noise_of_turns(log, earth_rotation)
         self._covariance = direction_covariance(log, accel_walk if noise_known else None)
@@ -172,11 +173,8 @@ class GyroTurns:
 
     def true_rate(self, x: FloatArray, model: Mapping[Term, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Invert the model for w by Newton's method: w (n, 3) and B = d reading / d w (n, 3, 3)."""
-        y = self._reading - x[:3] - self._walk.value(self._row_t, x[3:])
-        for term, beta in model.items():
-            if term.probe is not None:  # offsets that do not depend on w
-                y = y - term.probe.regressor(self._motion(y)) @ beta
-        pairs = effects_in_mean(self._declared, {term: beta for term, beta in model.items() if term.probe is None})
+        y, others = without_probes(self._reading - x[:3] - self._walk.value(self._row_t, x[3:]), model, self._motion)
+        pairs = effects_in_mean(self._declared, others)
         if not pairs:
             return y, np.broadcast_to(np.eye(3), (len(y), 3, 3))
         return inverted(y, np.ones(3), 1.0, lambda w: self._added(w, pairs))

@@ -59,6 +59,6 @@ def test_noise_believed_too_large_is_said_and_its_parts_share_what_is_there() ->
 
 
 def _budget_of_mag(recording: Recording) -> Budget:
-    source = FlightSource(recording, flight_model(recording))
+    source = FlightSource(Flight.of(recording))
     fit = source.fit(())
     return next(one for one in source.budget(fit, fit) if one.stream == "mag")

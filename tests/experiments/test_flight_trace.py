@@ -226,7 +226,7 @@ def test_what_no_reading_sees_goes_to_zero_from_wherever_it_starts() -> None:
     """A hover turns about no axis."""
     recording, _ = flown("hover", 30)
     source, term = FlightSource(Flight.of(recording)), Term("gyro.cross_axis")
-    plausible = np.array([parameter.plausible for parameter in source.effect(term).parameters])
+    plausible = np.array([parameter.plausible for parameter in term.effect.parameters])
     fit = source.fit((term,), {term: 5.0 * plausible})
     assert np.all(np.abs(fit.beta[term]) < 0.1 * plausible)
     assert np.all(np.isinf(fit.std[term]))

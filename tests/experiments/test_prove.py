@@ -19,7 +19,6 @@ from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResi
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.effects import Effect, effect
 from sinan.sensors.errors import InputError
 from sinan.sensors.simulate import simulate
 
@@ -43,9 +42,6 @@ class Whitened:
 
     def __init__(self, e: FloatArray, d: FloatArray) -> None:
         self._with, self._without = e, e + d
-
-    def effect(self, term: Term) -> Effect:
-        return effect(term.name)
 
     @property
     def is_predicting(self) -> bool:

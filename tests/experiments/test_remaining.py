@@ -15,7 +15,7 @@ from sinan.experiments.residual_loop.remaining import _bursts, patches, remainin
 from sinan.experiments.residual_loop.source import Fit, StreamResidual
 from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.effects import CATALOGUE, Effect, effect
+from sinan.sensors.effects import CATALOGUE, Effect
 from sinan.sensors.effects.streams import STREAMS
 from sinan.sensors.motion import Motion
 from tests.estimator.analytic_flight import analytic_motion
@@ -243,9 +243,6 @@ class OnlyResiduals:
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
         return self._all
-
-    def effect(self, term: Term) -> Effect:
-        return effect(term.name)
 
     def faults(self) -> list[tuple[str, str, float, float]]:
         return []

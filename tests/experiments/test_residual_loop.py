@@ -18,7 +18,7 @@ from sinan.experiments.residual_loop.poses import NormPoses
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.source import log_p_needed
-from sinan.experiments.residual_loop.term import Term, declaration
+from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.wrong_readings import isolated_outliers
@@ -30,7 +30,7 @@ def poses(
     rng: np.random.Generator,
     n: int = 120,
     sigma: float = 0.003,
-    effect: Term | None = None,
+    term: Term | None = None,
     beta: tuple[float, ...] = (),
     declared: bool = True,
     sensor: str = "mag",
@@ -42,9 +42,9 @@ def poses(
     t = np.arange(float(n))
     covariates = {"temperature": 25.0 + 10.0 * np.sin(2 * t / n), "current": np.abs(10.0 * np.sin(7 * t / n))}
     reading = u * (1 + 0.03 * rng.standard_normal(3)) + 0.1 * norm * rng.standard_normal(3)
-    if effect is not None:
+    if term is not None:
         motion = Motion(t=t, f_b=u, m_b=u, covariates=covariates)
-        reading = reading + declaration(effect).apply(u, np.array(beta), motion) - u
+        reading = reading + term.effect.apply(u, np.array(beta), motion) - u
     reading = reading + sigma * rng.standard_normal((n, 3))
     return NormPoses(
         "simulated", sensor, t, reading, norm, "1", np.full(n, sigma) if declared else None, None, covariates
@@ -280,7 +280,7 @@ def test_isolated_outliers_and_heavy_tails() -> None:
 
 def test_two_effects_are_both_found() -> None:
     rng = np.random.default_rng(17)
-    problem = poses(rng, 200, effect=Term("mag.cross_axis"), beta=(0.04, 0.0, -0.02))
+    problem = poses(rng, 200, term=Term("mag.cross_axis"), beta=(0.04, 0.0, -0.02))
     problem.reading += 0.003 * np.outer(np.abs(10.0 * np.sin(7 * problem.t[:200] / 200)), [1.0, 0.0, 0.5])
     selection = select(LeastSquaresSource(problem))
     assert set(selection.names) == {"mag.cross_axis", "mag.current"}
@@ -363,7 +363,7 @@ def test_measured_sets(log: str, sensor: str, gravity: float | None, names: set[
 
 def test_every_step_keeps_the_model_before_it() -> None:
     """What the page shows of an effect is its evidence and signature at the step at which it was chosen."""
-    source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
+    source = LeastSquaresSource(poses(np.random.default_rng(18), term=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     selection = select(source)
     assert [step.term for step in selection.steps] == [finding.term for finding in selection.findings]
     assert selection.steps[0].before is selection.plain
@@ -376,7 +376,7 @@ def test_every_step_keeps_the_model_before_it() -> None:
 
 
 def test_report_fits_the_schema() -> None:
-    source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
+    source = LeastSquaresSource(poses(np.random.default_rng(18), term=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     document = plain_data(report(Traced.alone(source, trace(source))))
     jsonschema.validate(document, SCHEMA)
 

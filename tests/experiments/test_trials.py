@@ -48,10 +48,6 @@ class Line:
         information, score = np.stack([W.T @ W for W, _ in parts]), np.stack([W.T @ left for W, left in parts])
         return Evidence(("baro.scale",), (1,), information, score, np.full(1, PLAUSIBLE))
 
-    def effect(self, term: Term) -> Any:
-        """Its declaration."""
-        return effect(term.name)
-
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """Nothing is out of sight."""
         return {}
