@@ -50,9 +50,7 @@ class Gps:
     @property
     def bias(self) -> BiasProcess | None:
         """Random walk of the position bias; None where both its sizes are zero."""
-        if self.bias_std == 0.0 and self.bias_walk == 0.0:
-            return None
-        return BiasProcess("b_gps", 3, self.bias_std, self.bias_walk)
+        return BiasProcess.unless_zero("b_gps", 3, self.bias_std, self.bias_walk)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, size) position and velocity, NED."""

@@ -57,9 +57,7 @@ class Laser:
     @property
     def bias(self) -> BiasProcess | None:
         """Random walk of the bias; None where both its sizes are zero."""
-        if self.bias_std == 0.0 and self.bias_walk == 0.0:
-            return None
-        return BiasProcess("b_laser", 1, self.bias_std, self.bias_walk)
+        return BiasProcess.unless_zero("b_laser", 1, self.bias_std, self.bias_walk)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, beams) slant ranges [m]; infinite for a beam above the horizon."""

@@ -43,9 +43,7 @@ class Magnetometer:
     @property
     def bias(self) -> BiasProcess | None:
         """Random walk of the bias; None where both its sizes are zero."""
-        if self.bias_std == 0.0 and self.bias_walk == 0.0:
-            return None
-        return BiasProcess("b_mag", 3, self.bias_std, self.bias_walk)
+        return BiasProcess.unless_zero("b_mag", 3, self.bias_std, self.bias_walk)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) field in the body."""

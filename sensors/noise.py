@@ -35,6 +35,11 @@ class BiasProcess:
     walk: float
     tau: float = float("inf")
 
+    @classmethod
+    def unless_zero(cls, block: str, size: int, std: float, walk: float) -> BiasProcess | None:
+        """Of a sensor whose bias is optional; None where both its sizes are zero: no state."""
+        return None if std == 0.0 and walk == 0.0 else cls(block, size, std, walk)
+
     @property
     def rate(self) -> float:
         """1 / tau [1/s]; 0 of a random walk."""

@@ -15,7 +15,7 @@ noise of half a sample at any instant, which does not grow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +23,7 @@ import numpy as np
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, InStep
-from sinan.sensors.arrays import FloatArray, IntArray, runs_of
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.recording import ACCEL, GYRO
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
@@ -83,8 +83,29 @@ class ImuTable:
 
 def imu_table(flight: Flight) -> ImuTable:
     """The table of a flight: frozen stretches taken out, gaps filled by interpolation with honest noise."""
-    model, stream = flight.model, flight.recording.streams["imu"]
+    stream, nominal = flight.recording.streams["imu"], 1.0 / flight.model.rate
     t, u = stream.t, stream.array((*ACCEL, *GYRO))
+    keep, excess, notes = _measured(t, u)
+    row = np.flatnonzero(keep)
+    t, u, excess = t[row], u[row] + excess[row], excess[row]
+    h = np.diff(t)
+    unseen = {int(k): unseen_motion(t, u, float(h[k]), nominal) for k in np.flatnonzero(h > GAP * nominal)}
+    ends = [k for k, (_, turn) in unseen.items() if t[k + 1] in flight.recording.breaks or turn > UNBRIDGED**2]
+    q_accel, q_gyro = _noise(t, u, excess, flight.model, ends)
+    for k, (velocity, turn) in unseen.items():
+        action = "nothing bridges it: a new stretch begins"
+        if k not in ends:
+            action = "interpolated, with the noise of the unseen motion"
+            q_accel[k] = max(q_accel[k], velocity / h[k])
+            q_gyro[k] = max(q_gyro[k], turn / h[k])
+        notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), action))
+    table = ImuTable(t, u, q_accel, q_gyro, row, tuple(notes), (0, *(k + 1 for k in ends)))
+    bridged = t[[k for k in unseen if k not in ends]]
+    return _filled(_without_short_stretches(table), bridged, nominal)
+
+
+def _measured(t: FloatArray, u: FloatArray) -> tuple[BoolArray, FloatArray, list[Note]]:
+    """(n,) which samples are no frozen ones, (n, 6) what saturated ones lack, and notes on both."""
     notes: list[Note] = []
     keep = np.ones(len(t), dtype=np.bool_)
     for start, stop in frozen_runs(u):
@@ -97,47 +118,46 @@ def imu_table(flight: Flight) -> ImuTable:
                 continue  # it stays at its limit: saturated
             keep[_lost_from(u[:, part], start) : stop] = False
             notes.append(Note(name, "frozen", float(t[start]), float(t[stop - 1]), "taken as a gap"))
-    notes += found
     keep[[0, -1]] = True  # readings are asked for between the first and the last stamp
-    row = np.flatnonzero(keep)
-    t, u, excess = t[row], u[row] + excess[row], excess[row]
-    nominal = 1.0 / model.rate
-    h = np.diff(t)
-    gaps = np.flatnonzero(h > GAP * nominal)
-    unseen = {k: unseen_motion(t, u, float(h[k]), nominal) for k in gaps}
-    ends = [int(k) for k in gaps if t[k + 1] in flight.recording.breaks or unseen[k][1] > UNBRIDGED**2]
-    q_accel, q_gyro = _sample_noise(t, nominal, model, ends)
+    return keep, excess, [*notes, *found]
+
+
+def _noise(
+    t: FloatArray, u: FloatArray, excess: FloatArray, model: FlightModel, ends: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """(n - 1,) variance rates of accelerometer and gyroscope: of the samples, of the motion that goes with them, and of
+    what saturated ones lack.
+    """
+    q_accel, q_gyro = _sample_noise(t, 1.0 / model.rate, model, ends)
     if model.in_step != InStep():
         q_accel, q_gyro = q_accel + in_step_accel(t, u, model.in_step), q_gyro + in_step_gyro(t, u, model.in_step)
     if np.any(excess):
-        q_accel, q_gyro = (
-            q + _unseen(np.max(np.abs(excess[:, part]), axis=1), t) for q, part in ((q_accel, _ACCEL), (q_gyro, _GYRO))
-        )
-    for k in gaps:
-        action = "nothing bridges it: a new stretch begins"
-        if k not in ends:
-            action = "interpolated, with the noise of the unseen motion"
-            q_accel[k] = max(q_accel[k], unseen[k][0] / h[k])
-            q_gyro[k] = max(q_gyro[k], unseen[k][1] / h[k])
-        notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), action))
-    begin, before = t[np.array(ends, dtype=np.int64) + 1], t[np.setdiff1d(gaps, ends).astype(np.int64)]
-    if ends:
-        last = np.array([*ends, len(t) - 1])
-        first = np.array([0, *(k + 1 for k in ends)])
-        short = t[last] - t[first] < SHORTEST_STRETCH
-        short[np.argmax(t[last] - t[first])] = False
-        notes += [
-            Note("imu", "stretch", float(t[i0]), float(t[i1]), "too short to find a first state in: left out")
-            for i0, i1 in zip(first[short], last[short], strict=True)
-        ]
-        kept = np.repeat(~short, last - first + 1)
-        t, u, row, q_accel, q_gyro = t[kept], u[kept], row[kept], q_accel[kept[:-1]], q_gyro[kept[:-1]]
-        q_accel, q_gyro = q_accel[: len(t) - 1], q_gyro[: len(t) - 1]
-        begin = begin[np.isin(begin, t[1:])]
-    bridged = np.flatnonzero(np.isin(t, before))
-    if len(bridged):
-        t, u, q_accel, q_gyro, row = _filled(t, u, q_accel, q_gyro, row, bridged, nominal)
-    return ImuTable(t, u, q_accel, q_gyro, row, tuple(notes), (0, *(int(i) for i in np.searchsorted(t, begin))))
+        q_accel = q_accel + _unseen(np.max(np.abs(excess[:, _ACCEL]), axis=1), t)
+        q_gyro = q_gyro + _unseen(np.max(np.abs(excess[:, _GYRO]), axis=1), t)
+    return q_accel, q_gyro
+
+
+def _without_short_stretches(table: ImuTable) -> ImuTable:
+    """The table without stretches in which no first state can be found; the longest stays."""
+    first, last = np.array(table.stretches).T
+    lasting = table.t[last] - table.t[first]
+    short = lasting < SHORTEST_STRETCH
+    short[np.argmax(lasting)] = False
+    if not np.any(short):
+        return table
+    left_out = "too short to find a first state in: left out"
+    notes = [
+        Note("imu", "stretch", float(table.t[i0]), float(table.t[i1]), left_out)
+        for i0, i1 in zip(first[short], last[short], strict=True)
+    ]
+    length = last - first + 1
+    kept = np.repeat(~short, length)
+    starts = np.cumsum([0, *length[~short][:-1]])
+    within, n = kept[:-1], int(np.sum(kept))
+    return ImuTable(
+        table.t[kept], table.u[kept], table.q_accel[within][: n - 1], table.q_gyro[within][: n - 1], table.row[kept],
+        (*table.notes, *notes), tuple(starts.tolist()),
+    )  # fmt: skip
 
 
 def beyond_the_range(t: FloatArray, u: FloatArray) -> tuple[FloatArray, list[Note]]:
@@ -265,15 +285,26 @@ def unseen_motion(t: FloatArray, u: FloatArray, length: float, nominal: float) -
     return float(np.max(variance[:3])), float(np.max(variance[3:]))
 
 
-def _filled(
-    t: FloatArray, u: FloatArray, q_accel: FloatArray, q_gyro: FloatArray, row: IntArray, gaps: IntArray, nominal: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """Put interpolated samples into the gaps, so that no step is longer than two nominal ones."""
+def _filled(table: ImuTable, before: FloatArray, nominal: float) -> ImuTable:
+    """The table with interpolated samples in the gaps after some instants, so that no step is longer than two nominal
+    ones.
+    """
+    t, u = table.t, table.u
+    gaps = np.flatnonzero(np.isin(t, before))
+    if not len(gaps):
+        return table
     counts = np.ones(len(t), dtype=np.int64)
     counts[gaps] = np.ceil((t[gaps + 1] - t[gaps]) / (2.0 * nominal)).astype(np.int64)
     parent = np.repeat(np.arange(len(t)), counts)
-    fraction = (np.arange(len(parent)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.repeat(counts, counts)
+    first = np.cumsum(counts) - counts
+    fraction = (np.arange(len(parent)) - np.repeat(first, counts)) / np.repeat(counts, counts)
     after = np.minimum(parent + 1, len(t) - 1)
-    t_new = t[parent] + fraction * (t[after] - t[parent])
-    u_new = u[parent] + fraction[:, None] * (u[after] - u[parent])
-    return t_new, u_new, q_accel[parent[:-1]], q_gyro[parent[:-1]], np.where(fraction == 0.0, row[parent], -1)
+    return replace(
+        table,
+        t=t[parent] + fraction * (t[after] - t[parent]),
+        u=u[parent] + fraction[:, None] * (u[after] - u[parent]),
+        q_accel=table.q_accel[parent[:-1]],
+        q_gyro=table.q_gyro[parent[:-1]],
+        row=np.where(fraction == 0.0, table.row[parent], -1),
+        starts=tuple(first[list(table.starts)].tolist()),
+    )
