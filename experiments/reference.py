@@ -122,12 +122,12 @@ def mounted(recording: Recording, reference: Stream) -> Mounted:
     a, b = _pairs(reference.t, imu.t[0] + LARGEST_DELAY, imu.t[-1] - LARGEST_DELAY)
     q, q_gyro = reference.array(QUATERNION), turned_since_start(imu.t, imu.array(GYRO))
     turn = _turn(q[a], q[b])
-    told = np.linalg.norm(turn, axis=1) < _NEARLY_HALF
-    if np.sum(told) < _FEWEST_TURNS:
+    short = np.linalg.norm(turn, axis=1) < _NEARLY_HALF
+    if np.sum(short) < _FEWEST_TURNS:
         return Mounted(Stream(reference.t, {n: c for n, c in reference.columns.items() if n not in QUATERNION}),
                        _NO_TURN, 0.0)  # fmt: skip
-    start, stop = reference.t[a[told]], reference.t[b[told]]
-    w_reference = turn[told] / (stop - start)[:, None]
+    start, stop = reference.t[a[short]], reference.t[b[short]]
+    w_reference = turn[short] / (stop - start)[:, None]
     best, found = np.inf, (np.eye(3), 0.0)
     for delay in np.arange(-LARGEST_DELAY, LARGEST_DELAY + 1e-9, DELAY_STEP):
         ends = (quaternion_interpolate(t + delay, imu.t, q_gyro) for t in (start, stop))

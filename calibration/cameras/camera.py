@@ -285,9 +285,10 @@ def fit(
     if not views:
         raise InputError("camera", "no view", "pictures of a target")
     require_flat(views)
-    told, asked = 2 * sum(map(len, views)), len(entry.names) + 6 * len(views)
-    if told <= asked:
-        raise InputError("camera", f"{told} coordinates of corners for {asked} unknowns", "more views, or more corners")
+    given, asked = 2 * sum(map(len, views)), len(entry.names) + 6 * len(views)
+    if given <= asked:
+        found = f"{given} coordinates of corners for {asked} unknowns"
+        raise InputError("camera", found, "more views, or more corners")
     begun = []
     for begin in [start] if start is not None else starts(views, entry, size):
         try:
@@ -365,8 +366,8 @@ def _result(views: tuple[View, ...], entry: Form, camera: Intrinsics, poses: Seq
         Q = np.linalg.qr(B)[0]
         projected.append(A - Q @ (Q.T @ A))
     residual = tuple(_residuals(views, camera, poses))
-    J, told = np.concatenate(projected), 2 * sum(map(len, views))
-    sigma = float(np.sqrt(sum(float(np.sum(r**2)) for r in residual) / (told - len(entry.names) - 6 * len(views))))
+    J, given = np.concatenate(projected), 2 * sum(map(len, views))
+    sigma = float(np.sqrt(sum(float(np.sum(r**2)) for r in residual) / (given - len(entry.names) - 6 * len(views))))
     _, sentences, _, _ = undetermined_directions(J, entry.names, entry.plausible)
     covariance = covariance_of(J, entry.plausible, sigma)
     return CameraFit(entry, camera, tuple(poses), views, covariance, sentences, residual, sigma)
@@ -418,13 +419,13 @@ def fit_without_misfits(
         worst = max(far, key=lambda name: rms[name])
         aside.append(next(view for view in kept if view.name == worst))
         kept = [view for view in kept if view.name != worst]
-    told = []
+    errors = []
     for view in aside:
         try:
-            told.append((view.name, _rms(resection(view, found.intrinsics)[1])))
+            errors.append((view.name, _rms(resection(view, found.intrinsics)[1])))
         except np.linalg.LinAlgError:
-            told.append((view.name, float("inf")))
-    return found, tuple(told)
+            errors.append((view.name, float("inf")))
+    return found, tuple(errors)
 
 
 @dataclass(frozen=True)
@@ -485,11 +486,11 @@ def compare(
     if not tried:
         raise InputError("camera", "no form that settles without a part of the views", "more views")
     best = max(tried, key=lambda one: float(np.sum(one.score)))
-    told = []
+    judged = []
     for one in tried:
         gap = best.score - one.score
         error = float(np.std(gap, ddof=1) * np.sqrt(len(gap))) if len(gap) > 1 else 0.0
-        told.append(replace(one, behind=(float(np.sum(gap)), error)))
-    near = [one for one in told if one.behind[0] <= one.behind[1]]
+        judged.append(replace(one, behind=(float(np.sum(gap)), error)))
+    near = [one for one in judged if one.behind[0] <= one.behind[1]]
     chosen = min(near, key=lambda one: (len(one.form.free), one.behind[0]))
-    return chosen.form, told
+    return chosen.form, judged

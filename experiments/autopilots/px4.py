@@ -71,8 +71,8 @@ def chips_of(found: Findings, terms: Terms, log: Path | None) -> dict[str, int]:
     for kind, (first, further) in _CHIPS.items():
         asked = found.choice.mag if kind == "MAG" else found.choice.imu
         column = first if asked == 0 else further.format(asked)
-        told = topics[column] if topics is not None and column in topics else np.empty(0)
-        own = [k for k in range(_MOST_SENSORS) if len(told) and terms.get(f"CAL_{kind}{k}_ID", -1.0) == told[-1]]
+        ids = topics[column] if topics is not None and column in topics else np.empty(0)
+        own = [k for k in range(_MOST_SENSORS) if len(ids) and terms.get(f"CAL_{kind}{k}_ID", -1.0) == ids[-1]]
         numbers[kind] = own[0] if own else asked
     return numbers
 

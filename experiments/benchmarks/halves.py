@@ -111,7 +111,7 @@ def tell(log: str) -> None:
     sys.stderr.write(f"{log}\n")
 
 
-def told(text: str, table: Path | None) -> str:
+def written(text: str, table: Path | None) -> str:
     """The page on the terminal, and in a file where one is asked for."""
     if table is not None:
         write_text(table, text)

@@ -23,7 +23,7 @@ import numpy as np
 
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.flight_model import aiding
-from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, told
+from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, written
 from sinan.experiments.benchmarks.replication import lasting
 from sinan.experiments.blind.measured.benchmark import FAILURES, words
 from sinan.experiments.measured.flights import FIRST
@@ -237,7 +237,7 @@ def main(arguments: Sequence[str], seed: int = 0) -> str:
             rows += of_log(halves, rng)
         except FAILURES as error:  # a filter that is lost with the effects is part of what is asked
             failed[halves.log] = words(error)
-    return told(page(rows, asked, failed), table)
+    return written(page(rows, asked, failed), table)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
-from sinan.experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, told
+from sinan.experiments.benchmarks.halves import Halves, Reports, logs_of, parsed, tell, written
 from sinan.experiments.blind.grade import SIGMAS, Named, deviation, effects_of
 from sinan.experiments.blind.maker.catalogue import CATALOGUE
 from sinan.experiments.blind.measured.draw import detectable
@@ -138,7 +138,7 @@ def rows_of(asked: Sequence[Halves]) -> Iterator[Replicated]:
 def main(arguments: Sequence[str]) -> str:
     """Trace, compare, print; write the page where asked to."""
     asked, table = parsed(arguments, __doc__)
-    return told(page(list(rows_of(asked)), logs_of(asked)), table)
+    return written(page(list(rows_of(asked)), logs_of(asked)), table)
 
 
 if __name__ == "__main__":

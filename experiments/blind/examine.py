@@ -29,16 +29,16 @@ def index_of(runs: Path) -> dict[str, dict[str, str | None]]:
     return found
 
 
-def examine(folder: Path, told: Mapping[str, str | None], alpha: float = 0.01) -> dict[str, object]:
+def examine(folder: Path, asked: Mapping[str, str | None], alpha: float = 0.01) -> dict[str, object]:
     """The report of the trace of one recording, and the CPU seconds that it took.
 
     Parameters
     ----------
-    told : sensor, where the recording has several
+    asked : sensor, where the recording has several
     alpha : family-wise error
     """
     begin = time.process_time()
-    document = examined(resolve(str(folder), None), told["sensor"], alpha)
+    document = examined(resolve(str(folder), None), asked["sensor"], alpha)
     document["cpu_seconds"] = time.process_time() - begin
     return document
 

@@ -108,7 +108,7 @@ def evidence(found: CameraFit, candidates: Sequence[Candidate] = CANDIDATES) -> 
     r = np.concatenate([r - Q @ (Q.T @ r) for (r, _, _), Q in zip(blocks, frames, strict=True)])
     A = np.linalg.qr(np.concatenate([A - Q @ (Q.T @ A) for (_, A, _), Q in zip(blocks, frames, strict=True)]))[0]
     r = r - A @ (A.T @ r)
-    told = []
+    evidence = []
     for one in candidates:
         rows = [one.columns(found, view, k) for k, view in enumerate(found.views)]
         C = np.concatenate([c - Q @ (Q.T @ c) for c, Q in zip(rows, frames, strict=True)])
@@ -121,8 +121,8 @@ def evidence(found: CameraFit, candidates: Sequence[Candidate] = CANDIDATES) -> 
         variance = max(float(r @ r - fall) / dof, ROUNDING**2)
         p = float(fisher.sf(fall / C.shape[1] / variance, C.shape[1], dof))
         std = np.sqrt(variance * np.diag(np.linalg.inv(C.T @ C)))
-        told.append(Evidence(one, fall / variance, p, np.asarray(beta), std))
-    return told
+        evidence.append(Evidence(one, fall / variance, p, np.asarray(beta), std))
+    return evidence
 
 
 @dataclass(frozen=True)

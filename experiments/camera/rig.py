@@ -138,9 +138,9 @@ def read_camera(path: Path) -> Intrinsics:
     InputError : no such document
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        entry = form(str(told["form"]))
-        values = entry.spread @ np.array([float(told["values"][name]) for name in entry.names])
+        document = json.loads(path.read_text(encoding="utf-8"))
+        entry = form(str(document["form"]))
+        values = entry.spread @ np.array([float(document["values"][name]) for name in entry.names])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(str(path), "no calibrated camera", "what `sinan camera --json` writes") from None
     return Intrinsics(values[:2], values[2:4], entry.lens, values[4:])

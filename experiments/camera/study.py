@@ -133,35 +133,34 @@ def lens_words(name: str) -> str:
     return words.get(name, "an omnidirectional lens" if name == "omnidirectional" else f"a lens with {name}")
 
 
-def summary(told: Mapping[str, Any]) -> list[str]:
+def summary(document: Mapping[str, Any]) -> list[str]:
     """The lines for the terminal."""
-    pictures = told["pictures"]
-    lines = [
-        f"{lens_words(told['form'])}: {len(pictures)} pictures, {told['corners']} corners, {told['rms']:.3f} pixels RMS"
-    ]
-    for name, value in told["values"].items():
-        shown, std = value_words(name, value, told["std"][name])
+    pictures = document["pictures"]
+    counted = f"{len(pictures)} pictures, {document['corners']} corners"
+    lines = [f"{lens_words(document['form'])}: {counted}, {document['rms']:.3f} pixels RMS"]
+    for name, value in document["values"].items():
+        shown, std = value_words(name, value, document["std"][name])
         lines.append(f"  {name:4} {shown} ± {std}".replace(" pixels ±", " ±"))
-    lines += [f"not determined: {sentence}" for sentence in told["undetermined"]]
-    for one in told["set_aside"]:
+    lines += [f"not determined: {sentence}" for sentence in document["undetermined"]]
+    for one in document["set_aside"]:
         rms = "not seen by this camera" if one["rms"] is None else f"{one['rms']:.2f} pixels RMS"
         lines.append(f"set aside: {one['name']}, {rms}")
-    lines += [f"left out: {one['name']}, {one['why']}" for one in told["without"]]
-    for one in told["compared"]:
+    lines += [f"left out: {one['name']}, {one['why']}" for one in document["without"]]
+    for one in document["compared"]:
         lines.append(f"held out, {one['form']}: {one['held_out_rms']:.3f} pixels RMS")
-    looped = told["trace"]
+    looped = document["trace"]
     if looped:
         lines.append(trace_words(looped))
         lines += [
-            f"remains: {one['name']}, p-value {p_words(one['p_value'])}; {share(one, told):.0%} of the squares left"
+            f"remains: {one['name']}, p-value {p_words(one['p_value'])}; {share(one, document):.0%} of the squares left"
             for one in looped["remaining"]
         ]
     return lines
 
 
-def share(one: Mapping[str, Any], told: Mapping[str, Any]) -> float:
+def share(one: Mapping[str, Any], document: Mapping[str, Any]) -> float:
     """Share of the sum of squares that a candidate explains, of what is left."""
-    dof = 2 * told["corners"] - 6 * len(told["pictures"])
+    dof = 2 * document["corners"] - 6 * len(document["pictures"])
     return float(one["statistic"] / (one["statistic"] + dof))
 
 

@@ -22,15 +22,15 @@ def run(
     tell_notes(recording)
     with working("fitting the Allan deviation"):
         rest = noise_at_rest(recording)
-    told = as_json(rest, start_of(recording))
-    told["called"] = called(input, recording, span)
+    document = as_json(rest, start_of(recording))
+    document["called"] = called(input, recording, span)
     if json is not None:
-        write_json(json, told)
+        write_json(json, document)
     if html is not None:
         from sinan.experiments.report.allan_page import allan_page
 
-        allan_page(html, told["called"], rest, told)
-    return summary(told)
+        allan_page(html, document["called"], rest, document)
+    return summary(document)
 
 
 def as_json(rest: Rest, begin: float = 0.0) -> dict[str, Any]:

@@ -38,11 +38,11 @@ def run(place: Path, board: Board | None, lens: str, corners: Path | None, json:
         write_corners(corners, views.views, views.size)
     with working("calibrating"):
         done = study(views, lens)
-    told = as_json(done)
+    document = as_json(done)
     if json is not None:
-        write_json(json, told)
+        write_json(json, document)
     if html is not None:
         from sinan.experiments.report.camera_page import camera_page
 
-        camera_page(html, place.name, done, told)
-    return "\n".join(summary(told))
+        camera_page(html, place.name, done, document)
+    return "\n".join(summary(document))

@@ -23,15 +23,15 @@ def run(
     tell_notes(recording)
     with working("running the filter", flies=True):
         found = heights_of(recording)
-    told = as_json(found, start_of(recording))
-    told["called"] = called(input, recording, span)
+    document = as_json(found, start_of(recording))
+    document["called"] = called(input, recording, span)
     if json is not None:
-        write_json(json, told)
+        write_json(json, document)
     if html is not None:
         from sinan.experiments.report.heights_page import heights_page
 
-        heights_page(html, told["called"], found, told)
-    return summary(told)
+        heights_page(html, document["called"], found, document)
+    return summary(document)
 
 
 def as_json(found: Heights, begin: float = 0.0) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sinan.experiments.datasets import called, resolve
-from sinan.experiments.report.words import columns_told, counted, reference_words, trace_call
+from sinan.experiments.report.words import columns_in_words, counted, reference_words, trace_call
 from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
@@ -149,7 +149,7 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
     if document.get("recording") is None:
         lines.append(f"  nothing can be estimated from it: {document['why_not']}")
     else:
-        lines += _streams_told(document["streams"])
+        lines += _stream_lines(document["streams"])
         reference = document["reference"]
         if reference:
             lines.append(f"  reference: {', '.join(reference['known'])} by {reference_words(reference['kind'])}, "
@@ -164,7 +164,7 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
         lines += [_filled(f"and with {what}", names) for what, names in effects["missing"].items()]
         lines += [f"  note: {note}" for note in document["notes"]]
     if document.get("tables"):
-        lines.append(_filled("in the log", [_table_told(table) for table in document["tables"]]))
+        lines.append(_filled("in the log", [_table_in_words(table) for table in document["tables"]]))
     if document.get("recording") is not None and document["effects"]["could_see"]:
         lines.append(f"  next: `{next_call}`")
     return "\n".join(lines)
@@ -182,7 +182,7 @@ def _head(document: Mapping[str, Any]) -> list[str]:
     return parts
 
 
-def _streams_told(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _stream_lines(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """A line a stream."""
     cells = []
     for name, stream in streams.items():
@@ -193,7 +193,7 @@ def _streams_told(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
             if lost["count"]
             else ""
         )
-        cells.append((name, f"{stream['rows']} rows", rate, columns_told(stream["columns"]), holes))
+        cells.append((name, f"{stream['rows']} rows", rate, columns_in_words(stream["columns"]), holes))
     widths = [max(len(cell[k]) for cell in cells) for k in range(3)]
     return [
         f"  {name:{widths[0]}}  {rows:>{widths[1]}}  {rate:>{widths[2]}}  {columns}{'; ' + holes if holes else ''}"
@@ -201,7 +201,7 @@ def _streams_told(streams: Mapping[str, Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _table_told(table: Mapping[str, Any]) -> str:
+def _table_in_words(table: Mapping[str, Any]) -> str:
     rate = f" {table['rate_hz']:.3g} Hz" if table["rate_hz"] else f" {table['rows']}"
     return f"{table['name']}{rate}"
 

@@ -37,8 +37,8 @@ def check(
         raise InputError("lab check", "no answer", f"sinan lab check {lab} answer.json")
     if secret and not student.strip():
         raise InputError("--student", "no name", "whose answer it is")
-    told, right = files.check_file(lab, answer, language, student, secret)
-    say(told)
+    text, right = files.check_file(lab, answer, language, student, secret)
+    say(text)
     return right
 
 

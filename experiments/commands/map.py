@@ -37,11 +37,11 @@ def run(
     require_kind(recording, "flight", "map", "a flight with a scanning laser")
     with working("running the filter and making the map", flies=True):
         made = mapped(recording, cell, adjust)
-    told = as_json(made, adjust) | {"called": called(input, recording, span), "cell": cell}
-    write(out, made, told, recording)
+    document = as_json(made, adjust) | {"called": called(input, recording, span), "cell": cell}
+    write(out, made, document, recording)
     if json is not None:
-        write_json(json, told)
-    return summary(told, out)
+        write_json(json, document)
+    return summary(document, out)
 
 
 def as_json(made: Map, adjust: bool) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def as_json(made: Map, adjust: bool) -> dict[str, Any]:
     }
 
 
-def write(out: Path, made: Map, told: dict[str, Any], recording: Recording) -> None:
+def write(out: Path, made: Map, document: dict[str, Any], recording: Recording) -> None:
     """The cloud, three grids with a picture each, and the page."""
     from sinan.experiments.report.map_page import map_page
 
@@ -84,14 +84,14 @@ def write(out: Path, made: Map, told: dict[str, Any], recording: Recording) -> N
     write_las(out / "cloud.laz", made.cloud, made.ground, recording.origin)
     for name in ("terrain", "surface", "objects"):
         write_grid(out / f"{name}.asc", getattr(made, name))
-    map_page(out, told, made)
+    map_page(out, document, made)
 
 
-def summary(told: dict[str, Any], out: Path) -> str:
+def summary(document: dict[str, Any], out: Path) -> str:
     """Points, strips, budget, files."""
-    lines = [f"{told['called']}: {told['points']} points, {told['ground_points']} of them ground, "
-             f"in {told['strip_count']} strips"]  # fmt: skip
-    strips = told["strips"]
+    lines = [f"{document['called']}: {document['points']} points, {document['ground_points']} of them ground, "
+             f"in {document['strip_count']} strips"]  # fmt: skip
+    strips = document["strips"]
     if strips is None:
         lines.append("  strips: too few overlap to show the mounting")
     else:
@@ -100,11 +100,11 @@ def summary(told: dict[str, Any], out: Path) -> str:
         lines.append(f"  strips differ by {before:.3f} m RMS in height, by {after:.3f} m with ({done})")
         lines += ["    {}: {}".format(*mounting_words(one)) for one in strips["found"]]
     lines.append("  error of a point, 1 sigma: horizontal, vertical / m")
-    for cause, one in told["budget"].items():
+    for cause, one in document["budget"].items():
         lines.append(f"    {cause:10} {one['horizontal']:.3f}  {one['vertical']:.3f}")
-    if told["obstacles"]:
-        one = told["obstacles"][0]
-        count = counted(len(told["obstacles"]), "obstacle")
+    if document["obstacles"]:
+        one = document["obstacles"][0]
+        count = counted(len(document["obstacles"]), "obstacle")
         place = f"{one['east']:.1f} m east, {one['north']:.1f} m north"
         lines.append(f"  {count} above a metre, the highest {one['height']:.1f} m at {place}")
     files = ", ".join(str(out / name) for name in ("cloud.laz", "terrain.asc", "index.html"))

@@ -16,17 +16,17 @@ def run(scenario: str, out: Path | None, seed: int, json: Path | None, html: Pat
     """Simulate, study, write what is asked for, return the summary for the terminal."""
     with working("simulating ranges"):
         found = simulated.simulate(simulated.load(scenario), seed)
-        told = link_study.told(found, seed)
+        document = link_study.document_of(found, seed)
     if out is not None:
         simulated.write(found, out)
     if json is not None:
-        write_json(json, told)
+        write_json(json, document)
     if html is not None:
         from sinan.experiments.report.ranges_page import ranges_page
 
-        ranges_page(html, told)
+        ranges_page(html, document)
     place = " ".join(f"{x:.4f}" for x in found.base_position)
-    return summary(told) + (
+    return summary(document) + (
         "" if out is None else f"\n{_to_solve(out, place, simulated.code_of(found.scenario.rover))}"
     )
 
@@ -38,15 +38,15 @@ def _to_solve(out: Path, place: str, code: str) -> str:
     return f"files: {out}\n  to solve them: sinan gnss {files} --base {out}/base.obs --base-position {place}{option}"
 
 
-def summary(told: Mapping[str, Any]) -> str:
+def summary(document: Mapping[str, Any]) -> str:
     """The result in a few lines."""
-    scenario, link = told["scenario"], told["link"]
+    scenario, link = document["scenario"], document["link"]
     lines = [f"{scenario['name']}: {scenario['summary']}"]
-    lines.append(f"  {told['epochs']} epochs with {told['satellites']:.1f} satellites each")
-    for name, one in told["receivers"].items():
+    lines.append(f"  {document['epochs']} epochs with {document['satellites']:.1f} satellites each")
+    for name, one in document["receivers"].items():
         text = f"noise {number(one['noise'])} m, slow errors {number(one['drift'])} m, {one['rate_hz']:g} Hz"
         lines.append(f"  {name}: {one['class']} ({', '.join(one['codes'])}), {text}")
-    lines.append(f"  alone: position error {number(told['alone']['rms'])} m RMS")
+    lines.append(f"  alone: position error {number(document['alone']['rms'])} m RMS")
     error, age = link["position_error"], link["age"]
     if error is None:
         lines.append("  over the link: no correction is young enough for a fix")
@@ -56,7 +56,7 @@ def summary(told: Mapping[str, Any]) -> str:
         )
         lines.append(f"  over the link: position error {number(error['rms'])} m RMS; {ages}")
     lines.append("  age / s   error of a corrected range / m: measured, expected; held without its rate")
-    for entry in told["ages"]:
+    for entry in document["ages"]:
         cells = [entry[kind][key] for kind in ("with_rate", "without_rate") for key in ("range", "range_expected")]
         lines.append(f"  {entry['age']:7g}   " + "  ".join(f"{cell:7.2f}" for cell in cells))
     return "\n".join(lines)

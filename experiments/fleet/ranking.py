@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sinan.experiments.report.trace_words import size_words
-from sinan.experiments.report.verdict_words import told
+from sinan.experiments.report.verdict_words import reported
 
 #: An effect has changed where its parameters moved by so many sigma of their difference, each by itself.
 _CHANGED = 3.0
@@ -46,7 +46,7 @@ def _log(document: Mapping[str, Any], page: str, before: Mapping[str, Any] | Non
             "size": size_words(effect), "log10_p_value": effect["log10_p_value"],
             "change": _change(effect, before),
         }
-        for effect in told(document)
+        for effect in reported(document)
     ]  # fmt: skip
     names = {effect["name"] for effect in effects}
     return {

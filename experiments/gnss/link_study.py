@@ -44,10 +44,10 @@ def study(scenario: RangeScenario, seed: int = 0, ages: Sequence[float] = AGES) 
     what `--json` writes; ages in s, errors in m
     """
     simulated = simulate(scenario, seed)
-    return told(simulated, seed, ages)
+    return document_of(simulated, seed, ages)
 
 
-def told(simulated: SimulatedRanges, seed: int = 0, ages: Sequence[float] = AGES) -> dict[str, Any]:
+def document_of(simulated: SimulatedRanges, seed: int = 0, ages: Sequence[float] = AGES) -> dict[str, Any]:
     """The same of what has been simulated; ages for which the scenario is too short are left out."""
     scenario = simulated.scenario
     rover, base = simulated.ranges()

@@ -251,6 +251,6 @@ def write(simulated: SimulatedRanges, folder: Path) -> Sequence[Path]:
 
 def as_json(scenario: RangeScenario) -> dict[str, object]:
     """The scenario as plain numbers and words."""
-    told: dict[str, object] = asdict(scenario)
-    told["origin"] = [float(np.rad2deg(scenario.origin[0])), float(np.rad2deg(scenario.origin[1])), scenario.origin[2]]
-    return told
+    table: dict[str, object] = asdict(scenario)
+    table["origin"] = [float(np.rad2deg(scenario.origin[0])), float(np.rad2deg(scenario.origin[1])), scenario.origin[2]]
+    return table

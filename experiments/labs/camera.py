@@ -20,7 +20,7 @@ PIXEL = 0.0056
 def run(out: Path, say: Callable[[str], None] = print) -> None:
     """OpenCV's own pictures: pinhole, the picture that does not fit, the effect, the error held out."""
     done = study(read_corners(CORNERS), "k1 k2 p1 p2")
-    told = as_json(done)
+    document = as_json(done)
     assert done.looped is not None
     plain, found = done.looped.before, done.found
     for name, rms in done.aside:
@@ -45,7 +45,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
         f"With pixels of dX = dY = {PIXEL} mm the focal length is {f[0]:.3f} mm by columns and {f[1]:.3f} mm by rows. "
         "The pictures tell f / dX and f / dY alone: a lens twice as long with pixels twice as large shows the same."
     )
-    loop_section(page, done.looped, told)
+    loop_section(page, done.looped, document)
     rows = [
         [name, *value_words(name, value, std), *value_words(name, value_plain, std_plain)]
         for name, value, std, value_plain, std_plain in _beside(found, plain)
@@ -55,7 +55,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     page.text(f"Its own 1 sigma knows nothing of the lens: the focal length is {off:.0f} times that off.")
     page.table(["", "with the lens", "1 sigma", "as a pinhole", "1 sigma"], rows, (1, 2, 3, 4))
     page.heading("Each picture")
-    page.figure(of_each_picture(told), "RMS error of each picture; red: set aside, its corners fit no flat board.")
+    page.figure(of_each_picture(document), "RMS error of each picture; red: set aside, its corners fit no flat board.")
     page.text(
         "`sinan camera FOLDER --board 9x6` does the same with pictures of your own, and compares fisheye and "
         "omnidirectional lenses too."

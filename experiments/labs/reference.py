@@ -72,12 +72,12 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
             alone = "the norm alone fits"
         except InputError as error:
             alone = f"the norm alone: {error.found}"
-        told = (
+        outcome = (
             f"T's angles {', '.join(f'{a:+.1f}' for a in np.rad2deg(angles))} deg"
             if worst < KNOWN
             else "T is not known"
         )
-        say(f"{name}: {told}, 1 sigma of an entry up to {worst:.2g}; {alone}")
+        say(f"{name}: {outcome}, 1 sigma of an entry up to {worst:.2g}; {alone}")
         if worst < KNOWN:
             say(
                 f"{name}: field of the second half by the first half's calibration, {raw:.3f} -> "

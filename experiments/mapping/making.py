@@ -110,11 +110,11 @@ def scans_of(recording: Recording) -> Scans:
 
 def declared_mounting(recording: Recording) -> Mounting:
     """What `[effects]` of the recording says of the laser."""
-    told = {name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()}
+    declared = {name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()}
     return Mounting(
-        told.get("laser.boresight", np.zeros(2)),
-        told.get("laser.lever_arm", np.zeros(3)),
-        float(told.get("laser.time_offset", np.zeros(1))[0]),
+        declared.get("laser.boresight", np.zeros(2)),
+        declared.get("laser.lever_arm", np.zeros(3)),
+        float(declared.get("laser.time_offset", np.zeros(1))[0]),
     )
 
 

@@ -306,5 +306,5 @@ def mounting_words(one: Mapping[str, Any]) -> tuple[str, str]:
     """`laser.boresight roll` and `0.0100 ± 0.0001 rad` of an entry of the JSON's `found`."""
     unit = {"laser.boresight": "rad", "laser.lever_arm": "m", "laser.time_offset": "s"}[one["effect"]]
     part = "" if one["component"] == "b" else f" {one['component']}"
-    told = f"{one['value']:.4f} ± {one['std']:.4f} {unit}" if one["determined"] else "not determined by these strips"
-    return f"{one['effect']}{part}", told
+    value = f"{one['value']:.4f} ± {one['std']:.4f} {unit}" if one["determined"] else "not determined by these strips"
+    return f"{one['effect']}{part}", value

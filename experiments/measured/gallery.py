@@ -71,8 +71,8 @@ def published_words(entry: Entry, document: Mapping[str, Any]) -> str:
     for effect in document["effects"]:
         if effect["name"] == name:
             apart = (np.array(effect["beta"]) - values) / np.array(effect["std"], dtype=float)
-            told = ", ".join(f"{a:+.1f}" if np.isfinite(a) else "undetermined" for a in apart)
-            return f"{name} {shown} ({whose}): found {told} sigma from it"
+            sizes = ", ".join(f"{a:+.1f}" if np.isfinite(a) else "undetermined" for a in apart)
+            return f"{name} {shown} ({whose}): found {sizes} sigma from it"
     return f"{name} {shown} ({whose}): not found"
 
 
@@ -80,8 +80,8 @@ def settings_words(entry: Entry, document: Mapping[str, Any]) -> str:
     """Delays to which an author set his own filter, and what was found."""
     found = {effect["name"]: number(effect["beta"][0]) for effect in document["effects"]}
     settings = SETTINGS.get(entry.input, {})
-    told = [f"{name} {number(value)} s (found: {found.get(name, 'none')})" for name, value in settings.items()]
-    return f"delays that the log's author had set in his own filter: {', '.join(told)}" if told else ""
+    sizes = [f"{name} {number(value)} s (found: {found.get(name, 'none')})" for name, value in settings.items()]
+    return f"delays that the log's author had set in his own filter: {', '.join(sizes)}" if sizes else ""
 
 
 def not_finite(document: Mapping[str, Any]) -> str:

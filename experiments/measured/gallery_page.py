@@ -8,7 +8,7 @@ from typing import Any
 
 from sinan.experiments.measured.finding import Finding
 from sinan.experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
-from sinan.experiments.report.verdict_words import told, twin_words
+from sinan.experiments.report.verdict_words import reported, twin_words
 from sinan.experiments.report.words import number
 
 HEAD = """# Gallery: the loop on measured logs
@@ -82,8 +82,8 @@ def _name(effect: Mapping[str, Any]) -> str:
 
 
 def _is_proved(one: Finding) -> bool:
-    """Whether the held-out part speaks for an effect that is told."""
-    return any(effect["predicts"] for effect in told(one.document))
+    """Whether the held-out part speaks for an effect that is reported."""
+    return any(effect["predicts"] for effect in reported(one.document))
 
 
 def held_out(one: Finding) -> str:
@@ -100,7 +100,7 @@ def first_reference(one: Finding) -> str:
     for wanted, part in (("attitude", "last third"), ("tilt", "last third"), ("position, 5 s", ""), ("spread", "")):
         for label, before, after, unit in one.references:
             if label.startswith(wanted) and label.endswith(part):
-                changed = wanted == "spread" or bool(told(one.document))
+                changed = wanted == "spread" or bool(reported(one.document))
                 numbers = f"{number(before)} -> {number(after)}" if changed else number(before)
                 return f"{label.split(',')[0]} {numbers} {unit}".rstrip()
     return "-"
@@ -124,7 +124,7 @@ def section(one: Finding) -> list[str]:
         for name in document["rolled_back"]
     ]
     for label, before, after, unit in one.references:
-        changed = label.startswith("spread") or bool(told(document))
+        changed = label.startswith("spread") or bool(reported(document))
         lines.append(f"- {label}: {number(before)}" + (f" -> {number(after)}" if changed else "") + f" {unit}".rstrip())
     lines += [f"- known otherwise: {one.beside}"] if one.beside else []
     lines += [f"- remains: {remaining_sentence(item)}" for item in document["remaining"]]

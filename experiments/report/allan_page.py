@@ -17,7 +17,7 @@ from sinan.experiments.report.words import SENSORS
 _COLOURS = (AFTER, BEFORE, "#6b8f3a")
 
 
-def allan_page(path: Path, name: str, rest: Rest, told: Mapping[str, Any]) -> None:
+def allan_page(path: Path, name: str, rest: Rest, document: Mapping[str, Any]) -> None:
     """Write the page."""
     length = rest.stop - rest.start
     page = Page(
@@ -38,7 +38,7 @@ def allan_page(path: Path, name: str, rest: Rest, told: Mapping[str, Any]) -> No
             "Overlapping Allan deviation with its 95 % interval, and the fit; grey: averaging times that a filter in "
             "the sensor or the rounding has changed, not fitted.",
         )
-        own = [one for one in told["channels"] if one["sensor"] == sensor]
+        own = [one for one in document["channels"] if one["sensor"] == sensor]
         rows = [
             [
                 one["channel"] or sensor,
@@ -59,7 +59,7 @@ def allan_page(path: Path, name: str, rest: Rest, told: Mapping[str, Any]) -> No
         "either: it smooths its fixes, and its errors take hours to come and go.", note=True,
     )  # fmt: skip
     rows = [
-        [f"[sensors.{s}]", key, f"{v:.3g}"] for s, keys in told["recording_toml"].items() for key, v in keys.items()
+        [f"[sensors.{s}]", key, f"{v:.3g}"] for s, keys in document["recording_toml"].items() for key, v in keys.items()
     ]
     page.table(["table", "key", "value"], rows, (2,))
     page.write(path)

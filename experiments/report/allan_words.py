@@ -18,14 +18,14 @@ TERMS = (
 )
 
 
-def summary(told: dict[str, Any]) -> str:
+def summary(document: dict[str, Any]) -> str:
     """A line a channel, then the keys."""
-    rest = told["rest"]
+    rest = document["rest"]
     found = f"found by {rest['found_by']}" if rest["found_by"] else "taken to be at rest: no IMU tells"
     length = rest["to"] - rest["from"]
-    lines = [f"{told['called']}: {length:.4g} s at rest, from {rest['from']:.4g} s on ({found})"]
+    lines = [f"{document['called']}: {length:.4g} s at rest, from {rest['from']:.4g} s on ({found})"]
     cells: list[tuple[str, ...]] = [("", "N /sqrt(Hz)", "B", "w /s/sqrt(Hz)", "R /s", "fitted from")]
-    for one in told["channels"]:
+    for one in document["channels"]:
         name = " ".join(part for part in (SENSORS.get(one["sensor"], one["sensor"]), one["channel"]) if part)
         name += f" [{one['unit']}]" if one["unit"] else ""
         cells.append((name, *(term_words(one["terms"][key]) for key, _ in TERMS), f"{one['fitted_from']:.3g} s"))
@@ -35,8 +35,8 @@ def summary(told: dict[str, Any]) -> str:
     lines.append(
         f"  <: not seen ({SEEN:.0f} sigma), 95 % bound. N is two-sided as in recording.toml; data sheets: sqrt(2) N"
     )
-    lines += [f"  left out: {name}, {why}" for name, why in told["left_out"].items()]
-    return "\n".join([*lines, "", told["toml"]])
+    lines += [f"  left out: {name}, {why}" for name, why in document["left_out"].items()]
+    return "\n".join([*lines, "", document["toml"]])
 
 
 def term_words(term: dict[str, Any]) -> str:

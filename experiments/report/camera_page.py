@@ -20,32 +20,32 @@ from sinan.sensors.camera import Intrinsics
 _ARROW = 0.06
 
 
-def camera_page(path: Path, name: str, done: Study, told: Mapping[str, Any]) -> None:
+def camera_page(path: Path, name: str, done: Study, document: Mapping[str, Any]) -> None:
     """Write the page."""
     found, pictures = done.found, len(done.kept)
     page = Page(
         f"{name}: a camera calibrated",
-        f"{lens_words(found.form.name).capitalize()}, from {told['corners']} corners in {pictures} pictures.",
+        f"{lens_words(found.form.name).capitalize()}, from {document['corners']} corners in {pictures} pictures.",
     )
     page.numbers(
         [
             (f"{found.rms:.3f}", "RMS distance of corners and prediction, pixels"),
             *(
                 (f"{one['rms']:.2f}", f"the same of {one['name']}, set aside")
-                for one in told["set_aside"]
+                for one in document["set_aside"]
                 if one["rms"]
             ),
         ]
     )
-    rows = [[key, *value_words(key, value, told["std"][key])] for key, value in told["values"].items()]
+    rows = [[key, *value_words(key, value, document["std"][key])] for key, value in document["values"].items()]
     page.table(["", "found", "1 sigma"], rows, (1, 2))
-    for sentence in told["undetermined"]:
+    for sentence in document["undetermined"]:
         page.text(f"Not determined: {sentence}.")
     if done.looped is not None:
-        loop_section(page, done.looped, told)
+        loop_section(page, done.looped, document)
     page.heading("Each picture")
-    page.figure(of_each_picture(told), "RMS error of each picture by this camera; what was set aside took no part.")
-    for one in told["without"]:
+    page.figure(of_each_picture(document), "RMS error of each picture by this camera; what was set aside took no part.")
+    for one in document["without"]:
         page.text(f"Left out: {one['name']}, {one['why']}.")
     if done.compared:
         page.heading("Which lens the pictures call for")
@@ -53,7 +53,8 @@ def camera_page(path: Path, name: str, done: Study, told: Mapping[str, Any]) -> 
             "Every fifth picture is held out at a time: a camera calibrated without it predicts its corners, its pose "
             "being fitted. The simplest lens within one standard error of the best is taken."
         )
-        page.figure(of_each_form(told), "RMS error of held-out pictures by lens, on a logarithmic scale; blue: taken.")
+        caption = "RMS error of held-out pictures by lens, on a logarithmic scale; blue: taken."
+        page.figure(of_each_form(document), caption)
         compared = [
             [
                 one["form"],
@@ -61,18 +62,18 @@ def camera_page(path: Path, name: str, done: Study, told: Mapping[str, Any]) -> 
                 f"{one['held_out_rms']:.4f}",
                 f"{one['behind']:.1f} ± {one['standard_error']:.1f}",
             ]
-            for one in told["compared"]
+            for one in document["compared"]
         ]
-        taken = [k for k, one in enumerate(told["compared"]) if one["form"] == found.form.name]
+        taken = [k for k, one in enumerate(document["compared"]) if one["form"] == found.form.name]
         head = ["lens", "parameters", "held out, pixels RMS", "log density behind the best"]
         page.table(head, compared, (1, 2, 3), marked=taken)
     page.write(path)
 
 
-def loop_section(page: Page, looped: CameraTrace, told: Mapping[str, Any]) -> None:
+def loop_section(page: Page, looped: CameraTrace, document: Mapping[str, Any]) -> None:
     """What a calibration without distortion leaves, and what explains it."""
     page.heading("What a pinhole leaves")
-    line = trace_words(told["trace"])
+    line = trace_words(document["trace"])
     page.text(f"{line[0].upper()}{line[1:]}.")
     page.figure(
         residual_fields(looped.before, looped.after),
@@ -86,13 +87,13 @@ def loop_section(page: Page, looped: CameraTrace, told: Mapping[str, Any]) -> No
         )
     rows = [
         [one["name"], f"{one['statistic']:.1f}", str(one["dof"]), p_words(one["p_value"])]
-        for one in told["trace"]["candidates"]
+        for one in document["trace"]["candidates"]
     ]
     page.table(["what would explain the pinhole's residual", "chi-square", "parameters", "p-value"], rows, (1, 2, 3))
-    for one in told["trace"]["remaining"]:
+    for one in document["trace"]["remaining"]:
         page.text(
-            f"Remains: {one['name']} (p-value {p_words(one['p_value'])}). It explains {share(one, told):.0%} of the "
-            "squares that are left, and no effect of the catalogue does."
+            f"Remains: {one['name']} (p-value {p_words(one['p_value'])}). It explains {share(one, document):.0%} of "
+            "the squares that are left, and no effect of the catalogue does."
         )
 
 
@@ -137,28 +138,28 @@ def distortion_over_radius(found: CameraFit) -> Figure:
     return figure
 
 
-def of_each_picture(told: Mapping[str, Any]) -> Figure:
+def of_each_picture(document: Mapping[str, Any]) -> Figure:
     """Bars of the RMS of each picture; those set aside in another colour."""
-    entries = [(one["name"], one["rms"], AFTER) for one in told["pictures"]]
-    entries += [(one["name"], one["rms"] or 0.0, BEFORE) for one in told["set_aside"]]
+    entries = [(one["name"], one["rms"], AFTER) for one in document["pictures"]]
+    entries += [(one["name"], one["rms"] or 0.0, BEFORE) for one in document["set_aside"]]
     entries.sort()
     figure, axes = new_figure(1, 1, 0.22 * len(entries) + 0.9)
     one = axes[0, 0]
     y = np.arange(len(entries))[::-1]
     one.barh(y, [rms for _, rms, _ in entries], color=[colour for *_, colour in entries], height=0.65)
     one.set_yticks(y, [name for name, *_ in entries], fontsize=8)
-    one.set_xlabel("RMS / pixels (red: set aside)" if told["set_aside"] else "RMS / pixels", fontsize=9)
+    one.set_xlabel("RMS / pixels (red: set aside)" if document["set_aside"] else "RMS / pixels", fontsize=9)
     return figure
 
 
-def of_each_form(told: Mapping[str, Any]) -> Figure:
+def of_each_form(document: Mapping[str, Any]) -> Figure:
     """Points of the held-out error of each lens."""
-    figure, axes = new_figure(1, 1, 0.28 * len(told["compared"]) + 0.9)
+    figure, axes = new_figure(1, 1, 0.28 * len(document["compared"]) + 0.9)
     one = axes[0, 0]
-    for y, entry in enumerate(reversed(told["compared"])):
-        one.plot(entry["held_out_rms"], y, "o", ms=7, color=AFTER if entry["form"] == told["form"] else SOFT)
-    one.set_yticks(range(len(told["compared"])), [entry["form"] for entry in reversed(told["compared"])])
-    one.set_ylim(-0.6, len(told["compared"]) - 0.4)
+    for y, entry in enumerate(reversed(document["compared"])):
+        one.plot(entry["held_out_rms"], y, "o", ms=7, color=AFTER if entry["form"] == document["form"] else SOFT)
+    one.set_yticks(range(len(document["compared"])), [entry["form"] for entry in reversed(document["compared"])])
+    one.set_ylim(-0.6, len(document["compared"]) - 0.4)
     one.set_xscale("log")
     one.xaxis.set_major_formatter("{x:g}")
     one.xaxis.set_minor_formatter("{x:g}")

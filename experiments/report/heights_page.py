@@ -18,7 +18,7 @@ from sinan.experiments.report.words import SENSORS
 _COLOURS = {"sonar": BEFORE, "laser": "#6b8f3a", "baro": "#7a5195", "gps": CHANCE}
 
 
-def heights_page(path: Path, name: str, found: Heights, told: Mapping[str, Any]) -> None:
+def heights_page(path: Path, name: str, found: Heights, document: Mapping[str, Any]) -> None:
     """Write the page."""
     names = ", ".join(SENSORS.get(sensor, sensor) for sensor in found.courses)
     page = Page(f"{name}: heights", f"Heights of {names}" + (" against the filter's." if found.motion else "."))
@@ -31,10 +31,10 @@ def heights_page(path: Path, name: str, found: Heights, told: Mapping[str, Any])
     )
     rows = [
         [f"{SENSORS.get(sensor, sensor)} less filter", difference_words(one["against_filter"])]
-        for sensor, one in told["sensors"].items()
+        for sensor, one in document["sensors"].items()
         if one["against_filter"]
     ]
-    for pair in told["pairs"]:
+    for pair in document["pairs"]:
         a, b = (SENSORS.get(sensor, sensor) for sensor in pair["sensors"])
         rows.append([f"{a} less {b}", difference_words(pair)])
     page.table(["", "median, robust scatter, slope"], rows)
@@ -42,9 +42,9 @@ def heights_page(path: Path, name: str, found: Heights, told: Mapping[str, Any])
     if found.motion is not None:
         page.heading("Less the filter's height")
         page.figure(differences(found), "Each sensor's height less the filter's, its median taken off.")
-    if told["sonar"] is not None:
+    if document["sonar"] is not None:
         page.heading("Where the sonar failed")
-        failures = told["sonar"]["failures"]
+        failures = document["sonar"]["failures"]
         if not failures:
             page.text("Every echo came back, and none is wrong.")
         else:

@@ -12,19 +12,19 @@ from sinan.experiments.report.words import SENSORS, counted
 _MOST = 8
 
 
-def summary(told: dict[str, Any]) -> str:
+def summary(document: dict[str, Any]) -> str:
     """A line a comparison, then the sonar's failures."""
-    lines = [f"{told['called']}: heights of " + ", ".join(SENSORS.get(name, name) for name in told["sensors"])]
-    if not told["tilt_compensated"]:
+    lines = [f"{document['called']}: heights of " + ", ".join(SENSORS.get(name, name) for name in document["sensors"])]
+    if not document["tilt_compensated"]:
         lines.append("  no IMU: ranges are taken as heights, and there is no filter to compare with")
-    for name, one in told["sensors"].items():
+    for name, one in document["sensors"].items():
         if one["against_filter"]:
             lines.append(f"  {SENSORS.get(name, name)} less filter: {difference_words(one['against_filter'])}")
-    for pair in told["pairs"]:
+    for pair in document["pairs"]:
         a, b = (SENSORS.get(name, name) for name in pair["sensors"])
         lines.append(f"  {a} less {b}: {difference_words(pair)}")
-    if told["sonar"] is not None:
-        lines += _sonar_lines(told["sonar"])
+    if document["sonar"] is not None:
+        lines += _sonar_lines(document["sonar"])
     return "\n".join(lines)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sinan.experiments.report.page import Page
-from sinan.experiments.report.words import SENSORS, columns_told, reference_words
+from sinan.experiments.report.words import SENSORS, columns_in_words, reference_words
 
 
 def info_page(
@@ -61,7 +61,7 @@ def _streams(page: Page, document: Mapping[str, Any]) -> None:
         )
         called = "IMU" if name == "imu" else SENSORS.get(name, name)
         rows.append([called, f"{stream['rows']}", f"{rate:.4g}" if rate else "", f"{stream['from']:.4g}",
-                     f"{stream['to']:.4g}", columns_told(stream["columns"]), holes])  # fmt: skip
+                     f"{stream['to']:.4g}", columns_in_words(stream["columns"]), holes])  # fmt: skip
     page.table(["stream", "rows", "rate / Hz", "from / s", "to / s", "columns", "gaps"], rows, (1, 2, 3, 4))
     page.text("A gap is where three or more readings in a row are missing at the usual rate.", note=True)
     known = document["reference"]

@@ -21,16 +21,17 @@ from sinan.sensors.files import write_bytes
 MOST = 20
 
 
-def map_page(out: Path, told: Mapping[str, Any], made: Map) -> None:
+def map_page(out: Path, document: Mapping[str, Any], made: Map) -> None:
     """Write `index.html` and a picture of each grid into the folder."""
     page = Page(
-        f"{told['called']}: a map",
-        f"{told['points']} points, {told['ground_points']} of them ground, in {told['strip_count']} strips.",
+        f"{document['called']}: a map",
+        f"{document['points']} points, {document['ground_points']} of them ground, "
+        f"in {document['strip_count']} strips.",
     )
     add_pictures(page, made, out)
-    add_strips(page, told["strips"])
+    add_strips(page, document["strips"])
     page.heading("Error of a point")
-    page.figure(bars(told["budget"]), "1-sigma by cause, RMS over the points.")
+    page.figure(bars(document["budget"]), "1-sigma by cause, RMS over the points.")
     page.text(
         "Attitude and position: the smoother's. Range: declared. Angle, mounting and time: assumed for instruments of "
         "this class, or, where the map has it in it, what the strips say.", note=True,

@@ -13,18 +13,18 @@ from sinan.experiments.report.page import Page
 from sinan.experiments.report.words import change, number
 
 
-def ranges_page(path: Path, told: Mapping[str, Any]) -> None:
+def ranges_page(path: Path, document: Mapping[str, Any]) -> None:
     """Write the page."""
-    scenario, link = told["scenario"], told["link"]
-    page = Page(f"Simulated pseudoranges: {scenario['summary']}", _lead(told))
+    scenario, link = document["scenario"], document["link"]
+    page = Page(f"Simulated pseudoranges: {scenario['summary']}", _lead(document))
     error = link["position_error"]
     page.numbers(
         [
-            (f"{change(told['alone']['rms'], error['rms'])} m", "RMS position error, alone and over the data link"),
+            (f"{change(document['alone']['rms'], error['rms'])} m", "RMS position error, alone and over the data link"),
             (f"{number(link['age']['mean'])} s", f"mean age; expected {number(link['expected_age'])} s"),
         ]
         if error
-        else [(f"{number(told['alone']['rms'])} m", "RMS position error; over the link there is no fix")]
+        else [(f"{number(document['alone']['rms'])} m", "RMS position error; over the link there is no fix")]
     )
     page.heading("Receivers")
     rows = [
@@ -36,15 +36,15 @@ def ranges_page(path: Path, told: Mapping[str, Any]) -> None:
             f"{one['drift']:.2f}",
             f"{one['rate_hz']:g}",
         ]
-        for name, one in told["receivers"].items()
+        for name, one in document["receivers"].items()
     ]
     page.table(["", "class", "codes", "noise / m", "slow error / m", "rate / Hz"], rows, (3, 4, 5))
     page.heading("What the age of a correction does")
-    page.figure(panels([_panel(told, "range"), _panel(told, "position")]), _CAPTION)
+    page.figure(panels([_panel(document, "range"), _panel(document, "position")]), _CAPTION)
     head = ["age / s", "range / m", "expected", "position / m", "expected", "held: range / m", "expected"]
     keys = [("with_rate", "range"), ("with_rate", "range_expected"), ("with_rate", "position")]
     keys += [("with_rate", "position_expected"), ("without_rate", "range"), ("without_rate", "range_expected")]
-    table = [[f"{e['age']:g}", *(f"{e[kind][key]:.2f}" for kind, key in keys)] for e in told["ages"]]
+    table = [[f"{e['age']:g}", *(f"{e[kind][key]:.2f}" for kind, key in keys)] for e in document["ages"]]
     page.table(head, table, range(len(head)))
     page.text(
         "Expected: variance of the corrected range from the autocovariance of what the messages are wrong by, the line "
@@ -59,19 +59,19 @@ _CAPTION = (
 )
 
 
-def _lead(told: Mapping[str, Any]) -> str:
-    link = told["scenario"]["link"]
+def _lead(document: Mapping[str, Any]) -> str:
+    link = document["scenario"]["link"]
     content = {"corrections": "corrections with rates", "raw": "the base's raw pseudoranges"}[link["content"]]
-    text = f"{told['epochs']} epochs, {told['satellites']:.1f} satellites each. The data link brings {content} "
+    text = f"{document['epochs']} epochs, {document['satellites']:.1f} satellites each. The data link brings {content} "
     text += f"every {link['interval']:g} s, {link['delay']:g} s late, and loses {100 * link['loss']:.0f} % of them"
     return text + (f", {link['run']:g} in a row." if link["run"] else ".")
 
 
-def _panel(told: Mapping[str, Any], what: str) -> Panel:
-    ages = np.array([entry["age"] for entry in told["ages"]])
+def _panel(document: Mapping[str, Any], what: str) -> Panel:
+    ages = np.array([entry["age"] for entry in document["ages"]])
     curves, points = {}, {}
     for kind, name in (("with_rate", "with rate"), ("without_rate", "held")):
-        curves[f"{name}, expected"] = (ages, np.array([entry[kind][f"{what}_expected"] for entry in told["ages"]]))
-        points[f"{name}, simulated"] = (ages, np.array([entry[kind][what] for entry in told["ages"]]))
+        curves[f"{name}, expected"] = (ages, np.array([entry[kind][f"{what}_expected"] for entry in document["ages"]]))
+        points[f"{name}, simulated"] = (ages, np.array([entry[kind][what] for entry in document["ages"]]))
     title = {"range": "a corrected range", "position": "the fix"}[what]
     return Panel("age of the correction / s", "RMS error / m", curves, points, title)

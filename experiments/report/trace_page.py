@@ -35,9 +35,9 @@ def trace_figures(traced: Traced, document: Mapping[str, Any]) -> dict[str, tupl
     made: dict[str, tuple[Figure, str]] = {}
     for part in traced.parts:
         several = f"_{part.sensor}" if len(traced.parts) > 1 else ""
-        if part.trace.verdict.told:
+        if part.trace.verdict.reported:
             made |= {name + several: drawn for name, drawn in _error_figures(part).items()}
-        elif not verdict_words.told(document):
+        elif not verdict_words.reported(document):
             made[f"residuals{several}"] = _noise_figure(part)
     for k, named in enumerate(traced.verdict.effects):
         drawn_effect = _effect_figure(traced.part_of(named), named.finding)
@@ -66,7 +66,7 @@ def trace_page(
     """
     page = _head(document)
     made = trace_figures(traced, document)
-    if verdict_words.told(document) and not document["twins"]:
+    if verdict_words.reported(document) and not document["twins"]:
         _numbers(page, document)
     if document["twins"]:
         _twin_table(page, document)
@@ -74,7 +74,7 @@ def trace_page(
         page.heading("What was found")
         for k, named in enumerate(traced.verdict.effects):
             _effect_section(page, traced, document, named, k, made.get(f"effect_{k + 1}"), hidden or {})
-    page.heading("Error before and after" if verdict_words.told(document) else "Residual of the plain model")
+    page.heading("Error before and after" if verdict_words.reported(document) else "Residual of the plain model")
     for name in [n for n in made if n.startswith(("residuals", "errors"))]:
         page.figure(*made[name])
     _budget_table(page, document)
@@ -122,7 +122,7 @@ def _capital(text: str) -> str:
 def _in_a_word(document: Mapping[str, Any]) -> str:
     """The verdict in a word or two, for the coloured mark."""
     if document["verdict"] == "effects":
-        return f"{words.counted(len(verdict_words.told(document)), 'effect')} found"
+        return f"{words.counted(len(verdict_words.reported(document)), 'effect')} found"
     return "no effect found" if document["verdict"] == "no_effect" else str(document["verdict"])
 
 
@@ -190,15 +190,15 @@ def _noise_figure(part: Part) -> tuple[Figure, str]:
 
 
 def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
-    """Residuals before and after of every stream that an effect told enters, and the errors."""
+    """Residuals before and after of every stream that an effect reported enters, and the errors."""
     verdict, words_of_part = part.trace.verdict, held_out_part(part)
     before, after = (_by_stream(part.source, fit) for fit in (part.trace.selection.plain, part.trace.final))
-    streams = [_stream_of(part, finding) for finding in verdict.told]
+    streams = [_stream_of(part, finding) for finding in verdict.reported]
     made, shaded = {}, "" if part.source.is_predicting else words_of_part
     for stream in dict.fromkeys([verdict.proof.stream, *streams]):
         if stream not in before:
             continue
-        terms = [f.term for f, s in zip(verdict.told, streams, strict=True) if s == stream]
+        terms = [f.term for f, s in zip(verdict.reported, streams, strict=True) if s == stream]
         intervals = [term.interval for term in terms if term.interval is not None]
         name = "residuals" if stream == verdict.proof.stream else f"residuals_{stream}"
         caption = (
@@ -210,7 +210,7 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
     of_all, held = (proof.in_sample_before, proof.in_sample_after), (proof.before, proof.after)
     caption = "The proof is the upper pair: errors on data to which these models were not fitted. Black: 95 % interval."
     twins = {twin.named.finding.term.name for twin in verdict.twins}
-    taken = [finding.term.name for finding in verdict.told if finding.term.name in twins]
+    taken = [finding.term.name for finding in verdict.reported if finding.term.name in twins]
     if taken:
         caption += f" Of the effects that these data cannot tell apart, the model has {' and '.join(taken)}."
     made["errors"] = figures.error_bars(of_all, held, words_of_part, proof.stream), caption
@@ -437,7 +437,7 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
 
 def _reference_table(page: Page, document: Mapping[str, Any]) -> None:
     whole = verdict_words.reference_changes(document["error"].get("truth"))
-    if not whole or document["twins"] or not verdict_words.told(document):
+    if not whole or document["twins"] or not verdict_words.reported(document):
         return
     held = verdict_words.reference_changes(document["error"].get("truth_held_out"))
     page.text(

@@ -48,8 +48,8 @@ def size_words(effect: Mapping[str, Any]) -> str:
         return f"{100 * effect['beta'][0]:.2g} % of them"
     k = int(np.argmax(np.abs(effect["beta"])))
     several = len(effect["beta"]) > 1 and len(set(effect["unit"])) == 1
-    told = CATALOGUE.get(effect["name"])
-    early = told is not None and told.is_opposite(effect["beta"])  # its summary has the sign
+    entry = CATALOGUE.get(effect["name"])
+    early = entry is not None and entry.is_opposite(effect["beta"])  # its summary has the sign
     value = abs(effect["beta"][k]) if several or early else effect["beta"][k]
     bound = "at least " if effect.get("at_least") else "up to " if several else ""
     return bound + per_unit(value, effect["unit"][k], effect["name"])

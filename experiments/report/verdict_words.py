@@ -71,7 +71,7 @@ class Log:
     choice: Choice = FIRST
 
 
-def told(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def reported(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The effects of the head line: all that were found but those that do not predict the held-out data."""
     return [effect for effect in document["effects"] if effect["predicts"] is not False]
 
@@ -83,7 +83,7 @@ def not_predicting(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def title(document: Mapping[str, Any]) -> str:
     """The head line: what the instrument does wrong, how much, what adding it brings; or that nothing is missing."""
-    effects = told(document)
+    effects = reported(document)
     if not effects:
         return _title_without_names(document)
     rest = ["something that no known effect explains"] if document["verdict"] == "unexplained" else []
@@ -131,7 +131,7 @@ def _rivals(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
 
 def says(document: Mapping[str, Any]) -> str:
     """The verdict in a sentence."""
-    known = told(document)
+    known = reported(document)
     if document["verdict"] == "ambiguous":
         text = "an effect is present, but these data cannot tell which of the named ones it is"
         if not known:
@@ -175,7 +175,7 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             else []
         )
         return "; ".join([*longer, *remains, "check axes, units and clocks; declare the noise of the sensors"])
-    return "; ".join(_use(effect, log) for effect in _kinds(told(document)))
+    return "; ".join(_use(effect, log) for effect in _kinds(reported(document)))
 
 
 def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -271,8 +271,8 @@ def _state_change(error: Mapping[str, Any]) -> tuple[str, float, float] | None:
 
 
 def _worse_reference(document: Mapping[str, Any]) -> str:
-    """The error against the reference that grows with what is told, in words; else empty."""
-    change_ = _state_change(document["error"]) if told(document) else None
+    """The error against the reference that grows with what is reported, in words; else empty."""
+    change_ = _state_change(document["error"]) if reported(document) else None
     if change_ is None or change_[2] < change_[1]:
         return ""
     whose = reference_words(document["error"]["truth_held_out"].get("kind"))
@@ -312,10 +312,10 @@ def sizes(error: Mapping[str, Any]) -> str:
 
 def lead(document: Mapping[str, Any]) -> str:
     """What stands under the title: the proof on held-out data, or how near the strongest candidate came."""
-    sentences = [_proof(*pair) for pair in errors(document)] if told(document) else []
+    sentences = [_proof(*pair) for pair in errors(document)] if reported(document) else []
     sentences += [] if document["effects"] else [_strongest(document)]
     sentences += [not_predicting_sentence(document, effect) for effect in not_predicting(document)]
-    if document["twins"] and told(document):
+    if document["twins"] and reported(document):
         first, *others = [twin["name"] for twin in document["twins"]]
         sentences.append(f"These numbers are with {first} in the model; those with {' or '.join(others)} are below.")
     if not document["twins"] and (worse := _worse_reference(document)):
@@ -330,14 +330,14 @@ def lead(document: Mapping[str, Any]) -> str:
 
 
 def errors(document: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], list[Mapping[str, Any]]]]:
-    """The errors before and after with the effects that are told of them: of every sensor of poses that has any, those
-    first whose held-out readings can tell; else of the recording.
+    """The errors before and after with the effects that are reported of them: of every sensor of poses that has any,
+    those first whose held-out readings can tell; else of the recording.
     """
     of_sensor = {one["sensor"]: one["error"] for one in document["sensors"]}
-    if not of_sensor or not told(document):
-        return [(document["error"], told(document))]
+    if not of_sensor or not reported(document):
+        return [(document["error"], reported(document))]
     effects: dict[str, list[Mapping[str, Any]]] = {}
-    for effect in told(document):
+    for effect in reported(document):
         effects.setdefault(effect["name"].split(".")[0], []).append(effect)
     found = [(of_sensor[sensor], those) for sensor, those in effects.items()]
     return sorted(found, key=lambda pair: _cannot_tell(pair[1]))
@@ -455,7 +455,7 @@ def trace_summary(document: Mapping[str, Any]) -> str:
     if document["effects"] and document["error"]["same_names_on_fitting_part"]:
         lines.append("  Fitted to one part of the data alone, the search chooses the same effects.")
     lines += [f"  {twin_words(twin)}" for twin in document["twins"]]
-    if told(document) and not document["twins"]:
+    if reported(document) and not document["twins"]:
         changes = reference_changes(document["error"].get("truth"))
         lines += [f"  {name}, all data: {change_}" for name, change_ in changes.items()]
     if not document["effects"]:

@@ -336,11 +336,11 @@ def stage_names(stages: Sequence[Mapping[str, Any]]) -> list[str]:
     return names
 
 
-def columns_told(columns: Mapping[str, str]) -> str:
+def columns_in_words(columns: Mapping[str, str]) -> str:
     """Columns with their units; three axes, and numbered ones, as one."""
-    told: dict[str, str] = {}
+    units: dict[str, str] = {}
     for column, unit in columns.items():
         base, _, end = column.rpartition("_")
         name = base if base and (end in ("x", "y", "z", "north", "east", "down") or end.isdigit()) else column
-        told.setdefault(name, unit)
-    return ", ".join(f"{name} [{unit}]" if unit else name for name, unit in told.items())
+        units.setdefault(name, unit)
+    return ", ".join(f"{name} [{unit}]" if unit else name for name, unit in units.items())

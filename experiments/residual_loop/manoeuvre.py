@@ -164,11 +164,11 @@ def _for_all(first: str, rivals: Sequence[str]) -> str:
     found = deciding(first, *rivals)
     if not found:
         return ""
-    told = ", ".join(
+    listed = ", ".join(
         f"{in_digits(look.r2)} with {rival} instead of up to {in_digits(most_alike(first, rival).r2)}"
         for rival, look in zip(rivals, found, strict=True)
     )
-    return f"{found[0].scene.advice}, where {first} has a squared correlation of {told}"
+    return f"{found[0].scene.advice}, where {first} has a squared correlation of {listed}"
 
 
 def _for_one(first: str, rival: str) -> str:

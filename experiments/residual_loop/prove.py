@@ -255,7 +255,7 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     plain = _fitted_on_the_rest(source, selection, frozenset())
     noise = _noise(source, selection.final)
     unknown = _unknown(selection, known)
-    before, after = (_told(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
+    before, after = (_known(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
     of_all = before, after, all_before, all_after
     stream = stream_in_question(source, selection, set.intersection(*({r.stream for r in part} for part in of_all)))
@@ -276,7 +276,7 @@ def _contribution(
 ) -> Contribution:
     """Of one effect: the model of the fitting part with and without it."""
     without, unknown = _fitted_on_the_rest(source, selection, known - {finding.term}), _unknown(selection, known)
-    before, after = (_told(source, unknown, source.held_out(fit)) for fit in (without, fitted))
+    before, after = (_known(source, unknown, source.held_out(fit)) for fit in (without, fitted))
     names = {r.stream for r in before} & {r.stream for r in after}
     stream = stream_in_question(source, replace(selection, findings=(finding,)), names)
     first, second = (next(r for r in part if r.stream == stream) for part in (before, after))
@@ -296,18 +296,18 @@ def _unknown(selection: Selection, known: frozenset[Term]) -> list[Term]:
     return [term for term in selection.final.terms if term.interval is not None and term not in known]
 
 
-def _told(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
+def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamResidual]) -> list[StreamResidual]:
     """The residuals without the readings in intervals of which the fitting part knows nothing; all of a stream of which
     none would be left.
     """
-    told = []
+    known = []
     for r in residuals:
         keep = np.ones(len(r.t), dtype=bool)
         for term in unknown:
             if r.stream in _concerned(source, term, residuals):
                 keep &= ~term.covers(r.t)
-        told.append(r.rows(keep) if np.any(keep) else r)
-    return told
+        known.append(r.rows(keep) if np.any(keep) else r)
+    return known
 
 
 def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:

@@ -23,7 +23,7 @@ from sinan.sensors.arrays import finite_or_none
 def report(traced: Traced) -> dict[str, object]:
     """The trace as the JSON of the report."""
     verdict = traced.verdict
-    told = next(part for part in traced.parts if part.trace.verdict.proof.stream == verdict.proof.stream)
+    shown = next(part for part in traced.parts if part.trace.verdict.proof.stream == verdict.proof.stream)
     others = traced.judged
     colour = any(item.kind == "colour" for item in verdict.remaining)
     proof = verdict.proof
@@ -34,7 +34,7 @@ def report(traced: Traced) -> dict[str, object]:
         "p_value_needed": traced.alpha / max(traced.families, 1),
         "verdict": verdict.word,
         "effects": [_named(traced.part_of(one), one) for one in verdict.effects],
-        "error": _error(told, verdict),
+        "error": _error(shown, verdict),
         "consistency": {"nis_before": proof.nis_before, "nis_after": proof.nis_after, "white_after": not colour},
         "candidates": [entry for part in traced.parts for entry in _candidates_of(part, others)],
         "remaining": [
@@ -51,7 +51,7 @@ def report(traced: Traced) -> dict[str, object]:
         "budget": [asdict(one) for part in traced.parts for one in _budget(part)],
         "rolled_back": list(verdict.rolled_back),
         "separates": verdict.separates,
-        "twins": [_twin(told, twin, verdict.reference) for twin in verdict.twins],
+        "twins": [_twin(shown, twin, verdict.reference) for twin in verdict.twins],
         "sensors": [
             {"sensor": part.sensor, "error": _error(part, part.trace.verdict)}
             for part in traced.parts
@@ -62,12 +62,12 @@ def report(traced: Traced) -> dict[str, object]:
 
 
 def _budget(part: Part) -> Sequence[Budget]:
-    """Of the model that is told."""
+    """Of the model that is reported."""
     return part.source.budget(part.trace.selection.plain, part.trace.final)
 
 
 def _error(part: Part, verdict: Verdict) -> dict[str, object]:
-    """Errors before and after of the model that is told of a part."""
+    """Errors before and after of the model that is reported of a part."""
     proof = verdict.proof
     return {
         "held_out": True,

@@ -124,8 +124,8 @@ def select(
     3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
        accepted, an interval only where it is likelier than none, and readings that it had hidden and that are wrong are
        set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
-    4. An effect that another has made superfluous is dropped, and two offsets of one stream that share an end are told
-       as one where the data do not notice.
+    4. An effect that another has made superfluous is dropped, and two offsets of one stream that share an end are
+       reported as one where the data do not notice.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
 

@@ -48,11 +48,11 @@ class FieldUnit:
 
     def of(self, entry: Effect) -> tuple[float, tuple[str, ...]]:
         """What a fitted parameter is multiplied by, and the units of all, of an effect."""
-        told = bool(self.name) and entry.in_field_units
-        units = entry.units_in(self.name) if told else entry.units
+        in_unit = bool(self.name) and entry.in_field_units
+        units = entry.units_in(self.name) if in_unit else entry.units
         if self.by_throttle:
             units = tuple(unit.replace("/A", "/full throttle") for unit in units)
-        return self.size if told else 1.0, units
+        return self.size if in_unit else 1.0, units
 
 
 NO_UNIT = FieldUnit()

@@ -35,7 +35,7 @@ class Trace:
     recording, alpha : name, family-wise error
     verdict : what is said of the recording
     selection : everything that was found, and the evidence
-    final : the model whose errors are told: without what does not predict the held-out data
+    final : the model whose errors are reported: without what does not predict the held-out data
     """
 
     recording: str
@@ -62,11 +62,11 @@ def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> 
         _is_confirmed(source, settled.selection, suspects, alpha),
         twins_of(source, settled, scores),
         tuple(term.name for term in dropped),
-        tuple(remaining(source, settled.told.final, selection.left, suspects, alpha)),
-        *scores.of(settled.told, settled.proof),
+        tuple(remaining(source, settled.reported.final, selection.left, suspects, alpha)),
+        *scores.of(settled.reported, settled.proof),
         scores.reference,
     )
-    return Trace(source.name, alpha, verdict, settled.selection, settled.told.final)
+    return Trace(source.name, alpha, verdict, settled.selection, settled.reported.final)
 
 
 def _borne_out(

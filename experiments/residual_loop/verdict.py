@@ -57,7 +57,7 @@ class Named:
 
     Attributes
     ----------
-    finding : the effect, with its estimate in the model that is told; of one that does not predict, in that with it
+    finding : the effect, with its estimate in the model that is reported; of one that does not predict, in that with it
     contribution : what it does to the held-out error; None where no held-out reading can tell
     """
 
@@ -94,13 +94,13 @@ class Verdict:
     Attributes
     ----------
     effects : that pass their test on all data, in order of discovery
-    proof : errors before and after, of the model with those that are told
+    proof : errors before and after, of the model with those that are reported
     same_names : whether the fitting part alone chooses the same names; where no effect changes a mean, nothing is to be
         confirmed
     twins : where the first has rivals, itself and each of them
     rolled_back : effects that passed the test but that the held-out part speaks against
-    remaining : what the model that is told leaves
-    truth, truth_held_out : errors against a reference, plain and of the model that is told; None without one
+    remaining : what the model that is reported leaves
+    truth, truth_held_out : errors against a reference, plain and of the model that is reported; None without one
     reference : what they are against, for JSON
     """
 
@@ -122,7 +122,7 @@ class Verdict:
         ValueError : the held-out data were asked, and their error does not fall
         """
         if self.proof.failing is not None:
-            raise ValueError(f"{self.proof.failing.term.name} is told, and its held-out error does not fall")
+            raise ValueError(f"{self.proof.failing.term.name} is reported, and its held-out error does not fall")
 
     @property
     def word(self) -> str:
@@ -143,8 +143,8 @@ class Verdict:
         return next((one.finding for one in self.effects if one.finding.rivals), None)
 
     @property
-    def told(self) -> tuple[Finding, ...]:
-        """The effects of the head line, which the model has whose errors are told."""
+    def reported(self) -> tuple[Finding, ...]:
+        """The effects of the head line, which the model has whose errors are reported."""
         return tuple(one.finding for one in self.effects if one.predicts is not False)
 
     @cached_property
@@ -162,13 +162,13 @@ class Settled:
     Attributes
     ----------
     selection : everything that was found
-    told : the same without what does not predict
+    reported : the same without what does not predict
     proof : of that
     failed : what does not predict
     """
 
     selection: Selection
-    told: Selection
+    reported: Selection
     proof: Proof
     failed: Mapping[Term, Contribution]
 
@@ -176,29 +176,29 @@ class Settled:
     def effects(self) -> tuple[Named, ...]:
         """All effects found, in order of discovery."""
         known = {one.term: one for one in self.proof.contributions} | dict(self.failed)
-        told = {finding.term: finding for finding in self.told.findings}
-        return tuple(Named(told.get(f.term, f), known.get(f.term)) for f in self.selection.findings)
+        reported = {finding.term: finding for finding in self.reported.findings}
+        return tuple(Named(reported.get(f.term, f), known.get(f.term)) for f in self.selection.findings)
 
 
 def settle(source: Source, selection: Selection) -> Settled:
-    """Take out of the model that is told what does not predict the held-out data, the last found first.
+    """Take out of the model that is reported what does not predict the held-out data, the last found first.
 
     One that has rivals gives its place to the first of them that does predict.
     """
-    told, failed = selection, dict[Term, Contribution]()
+    reported, failed = selection, dict[Term, Contribution]()
     while True:
-        proof = proved(source, told)
+        proof = proved(source, reported)
         failing = proof.failing
         if failing is None:
-            return Settled(selection, told, proof, failed)
-        finding = next(f for f in told.findings if f.term == failing.term)
-        other = _rival_that_predicts(source, told, finding)
+            return Settled(selection, reported, proof, failed)
+        finding = next(f for f in reported.findings if f.term == failing.term)
+        other = _rival_that_predicts(source, reported, finding)
         if other is not None:
-            told = in_place(source, told, finding.term, other)
+            reported = in_place(source, reported, finding.term, other)
             selection = in_place(source, selection, finding.term, other)
         else:
             failed[failing.term] = failing
-            told = told.with_final(fit_without(source, told.final, failing.term))
+            reported = reported.with_final(fit_without(source, reported.final, failing.term))
 
 
 def proved(source: Source, selection: Selection) -> Proof:
@@ -206,13 +206,13 @@ def proved(source: Source, selection: Selection) -> Proof:
     return prove(source, selection, np.random.default_rng(_BOOTSTRAP_SEED))
 
 
-def _rival_that_predicts(source: Source, told: Selection, finding: Finding) -> Finding | None:
+def _rival_that_predicts(source: Source, reported: Selection, finding: Finding) -> Finding | None:
     """The likeliest rival of an effect that does predict; its own rivals are the others and that effect."""
     for rival in finding.rivals:
         others = (replace(finding, rivals=()), *(other for other in finding.rivals if other is not rival))
         one = replace(rival, rivals=others)
         try:
-            failing = proved(source, in_place(source, told, finding.term, one)).failing
+            failing = proved(source, in_place(source, reported, finding.term, one)).failing
         except InputError:  # no model follows from it
             continue
         if failing is None or failing.term != one.term:
@@ -239,7 +239,7 @@ def twins_of(source: Source, settled: Settled, scores: Scores) -> tuple[Twin, ..
     models = []
     for one in (first, *first.rivals):
         try:
-            model = in_place(source, settled.told, first.term, one)
+            model = in_place(source, settled.reported, first.term, one)
         except InputError:  # no model follows from it
             continue
         models.append((one.term, model, proved(source, model)))

@@ -68,8 +68,8 @@ def _covariates(recording: Recording, sensor: str) -> set[str]:
     from sinan.sensors.covariates import covariates_for
     from sinan.sensors.vibration import CORNER, WINDOW
 
-    told = covariates_for(recording, "gyro" if sensor == "accel" else sensor, _clock(recording, sensor))
-    found = {name for name, values in told.items() if np.any(np.ptp(values, axis=0) > 0.0)}
+    covariates = covariates_for(recording, "gyro" if sensor == "accel" else sensor, _clock(recording, sensor))
+    found = {name for name, values in covariates.items() if np.any(np.ptp(values, axis=0) > 0.0)}
     imu = recording.streams.get("imu")
     if sensor == "accel" and imu is not None and len(imu) > 1:
         rate = 1.0 / float(np.median(np.diff(imu.t)))

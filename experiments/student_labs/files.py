@@ -87,8 +87,8 @@ def begin(name: str, student: str, out: Path, kind: Kind, secret: str = "", key:
             write_text(out / SEALS, json.dumps(_sealed(name, student, secret, data), indent=1) + "\n")
         if key is not None:
             answers = {q: np.ravel(how.solve(data)).tolist() for q, how in solutions_of(name).items()}
-            told = {"lab": name, "student": student, "drawn": dict(hidden), "answers": answers}
-            write_text(key, json.dumps(told, indent=1) + "\n")
+            document = {"lab": name, "student": student, "drawn": dict(hidden), "answers": answers}
+            write_text(key, json.dumps(document, indent=1) + "\n")
     return f"{TITLES[name][kind.language == 'zh']}: {out / DATA}, {out / (name + '.py')}"
 
 
@@ -110,7 +110,7 @@ def check_file(name: str, answer: Path, language: Language, student: str = "", s
         data = _read_data(answer.parent / DATA, tuple(drawn(name, "columns")[0]))
         seals, salt = _read_seals(answer.parent / SEALS, name)
     verdicts = check(name, data, seals, salt, given, language)
-    return _told(verdicts, language), all(v.right for v in verdicts)
+    return _in_words(verdicts, language), all(v.right for v in verdicts)
 
 
 def practice_seals(name: str, number: int) -> Mapping[str, object]:
@@ -138,7 +138,7 @@ def _require_long(secret: str) -> None:
         raise InputError("--secret", f"{len(secret)} characters", f"{SHORTEST} or more, of your own or drawn")
 
 
-def _told(verdicts: list[Verdict], language: Language) -> str:
+def _in_words(verdicts: list[Verdict], language: Language) -> str:
     levels = {
         "basic": Words("basic", "基础实验"),
         "analysis": Words("analysis", "分析实验"),
@@ -173,11 +173,11 @@ def _read_data(path: Path, columns: tuple[str, ...]) -> Data:
 
 def _read_seals(path: Path, name: str) -> tuple[Seals, str]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"))
         seals = {
-            q: tuple(Seal(tuple(map(float, s[:-1])), str(s[-1])) for s in each) for q, each in told["seals"].items()
+            q: tuple(Seal(tuple(map(float, s[:-1])), str(s[-1])) for s in each) for q, each in document["seals"].items()
         }
-        lab, salt = told["lab"], str(told["salt"])
+        lab, salt = document["lab"], str(document["salt"])
     except OSError:
         raise InputError(path, "no seals", "without them only your teacher can check: --student and --secret") from None
     except (ValueError, KeyError, TypeError, AttributeError):

@@ -178,11 +178,11 @@ def check(
     name: str, data: Data, seals: Seals, salt: str, answer: Mapping[str, object], language: Language = "en"
 ) -> list[Verdict]:
     """What is right in an answer, and a hint for what is not. The right answer is never in it."""
-    told = []
+    verdicts = []
     for question in lab_of(name).questions:
         right, hint = _judged(question, data, seals.get(question.name, ()), salt, answer.get(question.name))
-        told.append(Verdict(question.name, question.level, right, "" if right else hint[language]))
-    return told
+        verdicts.append(Verdict(question.name, question.level, right, "" if right else hint[language]))
+    return verdicts
 
 
 _NO_HINT = Words("", "")

@@ -83,8 +83,8 @@ def ardupilot_facts(path: Path) -> Facts:
     """What a log says of itself."""
     log = read_messages(path)
     texts = log.texts("MSG", "Message") if log.has("MSG", "Message") else []
-    told = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
-    firmware = next((text for text in (*told, *texts, *log.heading) if text.startswith(FIRMWARES)), "")
+    firmwares = log.texts("VER", "FWS")[:1] if log.has("VER", "FWS") else []
+    firmware = next((text for text in (*firmwares, *texts, *log.heading) if text.startswith(FIRMWARES)), "")
     tables = tuple(
         Table(name, count, _table_rate(log, name), kind.fields, tuple(kind.units))
         for name, (count, kind) in ((name, (log.counts[name], log.kinds[name])) for name in sorted(log.kinds))
@@ -338,8 +338,8 @@ def trim_of(parameters: Mapping[str, float], notes: list[str]) -> FloatArray:
     trim = _three(parameters, "AHRS_TRIM", 0.0)
     trim = np.where(np.isfinite(trim), trim, 0.0)
     if np.any(trim):
-        told = ", ".join(f"{angle:.3g}" for angle in np.degrees(trim[:2]))
-        what = f"without AHRS_TRIM ({told} deg of roll, pitch)"
+        angles = ", ".join(f"{angle:.3g}" for angle in np.degrees(trim[:2]))
+        what = f"without AHRS_TRIM ({angles} deg of roll, pitch)"
         notes.append(f"reference: the autopilot's attitude is that of its board, {what}")
     return trim
 
@@ -409,11 +409,11 @@ def _raw_mag(log: Dataflash, parameters: Mapping[str, float], choice: Choice) ->
     names = [f"{prefix}{axis}" for prefix in ("o", "c") for axis in _AXES]
     rules = {f"o{axis}": (f"Ofs{axis}", "field", "mGauss") for axis in _AXES}
     rules |= {f"c{axis}": (f"{motor}{axis}", "field", "mGauss") for axis in _AXES}
-    told = _stream(log, found, rules)
-    if told is None:
+    offsets = _stream(log, found, rules)
+    if offsets is None:
         raise InputError(log.path, f"no offsets in {kind}", "a log that has them", "--raw")
-    at = np.clip(np.searchsorted(told.t, stream.t), 0, len(told) - 1)  # a reading is told when it has been taken
-    offset, compensation = np.split(told.array(names)[at], 2, axis=1)
+    at = np.clip(np.searchsorted(offsets.t, stream.t), 0, len(offsets) - 1)  # a reading is told when it has been taken
+    offset, compensation = np.split(offsets.array(names)[at], 2, axis=1)
     k = _compass(parameters, offset[-1], choice.mag)
     diagonal, off = _three(parameters, f"COMPASS_DIA{k}", 0.0), _three(parameters, f"COMPASS_ODI{k}", 0.0)
     D = np.diag(diagonal) if np.any(diagonal) else np.eye(3)
@@ -430,8 +430,8 @@ def _raw_mag(log: Dataflash, parameters: Mapping[str, float], choice: Choice) ->
 def compass_of(log: Dataflash, parameters: Mapping[str, float], number: int) -> str:
     """The number in the parameters of the compass that a log calls `number`: nothing, 2 or 3."""
     found = log.rows_of("MAG", number)
-    told = _stream(log, found, {axis: (f"Ofs{axis}", "field", "mGauss") for axis in _AXES})
-    offset = np.full(3, np.nan) if told is None or len(told) == 0 else told.array(tuple(_AXES))[-1]
+    offsets = _stream(log, found, {axis: (f"Ofs{axis}", "field", "mGauss") for axis in _AXES})
+    offset = np.full(3, np.nan) if offsets is None or len(offsets) == 0 else offsets.array(tuple(_AXES))[-1]
     return _compass(parameters, offset, number)
 
 

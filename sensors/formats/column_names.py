@@ -151,11 +151,11 @@ _NAMES = _names()
 
 def _known(words: Sequence[str], unit: str) -> Meaning | None:
     """The meaning of the words of a name with a unit, as it is written; None: no such name, or no such unit of it."""
-    told = list(words[:-1] if words[-1:] == ["cal"] else words)
-    while told:
-        if (what := _NAMES.get("".join(told))) is not None:
+    left = list(words[:-1] if words[-1:] == ["cal"] else words)
+    while left:
+        if (what := _NAMES.get("".join(left))) is not None:
             return _in_unit(*what[:3], unit, what[3])
-        if told.pop(0) not in _WHERE:
+        if left.pop(0) not in _WHERE:
             return None
     return None
 

@@ -103,8 +103,8 @@ def _of_dataflash(path: Path) -> list[Happening]:
         found = _armed(log.raw("ARM", "TimeUS") * _MICROSECOND, log.raw("ARM", "ArmState") == 1)
     elif log.has("EV", "TimeUS", "Id"):
         number = log.raw("EV", "Id")
-        told = np.isin(number, (_EVENT_ARMED, _EVENT_DISARMED))
-        found = _armed(log.raw("EV", "TimeUS")[told] * _MICROSECOND, number[told] == _EVENT_ARMED)
+        changes = np.isin(number, (_EVENT_ARMED, _EVENT_DISARMED))
+        found = _armed(log.raw("EV", "TimeUS")[changes] * _MICROSECOND, number[changes] == _EVENT_ARMED)
     if log.has("MODE", "TimeUS", "ModeNum"):
         texts = " ".join([*log.heading, *(log.texts("MSG", "Message") if log.has("MSG", "Message") else [])])
         names = _COPTER_MODES if "ArduCopter" in texts else _PLANE_MODES if "ArduPlane" in texts else {}

@@ -58,7 +58,7 @@ def recording_of(
     InputError : not what is needed; what `Recording` and `check_units` find wrong
     """
     mended = {name: sound(name, stream) for name, stream in found.items() if stream is not None}
-    said = [*notes, *(note for _, told in mended.values() for note in told)]
+    said = [*notes, *(note for _, of_stream in mended.values() for note in of_stream)]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream) > 0}
     if needs not in streams:
         what = "accelerometer with a gyroscope" if needs == "imu" else needs

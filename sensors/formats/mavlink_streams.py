@@ -263,7 +263,7 @@ def _gps(log: Telemetry, number: int, notes: list[str]) -> Reader | None:
     if not np.all(log.numbers(name, above)[fixed]):  # zero: not told
         above = "alt"
         notes.append("gps: heights above the sea stand for those above the ellipsoid")
-    told = {
+    columns_of = {
         column: said for column, said in _QUALITY.items() if np.all(log.numbers(name, said[0])[fixed] != said[2])
     }  # fmt: skip
 
@@ -272,7 +272,7 @@ def _gps(log: Telemetry, number: int, notes: list[str]) -> Reader | None:
             return None
         lla = log.numbers(name, "lat") * 1e-7, log.numbers(name, "lon") * 1e-7, log.numbers(name, above) * _MILLI
         columns = dict(zip(GEODETIC, lla, strict=True))
-        for column, (part, unit, unknown) in told.items():
+        for column, (part, unit, unknown) in columns_of.items():
             values = log.numbers(name, part)
             columns[column] = np.where(values == unknown, np.nan, values) * unit
         return Stream(clock.of(name), columns).rows(log.numbers(name, "fix_type") >= _GOOD_FIX)
@@ -305,9 +305,9 @@ def _power(log: Telemetry) -> Reader | None:
     name = next((name for name in ("BATTERY_STATUS", "SYS_STATUS") if name in log), None)
     if name is None:
         return None
-    told = {
+    columns_of = {
         one: columns for one in np.unique(_battery(log, name)).tolist()
-        if (columns := _told(*_supply(log, name), _battery(log, name) == one))
+        if (columns := _columns(*_supply(log, name), _battery(log, name) == one))
     }  # fmt: skip
 
     def read(log: Telemetry, clock: Clock) -> Stream | None:
@@ -315,12 +315,12 @@ def _power(log: Telemetry) -> Reader | None:
             return None
         values, t = dict(zip(("current", "voltage"), _supply(log, name), strict=True)), clock.of(name)
         found = []
-        for one, columns in told.items():
+        for one, columns in columns_of.items():
             mine = _battery(log, name) == one
             found.append(Stream(t[mine], {column: values[column][mine] for column in columns}))
         return beside(found)
 
-    return read if told else None
+    return read if columns_of else None
 
 
 def _battery(log: Telemetry, name: str) -> FloatArray:
@@ -339,7 +339,7 @@ def _supply(log: Telemetry, name: str) -> tuple[FloatArray, FloatArray]:
     return np.where(current < 0.0, np.nan, current), np.where(voltage > 0.0, voltage, np.nan)
 
 
-def _told(current: FloatArray, voltage: FloatArray, mine: BoolArray) -> tuple[str, ...]:
+def _columns(current: FloatArray, voltage: FloatArray, mine: BoolArray) -> tuple[str, ...]:
     """Which of the two a battery tells throughout."""
     known = {"current": current[mine], "voltage": voltage[mine]}
     return tuple(column for column, values in known.items() if np.all(np.isfinite(values)))

@@ -79,7 +79,7 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     if indicated.startswith(_AS_INDICATED):
         notes.append("air: an indicated airspeed stands for the true one, 5 % larger for each 1000 m of height")
     mended = {name: sound(name, stream) for name, stream in _streams(kind, t, values).items()}
-    notes += [note for _, told in mended.values() for note in told]
+    notes += [note for _, of_stream in mended.values() for note in of_stream]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream)}
     if not streams:
         raise InputError(path, "no row of numbers", "readings")
@@ -100,9 +100,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
 def _known(path: Path, names: Iterable[str]) -> tuple[dict[tuple[str, str], tuple[str, Meaning]], list[str]]:
     """Which column is called what, by stream and column; and those that mean nothing."""
     known: dict[tuple[str, str], tuple[str, Meaning]] = {}
-    told, left = meanings(list(names)), []
+    known, left = meanings(list(names)), []
     for name in names:
-        one = told.get(name)
+        one = known.get(name)
         if one is None:
             left.append(name)
         elif (one.stream, one.column) in known:
@@ -168,8 +168,8 @@ def _axes(imu: Stream | None) -> list[str]:
     """That axes are as they are written; and what that means where z reads gravity upward, as most boards have it."""
     notes = ["axes are taken as they are written, as forward, right, down: `axes` of a map turns them"]
     if imu is not None and np.median(imu["accel_z"]) > _UPWARD * STANDARD_GRAVITY:
-        told = "axes: accel_z reads +g, so z points up (or gravity is logged, not force) and attitudes are those of a "
-        notes.append(told + "body on its back; with x forward, y left a map has axes = ['x', '-y', '-z']")
+        axes = "axes: accel_z reads +g, so z points up (or gravity is logged, not force) and attitudes are those of a "
+        notes.append(axes + "body on its back; with x forward, y left a map has axes = ['x', '-y', '-z']")
     return notes
 
 

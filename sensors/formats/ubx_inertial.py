@@ -161,5 +161,5 @@ def _clock(
             found = f"tags of {kind} whose second is {slope:.3g} s of the fixes"
             raise InputError(path, found, f"tags of {_TICK[kind] * 1e6:g} us")
     offset = float(np.median(times - slope * tags))
-    told = f"imu: its clock set to that of the fixes by their order in the file (rate {slope:.5f}), good to some 0.1 s"
-    return slope, offset, [told]
+    note = f"imu: its clock set to that of the fixes by their order in the file (rate {slope:.5f}), good to some 0.1 s"
+    return slope, offset, [note]

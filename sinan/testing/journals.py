@@ -133,7 +133,7 @@ def changes(before: str, after: str, bounds: Bounds) -> list[str]:
     groups: dict[tuple[str, str], list[_Change]] = {}
     for change in found:
         groups.setdefault((change.kind, change.name), []).append(change)
-    return lines + [_told(name, group) for (_, name), group in groups.items()]
+    return lines + [_in_words(name, group) for (_, name), group in groups.items()]
 
 
 def _alike(old: _Rows, new: _Rows) -> bool:
@@ -152,7 +152,7 @@ def _unlike(old: _Rows, new: _Rows) -> list[str]:
     return lines
 
 
-def _told(name: str, group: list[_Change]) -> str:
+def _in_words(name: str, group: list[_Change]) -> str:
     """One sensor or state: since when, in how many steps, and the worst of them."""
     worst = max(group, key=lambda change: change.excess)
     seconds = sorted({change.second for change in group})

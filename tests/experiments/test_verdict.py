@@ -140,7 +140,7 @@ def test_a_verdict_whose_figures_contradict_it_cannot_be_made() -> None:
     source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     verdict = trace(source).verdict
     proof = replace(verdict.proof, before=verdict.proof.after, after=verdict.proof.before)
-    with pytest.raises(ValueError, match=r"mag\.current is told, and its held-out error does not fall"):
+    with pytest.raises(ValueError, match=r"mag\.current is reported, and its held-out error does not fall"):
         replace(verdict, proof=proof)
 
 

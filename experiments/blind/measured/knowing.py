@@ -26,5 +26,5 @@ def gain(minute: Minute, hidden: Hidden) -> float | None:
     model = minute.ready.model.replace(gate_level=None, robust_level=None)
     entry = effect(hidden.name)
     known = {entry if hidden.interval is None else entry.over(*hidden.interval): hidden.beta}
-    plain, told = (run_filter(Flight(recording, model), betas, engine="numba", stride=0) for betas in ({}, known))
-    return 2.0 * (told.log_likelihood - plain.log_likelihood)
+    plain, knowing = (run_filter(Flight(recording, model), betas, engine="numba", stride=0) for betas in ({}, known))
+    return 2.0 * (knowing.log_likelihood - plain.log_likelihood)
