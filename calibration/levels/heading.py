@@ -24,8 +24,8 @@ from sinan.sensors.rotation import quaternion_multiply
 COARSE, FINE = np.deg2rad(20.0), np.deg2rad(4.0)
 #: 1-sigma of a first attitude that needs no search [rad]: twice that is within 10 deg.
 KNOWN = np.deg2rad(5.0)
-#: What the search leaves, about each axis [rad].
-LEFT = np.deg2rad(5.0)
+#: What the search leaves, about each axis [rad]: steps of `FINE` leave less, and what needs no search as much.
+LEFT = KNOWN
 #: Readings with a smaller tail probability of their NIS weigh less: far from the right heading most of them do.
 OUTLIER_LEVEL = 1e-3
 

@@ -56,7 +56,7 @@ from sinan.sensors.rotation import cross
 #: Below this determinant of d e(f) / df an instrument counts as showing nothing there; of sound ones it is near one.
 _BLIND = 1e-3
 #: d e(f) / df is one, but for the rounding of its differences: bound of work (`bounds_of_work flight`).
-_NO_GAIN = 1e-9
+_AS_ONE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -305,22 +305,22 @@ def driver_regressors(along: Along, stream: str, effects: Sequence[Effect]) -> F
     present = [(e, b) for e, b in along.terms.of_stream(stream) if e.exact is not None or name in e.needs]
     if not present:
         return G
-    gain = np.tile(np.eye(3), (len(motion), 1, 1))
+    response = np.tile(np.eye(3), (len(motion), 1, 1))
     for axis in range(3):
         d = np.zeros(3)
         d[axis] = step
         for sign in (1.0, -1.0):
             changed = _with(motion, name, plain + sign * d)
             for entry, beta in present:
-                gain[:, :, axis] += entry.change(plain + sign * d, beta, changed) * (sign / (2.0 * step))
-    if np.max(np.abs(gain - np.eye(3))) < _NO_GAIN:
+                response[:, :, axis] += entry.change(plain + sign * d, beta, changed) * (sign / (2.0 * step))
+    if np.max(np.abs(response - np.eye(3))) < _AS_ONE:
         return G
-    return np.asarray(_inverse(gain) @ G, dtype=np.float64)
+    return np.asarray(_inverse(response) @ G, dtype=np.float64)
 
 
-def _inverse(gain: FloatArray) -> FloatArray:
+def _inverse(response: FloatArray) -> FloatArray:
     """(N, 3, 3) inverses by cofactors; one where an instrument shows nothing, which only a trial gone astray has."""
-    first, second, third = np.moveaxis(gain, -1, 0)
+    first, second, third = np.moveaxis(response, -1, 0)
     adjugate = np.stack([cross(second, third), cross(third, first), cross(first, second)], axis=1)
     determinant = np.einsum("ni,ni->n", first, adjugate[:, 0])
     blind = np.abs(determinant) < _BLIND

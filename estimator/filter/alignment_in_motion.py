@@ -37,7 +37,9 @@ LATE = 0.1  # s, 1-sigma of the lateness of a GPS that nobody told: receivers of
 SCALE = 0.01  # 1-sigma of the scales of accelerometer and gyroscope: a turn of 360 deg is known to 3.6 deg
 ROUNDS, ENOUGH = 20, 1e-3  # rad: Gauss-Newton ends after few rounds, where it moves by less
 HEADINGS, APART = 4, 0.5  # starts about the vertical; attitudes further apart than that [rad] are two
-DOUBT = 1e-3  # likelihood ratio of a second attitude from which on the heading counts as unknown
+#: Likelihood ratio of a second attitude from which on the heading counts as unknown: before the readings both are as
+#: likely, so that the one that is left out is the right one once in a thousand: stated risk.
+DOUBT = 1e-3
 UNKNOWN = np.pi / np.sqrt(3.0)  # rad, 1-sigma of an angle that nothing shows: uniform over the circle
 
 

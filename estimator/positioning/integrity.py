@@ -113,8 +113,8 @@ def check(
     if field is not None:
         A[:, A.shape[1] - field.shape[1] :] = field
     A[~fixes.used] = 0.0
-    gain = np.matmul(fixes.covariance[epoch], A[..., None])[..., 0]
-    redundancy_number = 1.0 - np.sum(A * gain, axis=1) / variance
+    P_A = np.matmul(fixes.covariance[epoch], A[..., None])[..., 0]
+    redundancy_number = 1.0 - np.sum(A * P_A, axis=1) / variance
     checked = fixes.used & (redundancy_number > LEAST_REDUNDANCY) & (fixes.redundancy[epoch] > 0)
     r = np.where(checked, redundancy_number, np.nan)
     w = np.where(checked, fixes.residual, np.nan) / np.sqrt(variance * r)
@@ -123,13 +123,13 @@ def check(
     np.logical_or.at(failed, epoch[checked], np.abs(w[checked]) > CRITICAL)
     passed = ~failed & (fixes.redundancy >= 0)
     R = east_north_up(fixes.position)
-    shift = np.einsum("nij,nj->ni", R[epoch], gain[:, :3] / variance[:, None])
+    shift = np.einsum("nij,nj->ni", R[epoch], P_A[:, :3] / variance[:, None])
     shift = shift * np.where(np.isfinite(mdb), mdb, 0.0)[:, None]
     bias = np.zeros((2, epochs))
     for k, size in enumerate((np.hypot(shift[:, 0], shift[:, 1]), np.abs(shift[:, 2]))):
         np.maximum.at(bias[k], epoch[checked], size[checked])
     blind = np.zeros(epochs, dtype=bool)
-    np.logical_or.at(blind, epoch[fixes.used], ~checked[fixes.used] & (np.abs(gain[fixes.used, :3]).max(axis=1) > 1e-9))
+    np.logical_or.at(blind, epoch[fixes.used], ~checked[fixes.used] & (np.abs(P_A[fixes.used, :3]).max(axis=1) > 1e-9))
     C = R @ fixes.covariance[:, :3, :3] @ np.swapaxes(R, 1, 2)
     noise = COVERAGE * np.sqrt(np.stack([C[:, 0, 0] + C[:, 1, 1], C[:, 2, 2]]))
     level = np.where((fixes.redundancy <= 0) | blind, np.inf, bias + noise)

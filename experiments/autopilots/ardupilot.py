@@ -16,8 +16,8 @@ from sinan.experiments.autopilots.corrections import (
     CURRENT,
     SOFT_IRON,
     TURN,
+    axis_factors,
     current_known,
-    gains,
     places,
     pressure_coefficient,
     put_delay,
@@ -157,7 +157,7 @@ def _imu(found: Findings, terms: Terms) -> None:
     form = f"INS_ACC{k + 1 if k else ''}SCAL_{{}}"
     before = np.where(terms.three(form, 1.0) == 0.0, 1.0, terms.three(form, 1.0))
     if "accel.scale" in effects:
-        new = gains(found, C)
+        new = axis_factors(found, C)
         if new is None:
             terms.refuse("accel.scale", "the chip's axes are not those of the body, and a gain is of a chip's axis")
         else:

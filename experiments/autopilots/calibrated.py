@@ -111,7 +111,7 @@ def _number(autopilot: str, number: int) -> str:
     return str(number) if autopilot == "px4" else ("", "2", "3")[number]
 
 
-def _gains(M: FloatArray, C: FloatArray | None, who: str) -> FloatArray:
+def _axis_factors(M: FloatArray, C: FloatArray | None, who: str) -> FloatArray:
     """(3,) of the chip's axes, of a matrix about the body's.
 
     Raises
@@ -141,11 +141,11 @@ def _put_accel(
     terms: Terms, M: FloatArray, b: FloatArray, C: FloatArray | None, off: str, scale: str, who: str
 ) -> None:
     """K ((raw - OFF) S + b) = K S (raw - (OFF - b / S)), all of the chip's axes."""
-    gains = _gains(M, C, who)
+    factors = _axis_factors(M, C, who)
     assert C is not None
     before = terms.three(scale, 1.0)
     before = np.where(before == 0.0, 1.0, before)
-    terms.put_three(scale, gains * before, LABEL["accel"])
+    terms.put_three(scale, factors * before, LABEL["accel"])
     terms.put_three(off, terms.three(off) - C.T @ b / before, LABEL["accel"])
 
 

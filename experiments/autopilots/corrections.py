@@ -36,7 +36,7 @@ def stretch_then_turn(X: FloatArray) -> tuple[FloatArray, FloatArray]:
     return U @ Vt, (Vt.T * s) @ Vt
 
 
-def gains(found: Findings, C: FloatArray) -> FloatArray | None:
+def axis_factors(found: Findings, C: FloatArray) -> FloatArray | None:
     """(3,) what takes out accel.scale, along a chip's axes, C: chip -> body; None: it lies across those axes."""
     A = C.T @ np.diag(1.0 / (1.0 + found.effects["accel.scale"])) @ C
     across = A - np.diag(np.diag(A))

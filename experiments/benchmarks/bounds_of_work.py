@@ -60,7 +60,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _LOOP + "trace": ("_MOST_FALLS",),
         _LOOP + "trials": ("_AHEAD", "_RELOCATIONS"),
         _LOOP + "select": ("MOST_GIVEN_ERROR", "_MOST_ROUNDS"),
-        "sinan.estimator.evidence.sensitivity": ("_NO_GAIN",),
+        "sinan.estimator.evidence.sensitivity": ("_AS_ONE",),
         "sinan.estimator.filter.effect_forms": ("INVERTED",),
     },
     "camera": {

@@ -39,8 +39,8 @@ def baro_lag(b: FloatArray, seen: Seen) -> FloatArray:
     height = -seen.scene.motion(past).p[:, 2]
     decay = np.exp(-LAG_STEP / lag)
     within = lag / LAG_STEP * (1.0 - decay)
-    gain = [1.0 - within, within - decay]
-    z, _ = lfilter(gain, [1.0, -decay], height, zi=[height[0] - gain[0] * height[0]])
+    weights = [1.0 - within, within - decay]
+    z, _ = lfilter(weights, [1.0, -decay], height, zi=[height[0] - weights[0] * height[0]])
     return (np.interp(t, past, z) - seen.plain[:, 0])[:, None]
 
 
