@@ -33,7 +33,7 @@ import numpy as np
 from sinan.estimator.evidence.error_integrals import MOVING, ErrorIntegrals, transitions
 from sinan.estimator.filter.error_dynamics import bias_rates
 from sinan.estimator.filter.flight_model import FlightModel
-from sinan.estimator.filter.layout import DP, DV, StateLayout
+from sinan.estimator.filter.layout import DP, DV, StateLayout, size_of
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
@@ -147,7 +147,9 @@ def information(
     extra : sensors that the model does not have, such as a base receiver that one thinks of adding
     cell : s; default `CELL`, shorter where the process noise asks for it, longer where that were over `MOST_CELLS`
 
-    Neglects that readings of one cell share process noise, the Earth's turn, and what declared effects change in H.
+    Neglects that readings of one cell share process noise, the Earth's turn, what declared effects change in H, and
+    what is a state for the sake of others, the colour of readings and the error of the field: its sigmas are least ones
+    where a model has these.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
@@ -158,7 +160,8 @@ def information(
     t = np.linspace(start, stop, max(2, round((stop - start) / cell) + 1))
     rates = _noise_rates(model, motion, t, walk, grown)
     variance = np.diag(P0) + walk * (stop - start)
-    states = np.flatnonzero((np.diag(P0) > 0.0) | (walk > 0.0))
+    asked = np.concatenate([np.full(size_of(name), not is_nuisance(name)) for name in model.layout.names])
+    states = np.flatnonzero(asked & ((np.diag(P0) > 0.0) | (walk > 0.0)))
     scale = np.sqrt(np.where(np.diag(P0) > 0.0, np.diag(P0), variance))[states]
     integrals = ErrorIntegrals.along(motion)
     nodes = integrals.at(t)
@@ -177,6 +180,11 @@ def information(
         Q=_process_noise(integrals, t, rates)[:, square[0], square[1]] / outer,
         readings=blocks, counts=counts, walk=walk[states],
     )  # fmt: skip
+
+
+def is_nuisance(block: str) -> bool:
+    """Whether a block is a state for the sake of others: the colour of readings, the error of the field."""
+    return block.startswith("c_") or block == "field"
 
 
 def _sees(sensor: SensorModel, motion: Motion) -> BoolArray:

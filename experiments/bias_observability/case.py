@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from sinan.estimator.evidence.observability import Information, information
+from sinan.estimator.evidence.observability import Information, information, is_nuisance
 from sinan.estimator.filter.events import ACCEPTED, ranges_of
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel
@@ -157,6 +157,11 @@ def _case(
         )
     motion = motion_at(inputs.imu.t)
     notes = [str(note) for note in model.notes]
+    left_out = [name.removeprefix("c_") for name in model.layout.names if is_nuisance(name)]
+    if left_out:
+        notes.append(
+            f"noise that lasts, or an error of the field, is left out ({', '.join(left_out)}): sigmas are least ones"
+        )
     imagined: list[SensorModel] = []
     for sensor, instants, note in (_base(model, readings, motion), _laser(model, readings, motion)):
         if sensor is not None:

@@ -100,9 +100,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
 def _known(path: Path, names: Iterable[str]) -> tuple[dict[tuple[str, str], tuple[str, Meaning]], list[str]]:
     """Which column is called what, by stream and column; and those that mean nothing."""
     known: dict[tuple[str, str], tuple[str, Meaning]] = {}
-    known, left = meanings(list(names)), []
+    meaning_of, left = meanings(list(names)), []
     for name in names:
-        one = known.get(name)
+        one = meaning_of.get(name)
         if one is None:
             left.append(name)
         elif (one.stream, one.column) in known:

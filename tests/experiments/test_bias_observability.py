@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -181,6 +182,18 @@ def test_a_recording_gives_what_its_scenario_gives() -> None:
     along_estimate = study(case_of_recording(recording), with_catalogue=False)
     ratio = along_estimate.course.sigma[0, -1] / along_truth.course.sigma[0, -1]
     np.testing.assert_allclose(ratio, 1.0, atol=SAME_MOTION)
+
+
+def test_noise_that_lasts_is_no_state_of_the_study() -> None:
+    """A log that declares no noise has colour among its states, and a field that is known to some degrees."""
+    recording, _ = simulate(short_flight(), np.random.default_rng(4))
+    mag = replace(recording.spec("mag"), colour_std=0.01, colour_time=3.0)
+    coloured = case_of_recording(recording.replace(sensors={**recording.sensors, "mag": mag}))
+    assert coloured.model.layout.has("c_mag")
+    found = study(coloured, with_catalogue=False)
+    assert not any(label.startswith("c_") for label in found.found.labels)
+    assert any("mag" in note and "least" in note for note in coloured.notes)
+    assert "mag" in summary(found)
 
 
 def test_an_attitude_estimator_is_studied_too(tmp_path: Path) -> None:
