@@ -251,9 +251,9 @@ def sums_by_block(S: FloatArray, r: FloatArray, block: IntArray, noise: float = 
     block : (rows,) number of each row's block
     noise : variance of the whitened rows
     """
-    parts = [(S[block == k], r[block == k]) for k in range(int(block.max()) + 1)]
-    information = np.stack([part.T @ part / noise for part, _ in parts])
-    return information, np.stack([part.T @ left / noise for part, left in parts])
+    inside = [block == k for k in range(int(block.max()) + 1)]
+    information = np.stack([S[rows].T @ S[rows] / noise for rows in inside])
+    return information, np.stack([S[rows].T @ r[rows] / noise for rows in inside])
 
 
 def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> Statistic:
