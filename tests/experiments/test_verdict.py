@@ -137,7 +137,7 @@ def test_what_does_not_predict_is_shown_as_that(tmp_path: Path) -> None:
 
 
 def test_a_verdict_whose_figures_contradict_it_cannot_be_made() -> None:
-    source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
+    source = LeastSquaresSource(poses(np.random.default_rng(18), term=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     verdict = trace(source).verdict
     proof = replace(verdict.proof, before=verdict.proof.after, after=verdict.proof.before)
     with pytest.raises(ValueError, match=r"mag\.current is reported, and its held-out error does not fall"):
@@ -225,7 +225,7 @@ def test_a_twin_that_does_not_predict_gives_its_place_to_one_that_does() -> None
 
 
 def test_terminal_json_and_page_say_the_same(tmp_path: Path) -> None:
-    source = LeastSquaresSource(poses(np.random.default_rng(18), effect=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
+    source = LeastSquaresSource(poses(np.random.default_rng(18), term=Term("mag.current"), beta=(0.003, 0.0, 0.0)))
     result = Traced.alone(source, trace(source))
     document = worded(report(result), "run1", Log("my log.csv", Path("log.toml")))
     trace_page(tmp_path / "page.html", result, document)
