@@ -56,7 +56,7 @@ def test_a_coarse_heading_is_cured() -> None:
         recording, truth = simulate(load_scenario("no_aiding"), np.random.default_rng(100 + seed))
         model = flight_model(recording)
         for results, runner in ((plain, run_filter), (cured, run_relinearised)):
-            journal = runner(recording, model, engine="numba", stride=0)
+            journal = runner(Flight(recording, model), engine="numba", stride=0)
             error = attitude_error(model.layout, truth, journal.x_end)
             results.append(nees(error, journal.P_end[6:9, 6:9]) / 3.0)
     assert np.mean(plain) > 2.0
@@ -66,7 +66,7 @@ def test_a_coarse_heading_is_cured() -> None:
 def test_a_good_start_needs_no_cure() -> None:
     recording, _ = fly(6, duration=10.0)
     model = flight_model(recording)
-    plain, again = (runner(recording, model, engine="numba") for runner in (run_filter, run_relinearised))
+    plain, again = (runner(Flight(recording, model), engine="numba") for runner in (run_filter, run_relinearised))
     sigma = np.sqrt(np.diag(plain.P_end))
     assert np.max(np.abs(model.layout.difference(again.x_end[None], plain.x_end[None])[0]) / sigma) < 0.5
 
