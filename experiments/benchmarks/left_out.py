@@ -60,8 +60,8 @@ def liveliest(recording: Recording, longest: float) -> Recording:
 
 def effects_of(recordings: Sequence[Recording]) -> dict[str, tuple[float, ...]]:
     """Lasting effects that a trace of logs together names and that predict, with their sizes."""
-    told = trace_recording(joined(recordings)).verdict.told
-    return {f.term.name: tuple(f.beta.tolist()) for f in told if f.term.interval is None and f.term.in_mean}
+    reported = trace_recording(joined(recordings)).verdict.reported
+    return {f.term.name: tuple(f.beta.tolist()) for f in reported if f.term.interval is None and f.term.in_mean}
 
 
 def compare(name: str, declared: Effects) -> dict[str, Score]:

@@ -141,7 +141,7 @@ class FlightSource:
     @property
     def alike(self) -> Sequence[frozenset[str]]:
         """Places of two instruments, where only that of one relative to the other shows."""
-        return places_alike(self.recording, self.model, self._candidates)
+        return places_alike(self.flight, self._candidates)
 
     @property
     def families(self) -> int:

@@ -44,14 +44,14 @@ def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     return tuple(found)
 
 
-def places_alike(recording: Recording, model: FlightModel, candidates: Sequence[Effect]) -> tuple[frozenset[str], ...]:
+def places_alike(flight: Flight, candidates: Sequence[Effect]) -> tuple[frozenset[str], ...]:
     """The lever arms of accelerometer and antenna, where nothing else in the log goes with a place.
 
     The reference point is a choice: with both moved by r in the body no reading changes, so an accelerometer at r is an
     antenna at -r.
     """
     pair = frozenset({"accel.lever_arm", "gps.lever_arm"})
-    free = recording.initial.position is None and set(model.sensors) <= {"gps", "mag"}
+    free = flight.recording.initial.position is None and set(flight.model.sensors) <= {"gps", "mag"}
     return (pair,) if free and pair <= {entry.name for entry in candidates} else ()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.report.verdict_words import says
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.run import trace_recording
@@ -30,7 +30,7 @@ def flown(*effects: str, **declared: tuple[float, ...]) -> Recording:
 
 
 def source_of(recording: Recording) -> FlightSource:
-    return FlightSource(recording, flight_model(recording))
+    return FlightSource(Flight.of(recording))
 
 
 def test_with_a_receiver_alone_the_places_of_antenna_and_accelerometer_are_one() -> None:
