@@ -50,7 +50,7 @@ def test_a_height_a_first_position_or_a_declared_place_tells_them_apart() -> Non
 @pytest.mark.parametrize("effect", ["gps.lever_arm=0.5,0.3,-0.4", "accel.lever_arm=-0.5,-0.3,0.4"])
 def test_either_place_is_told_with_the_other(effect: str) -> None:
     found = trace_recording(flown(effect)).parts[0].trace
-    first, *others = found.verdict.told
+    first, *others = found.verdict.reported
     assert {first.term.name, *first.confused_with} == PLACES
     assert not any(other.term.name in PLACES for other in others)
     assert found.verdict.word == "ambiguous"
