@@ -21,6 +21,7 @@ from sinan.experiments.residual_loop.source import Fit, LocalFinding, Part, Sour
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import (
     IMPOSSIBLE,
+    NO_EVIDENCE,
     ROLLED_BACK,
     SCATTERED,
     SHORTLIST,
@@ -128,6 +129,7 @@ def select(
        reported as one where the data do not notice.
     5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
        are tried.
+    6. What the final model cannot tell from none, with the very error that is reported of it, is dropped.
 
     Parameters
     ----------
@@ -138,7 +140,9 @@ def select(
     """
     most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
     path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
-    return path.taken_on(most, shortlist)
+    path.take_on(most, shortlist)
+    path.drop_what_may_be_none(alpha)
+    return path.selection()
 
 
 def select_further(source: Source, alpha: float, start: Selection, barred: frozenset[str]) -> Selection:
@@ -154,9 +158,10 @@ def select_further(source: Source, alpha: float, start: Selection, barred: froze
     barred : keys of what is not tried, as the held-out part has spoken against it
     """
     path = _Path(source, start.final, log_p_needed(source, alpha), False, start, barred)
-    found = path.taken_on(MOST_EFFECTS, SHORTLIST)
+    path.take_on(MOST_EFFECTS, SHORTLIST)
+    path.drop_what_may_be_none(alpha)
     return replace(
-        found,
+        path.selection(),
         plain=refitted(source, start.plain),
         plain_statistics=start.plain_statistics,
         plain_local=start.plain_local,
@@ -195,7 +200,7 @@ class _Path:
         """What may be added to the present fit."""
         return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
 
-    def taken_on(self, most: int, shortlist: int) -> Selection:
+    def take_on(self, most: int, shortlist: int) -> None:
         """One effect after the other, until nothing earns its place or there are `most`."""
         while len(self.findings) < most:
             best = self.best(shortlist)
@@ -206,7 +211,23 @@ class _Path:
                 self.add_pair(*pair)
             elif not self.set_aside_instead(*best):
                 self.add(*best)
-        return self.selection()
+
+    def drop_what_may_be_none(self, alpha: float) -> None:
+        """Drop effects whose estimate may be zero by its own error: by b' Lambda b over the scatter of its blocks, one
+        hypothesis each, as they have been found; the weakest first.
+
+        A likelihood that grows with what changes hardly a reading has grown because the motion is another one.
+        """
+        while True:
+            told = [updated(f, self._fit, self._offered.evidence) for f in self.findings if f.term.in_mean]
+            doubts = [(log_p_value(f.information / f.spread**2, len(f.beta)), f.term) for f in told if not f.at_least]
+            log_p, term = max(doubts, key=lambda one: one[0], default=(-np.inf, None))
+            if term is None or log_p < np.log(alpha):
+                return
+            self._fit = fit_without(self._source, self._fit, term)
+            self.findings = [f for f in self.findings if f.term != term]
+            self._refused[term.key] = NO_EVIDENCE
+            self._offered = self._offer()
 
     def best(self, shortlist: int) -> Trial | None:
         """The best that stands of what is offered, with its fit; where nothing does the intervals are searched too."""

@@ -10,6 +10,7 @@ import pytest
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.experiments.residual_loop.options import Offered, option_of
+from sinan.experiments.residual_loop.select import _Path
 from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
@@ -151,6 +152,25 @@ def test_what_no_log_tells_from_an_effect_of_the_model_is_not_offered() -> None:
         fit = source.fit((Term("baro.scale"),))
         found = Offered(cast(Source, source), fit, -9.0, {}, intervals=False)
         assert [option.term.name for option in found.options] == offered
+
+
+@pytest.mark.parametrize(("sigmas", "stays"), [(1.0, False), (4.0, True)])
+def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: bool) -> None:
+    """Whatever the likelihood has gained with it: it has grown with the motion, then."""
+
+    class One(Line):
+        candidates = (effect("baro.scale"),)
+        is_predicting = True
+
+        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
+            return ()
+
+    source, term = cast(Source, One(sigmas, 1.0)), Term("baro.scale")
+    fit = source.fit((term,))
+    path = _Path(source, fit, -9.0, intervals=False)
+    path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
+    path.drop_what_may_be_none(0.01)
+    assert path.selection().names == (("baro.scale",) if stays else ())
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
