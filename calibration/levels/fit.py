@@ -72,7 +72,6 @@ class Size:
     median : of the prior
     spread : standard deviation of its logarithm in the prior; of a time ("latency", "gps") of itself
     linear : it is a time, not a size
-    least : no smaller one is that of what it is the size of
     """
 
     sensor: str
@@ -80,7 +79,6 @@ class Size:
     median: float
     spread: float
     linear: bool = False
-    least: float = 0.0
 
     def at(self, theta: float) -> float:
         """The size at so many spreads from its median."""
@@ -89,8 +87,7 @@ class Size:
     @property
     def bounds(self) -> tuple[float, float]:
         """Of theta; also of a lateness: what is later is an effect that a trace names."""
-        low = -4.0 if self.least <= 0.0 else float(np.log(self.least / self.median)) / self.spread
-        return max(low, -4.0), 4.0
+        return -4.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -445,38 +442,50 @@ def fit_levels(
     return _likeliest(Problem(recording, sizes, first), np.zeros(len(sizes)), most) if sizes else first
 
 
-#: What is slow, where white noise is declared: a time constant of fewer seconds would be that of more white noise [s].
-SLOW = 2.0
+#: How far declared white noise of a receiver is off, in the logarithm: a choice, half as much again at one sigma. Else
+#: white noise would be called slow.
+AS_DECLARED = 0.5
 #: A slow error that is tried first: its size over the white noise, and its time constant [s].
 TRIED = tuple(product((0.3, 1.0), (3.0, 10.0)))
+_WHITE_OF = {"colour_std": "noise_std", "velocity_colour_std": "velocity_noise_std"}
 
 
 def with_slow_gps(recording: Recording) -> Levels:
-    """The levels of a recording that declares its noise, and what its receiver errs by for seconds besides, where that
-    is likelier than declared noise alone, which is white; before the log both are as likely.
+    """The levels of a recording that declares its noise, and what its receiver errs by for seconds besides, or its
+    white noise as the log has it: the likeliest of the three; before the log they are as likely.
 
-    The evidence of the slow error is Laplace's, which neglects how its sizes go together.
+    The evidence of sizes is Laplace's, which neglects how they go together.
     """
-    plain, sizes = first_levels(recording, (), None, None), slow_error_of_gps(recording)
-    sizes = [replace(s, median=5.0, least=SLOW) if s.key == "colour_time" else s for s in sizes]
+    plain = first_levels(recording, (), None, None)
+    slow = [replace(s, median=5.0) if s.key == "colour_time" else s for s in slow_error_of_gps(recording)]
+    gps = plain.specs["gps"]
+    keys = [_WHITE_OF[s.key] for s in slow if s.key in _WHITE_OF]
+    white = [Size("gps", key, getattr(gps, key), AS_DECLARED) for key in keys if getattr(gps, key)]
     first = plain
-    for size in sizes:
+    for size in slow:
         first = first.with_size(size, size.median)
-    without = Problem(recording, (), plain).value(np.zeros(0))
-    noise = {"colour_std": "noise_std", "velocity_colour_std": "velocity_noise_std"}
-    problem = Problem(recording, sizes, first)
+    problem = Problem(recording, [*slow, *white], first)
 
     def theta(share: float, time: float) -> FloatArray:
-        gps = first.specs["gps"]
-        values = [time if s.key == "colour_time" else share * (getattr(gps, noise[s.key]) or s.median) for s in sizes]
-        return np.array([np.log(value / s.median) / s.spread for value, s in zip(values, sizes, strict=True)])
+        values = [
+            time if s.key == "colour_time" else share * (getattr(gps, _WHITE_OF[s.key]) or s.median) for s in slow
+        ]
+        sought = [np.log(value / s.median) / s.spread for value, s in zip(values, slow, strict=True)]
+        return np.array([*sought, *(0.0 for _ in white)])
 
-    value, _, start = max((problem.value(tried), k, tried) for k, tried in enumerate(theta(*one) for one in TRIED))
-    if value < without:
-        return plain
-    found = _likeliest(problem, start, MOST)
-    narrower = sum(float(np.log(sigma / s.spread)) for sigma, s in zip(found.sigmas, sizes, strict=True))
-    return found if found.log_posterior + narrower > without else plain
+    _, _, start = max((problem.value(tried), k, tried) for k, tried in enumerate(theta(*one) for one in TRIED))
+    without = Problem(recording, (), plain).value(np.zeros(0))
+    found = [(without, plain)]
+    for one, begin in ((Problem(recording, white, plain), np.zeros(len(white))), (problem, start)):
+        levels = _likeliest(one, begin, MOST)
+        found.append((_evidence(levels), levels))
+    return max(found, key=lambda one: one[0])[1]
+
+
+def _evidence(levels: Levels) -> float:
+    """Logarithm of the probability of the log, the sizes that were found integrated over."""
+    narrower = (np.log(sigma / size.spread) for sigma, size in zip(levels.sigmas, levels.found, strict=True))
+    return levels.log_posterior + float(sum(narrower))
 
 
 def _likeliest(problem: Problem, start: FloatArray, most: int) -> Levels:

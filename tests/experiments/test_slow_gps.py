@@ -45,6 +45,23 @@ def test_a_slow_error_is_found_with_its_size(plain: Recording) -> None:
     assert spec.colour_std == pytest.approx(SHARE * plain.spec("gps").noise_std, rel=0.35)  # type: ignore[operator]
 
 
+def test_a_fast_one_too(plain: Recording) -> None:
+    """Half a second, five fixes of the receiver at most; no bound says where slow begins."""
+    spec = as_declared(drifting(plain, 2, tau=0.5, share=2.0), slow_gps=True).levels.specs["gps"]
+    assert 0.2 < spec.colour_time < 1.25  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("larger", [1.3, 2.0])
+def test_white_noise_larger_than_declared_is_none(plain: Recording, larger: float) -> None:
+    rng, gps = np.random.default_rng(5), plain.streams["gps"]
+    more = np.sqrt(larger**2 - 1.0) * plain.spec("gps").noise_std * rng.standard_normal((len(gps.t), 3))
+    columns = {**gps.columns, **{c: gps.columns[c] + more[:, i] for i, c in enumerate(POSITION)}}
+    noisy = plain.replace(streams={**plain.streams, "gps": replace(gps, columns=columns)})
+    spec = as_declared(noisy, slow_gps=True).levels.specs["gps"]
+    assert spec.colour_std is None
+    assert spec.noise_std == pytest.approx(larger * plain.spec("gps").noise_std, rel=0.1)  # type: ignore[operator]
+
+
 def test_where_there_is_none_the_model_has_none(plain: Recording) -> None:
     assert as_declared(plain, slow_gps=True).levels.specs["gps"] == plain.spec("gps")
 
