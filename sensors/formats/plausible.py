@@ -30,9 +30,9 @@ _FIELD_FACTOR = 3.0
 #: Over this time [s] what a vehicle's velocity changes by is small beside what gravity would change it by (98 m/s), so
 #: that specific force, turned by the rates, has gravity as its mean; of so many such times the middle one counts.
 _LASTING, _LASTING_TIMES = 10.0, 24
-#: Below this part of gravity the mean says that the rates, or the force, are others: measured flights have 0.96 to
-#: 1.04, those that turn and whose rates are 57 times too large at most 0.65; their other unit gives more than `_KEPT`.
-_LOST, _KEPT = 0.7, 0.8
+#: Parts of gravity that this mean is: 0.98 to 1.04 in 29 measured logs, by hand and in flight; below the first the
+#: rates are others, above the second they would be right; below the third, in either unit, the force has no gravity.
+_LOST, _KEPT, _GONE = 0.85, 0.8, 0.5
 #: Sines of dips: where the field is steep enough to tell up from down, and how near one is to another [1].
 _DIPS, _NEAR_DIP = 0.4, 0.35
 #: The dip changes by less than a degree in ten years.
@@ -188,10 +188,10 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
     if not as_rad < _LOST:
         return
     force = float(np.median(np.linalg.norm(imu.array(ACCEL), axis=1)))
-    if as_deg > _KEPT and force < _NEAR_GRAVITY * STANDARD_GRAVITY:
+    if as_deg > max(_KEPT, as_rad) and force < _NEAR_GRAVITY * STANDARD_GRAVITY:
         found = f"gyroscope with rates to {peak:.4g}: looks like deg/s (as rad/s, gravity would point everywhere)"
         raise _gyro_error(recording, found)
-    if as_deg < _LOST and force < _KEPT * STANDARD_GRAVITY:
+    if max(as_rad, as_deg) < _GONE and force < _KEPT * STANDARD_GRAVITY:
         found = f"accelerometer with a median norm of {force:.4g}: gravity was taken off, as of a linear acceleration"
         raise InputError(recording.where, found, "what the accelerometer reads, 9.81 m/s^2 at rest", "stream imu")
 
@@ -199,8 +199,8 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
 def _lasting_force(imu: Stream, scale: float) -> float:
     """Norm of the mean over `_LASTING` of the force, turned by `scale` times the rates; NaN: the log is too short.
 
-    Halves of a time are joined, from single steps on: the sum of two is v_1 + C_1 v_2, their turn C_1 C_2. A bias of
-    the rates is taken off as their median.
+    Halves of a time are joined, from single steps on: the sum of two is v_1 + C_1 v_2, their turn C_1 C_2. The rates
+    are taken as they are, and less their median, their bias where the body rests in between; the better counts.
     """
     span = float(imu.t[-1] - imu.t[0]) if len(imu) > 1 else 0.0
     if span < _LASTING:
@@ -208,12 +208,15 @@ def _lasting_force(imu: Stream, scale: float) -> float:
     count = min(_LASTING_TIMES, int(span / _LASTING))
     grid = np.linspace(imu.t[0], imu.t[-1] - _LASTING, count)[:, None] + np.linspace(0.0, _LASTING, 2**9 + 1)
     rate = imu.array(GYRO)
-    turn, v = (_integrated(imu.t, values, grid) for values in (rate - np.median(rate, axis=0), imu.array(ACCEL)))
-    q = quaternion_exp(scale * turn)
-    while v.shape[1] > 1:
-        v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
-        q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
-    return float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING
+    force = _integrated(imu.t, imu.array(ACCEL), grid)
+    means = []
+    for bias in (np.zeros(3), np.median(rate, axis=0)):
+        v, q = force, quaternion_exp(scale * _integrated(imu.t, rate - bias, grid))
+        while v.shape[1] > 1:
+            v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
+            q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
+        means.append(float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING)
+    return max(means)
 
 
 def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:

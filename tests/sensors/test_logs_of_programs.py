@@ -223,6 +223,16 @@ def test_gravity_for_force_is_seen_by_the_dip(tmp_path: Path, flight: Flight, si
     assert any("gravity is logged, not force (a map" in note for note in log.notes) == told
 
 
+def test_fast_turns_by_hand_whose_median_is_no_bias_are_read(tmp_path: Path) -> None:
+    """Most of the time at 0.6 rad/s about an axis that lies level, back faster: the median rate is no bias."""
+    t = 0.01 * np.arange(3000)
+    rate = np.where(t % 4.0 < 3.0, 0.6, -1.8)
+    angle = np.concatenate([[0.0], np.cumsum(0.01 * rate[:-1])])
+    force = G * np.stack([0 * t, -np.sin(angle), -np.cos(angle)], axis=-1)
+    columns = [t, *force.T, rate, 0 * t, 0 * t]
+    assert "imu" in open_log(write(tmp_path / "log.csv", ["t", *of("a#"), *of("g#")], columns)).streams
+
+
 # lines above and below the names; times
 
 
