@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sinan.experiments.benchmarks.attitude import (
@@ -32,6 +33,7 @@ from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
 from sinan.experiments.measured.minutes import lively_starts
 from sinan.experiments.report.words import number
+from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.sensors.files import write_text
 from sinan.sensors.joining import joined
@@ -58,18 +60,43 @@ def liveliest(recording: Recording, longest: float) -> Recording:
     return between(recording, begin, begin + longest)
 
 
-def effects_of(recordings: Sequence[Recording]) -> dict[str, tuple[float, ...]]:
-    """Lasting effects that a trace of logs together names and that predict, with their sizes."""
-    reported = trace_recording(joined(recordings)).verdict.reported
-    return {f.term.name: tuple(f.beta.tolist()) for f in reported if f.term.interval is None and f.term.in_mean}
+@dataclass(frozen=True)
+class Shared:
+    """What logs of one instrument share.
+
+    Attributes
+    ----------
+    effects : lasting effects that a trace of them together names and that predict, with their sizes
+    averaged : whether samples of the IMU are means over their step in the model about which those were found: a
+        lateness counts from their instants
+    """
+
+    effects: Effects
+    averaged: bool
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> Shared:
+        """Of logs, traced together."""
+        traced = trace_recording(joined(recordings))
+        source, found = traced.parts[0].source, traced.verdict.reported
+        assert isinstance(source, FlightSource)
+        effects = {f.term.name: tuple(f.beta.tolist()) for f in found if f.term.interval is None and f.term.in_mean}
+        return cls(effects, source.model.averaged)
+
+    def declared_in(self, recording: Recording) -> Recording:
+        """A recording that declares it."""
+        accel = recording.spec("accel")
+        accel = replace(accel, imu_samples="average") if self.averaged else accel
+        effects = {**recording.effects, **self.effects}
+        return recording.replace(effects=effects, sensors={**recording.sensors, "accel": accel})
 
 
-def compare(name: str, declared: Effects) -> dict[str, Score]:
-    """Every estimator on one log, by its name; after: with the effects declared."""
+def compare(name: str, shared: Shared) -> dict[str, Score]:
+    """Every estimator on one log, by its name; after: with what other logs share declared."""
     recording = resolve(FLIGHTS[name].input)
     target = target_of(name, recording)
     scores = {label: score(t, q, target) for label, (t, q) in {**vqf(recording), **ours(recording)}.items()}
-    after = ours(recording.replace(effects={**recording.effects, **declared}))
+    after = ours(shared.declared_in(recording))
     for before, label in ((FILTER, FILTER_AFTER), (SMOOTHER, SMOOTHER_AFTER)):
         scores[label] = score(*after[before], target)
     return scores
@@ -80,12 +107,13 @@ def folds_of(names: Sequence[str], folds: int) -> list[list[str]]:
     return [list(names[k::folds]) for k in range(folds)]
 
 
-def text_of(scores: Mapping[str, Mapping[str, Score]], found: Sequence[tuple[Sequence[str], Effects]]) -> str:
+def text_of(scores: Mapping[str, Mapping[str, Score]], found: Sequence[tuple[Sequence[str], Shared]]) -> str:
     """The page."""
     lines = [HEAD]
-    for fold, effects in found:
-        sizes = "; ".join(f"{name} {', '.join(map(number, beta))}" for name, beta in effects.items()) or "none"
-        lines.append(f"- Declared in {', '.join(fold)}: {sizes}.")
+    for fold, shared in found:
+        sizes = "; ".join(f"{name} {', '.join(map(number, beta))}" for name, beta in shared.effects.items()) or "none"
+        samples = "; samples are means over their step" if shared.averaged else ""
+        lines.append(f"- Declared in {', '.join(fold)}: {sizes}{samples}.")
     lines += ["", "| log | " + " | ".join(COLUMNS) + " |", "| --- " * (len(COLUMNS) + 1) + "|"]
     for name, row in scores.items():
         cells = (f"{row[c].total:.2f} ({row[c].heading:.2f}, {row[c].tilt:.2f})" for c in COLUMNS)
@@ -112,13 +140,13 @@ def main(arguments: Sequence[str]) -> int:
     if not set(names) <= set(TRUTHS) or not 2 <= given.folds <= len(names):
         return usage(TRUTHS, "[--folds N] [--longest S] [--table FILE] ")
     scores: dict[str, dict[str, Score]] = {}
-    found: list[tuple[Sequence[str], Effects]] = []
+    found: list[tuple[Sequence[str], Shared]] = []
     for fold in folds_of(names, given.folds):
         others = [liveliest(resolve(FLIGHTS[name].input), given.longest) for name in names if name not in fold]
-        effects = effects_of(others)
-        sys.stderr.write(f"{', '.join(fold)}: {effects}\n")
-        found.append((fold, effects))
-        scores |= {name: compare(name, effects) for name in fold}
+        shared = Shared.of(others)
+        sys.stderr.write(f"{', '.join(fold)}: {shared}\n")
+        found.append((fold, shared))
+        scores |= {name: compare(name, shared) for name in fold}
     text = text_of({name: scores[name] for name in names}, found)
     print(text)
     if given.table is not None:

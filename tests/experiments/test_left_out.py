@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sinan.estimator.filter.flight_model import flight_model
 from sinan.experiments.benchmarks import left_out
 from sinan.experiments.benchmarks.attitude import FILTER, SMOOTHER, VQF, VQF_OFFLINE, Score
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -22,9 +23,12 @@ def flight(seed: int) -> Recording:
 
 
 def test_what_other_logs_share_is_found_with_its_size() -> None:
-    found = left_out.effects_of([flight(1), flight(2)])
-    assert list(found) == ["mag.misalignment"]
-    assert found["mag.misalignment"] == pytest.approx(TURNED, abs=0.02)
+    shared = left_out.Shared.of([flight(1), flight(2)])
+    assert list(shared.effects) == ["mag.misalignment"]
+    assert shared.effects["mag.misalignment"] == pytest.approx(TURNED, abs=0.02)
+    other = shared.declared_in(flight(3))
+    assert other.effects == shared.effects
+    assert flight_model(other).averaged == shared.averaged
 
 
 def test_every_log_is_left_out_once() -> None:
@@ -38,10 +42,10 @@ def test_page_has_ratios_before_and_after() -> None:
         totals |= {SMOOTHER: 1.0, left_out.SMOOTHER_AFTER: 0.5}
         return {label: Score(total, total, 0.1) for label, total in totals.items()}
 
-    found: list[tuple[list[str], dict[str, tuple[float, ...]]]] = [(["a"], {"mag.time_offset": (0.004,)}), (["b"], {})]
+    found = [(["a"], left_out.Shared({"mag.time_offset": (0.004,)}, True)), (["b"], left_out.Shared({}, False))]
     page = left_out.text_of({"a": row(4.0, 1.0), "b": row(2.0, 2.0)}, found)
     assert "| filter over VQF | 1.50 | 1.50 | 2.00 (a) |" in page
     assert "| filter, after over VQF | 0.75 | 0.75 | 1.00 (b) |" in page
     assert "| smoother, after over VQF offline | 0.50 | 0.50 |" in page
-    assert "Declared in a: mag.time_offset 0.004." in page
+    assert "Declared in a: mag.time_offset 0.004; samples are means over their step." in page
     assert "Declared in b: none." in page
