@@ -30,7 +30,7 @@ _FIELD_FACTOR = 3.0
 #: Over this time [s] what a vehicle's velocity changes by is small beside what gravity would change it by (98 m/s), so
 #: that specific force, turned by the rates, has gravity as its mean; of so many such times the middle one counts.
 _LASTING, _LASTING_TIMES = 10.0, 24
-#: Parts of gravity that this mean is: 0.98 to 1.04 in 29 measured logs, by hand and in flight; below the first the
+#: Parts of gravity that this mean is: 0.98 to 1.04 in 26 measured logs, by hand and in flight; below the first the
 #: rates are others, above the second they would be right; below the third, in either unit, the force has no gravity.
 _LOST, _KEPT, _GONE = 0.85, 0.8, 0.5
 #: Sines of dips: where the field is steep enough to tell up from down, and how near one is to another [1].
