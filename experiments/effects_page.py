@@ -171,7 +171,8 @@ def family(effect: Effect) -> str | None:
 
 def source_file(effect: Effect) -> str:
     """The file of its declaration."""
-    return effect.regressor.__module__.rsplit(".", 1)[-1] + ".py"
+    maker = effect.localised or effect.regressor  # a transient has the regressor of a step
+    return maker.__module__.rsplit(".", 1)[-1] + ".py"
 
 
 def declared_in(effect: Effect) -> str:
