@@ -32,9 +32,9 @@ How to read it:
   is in the residual, and effects take its shape.
 - **CPU** is the time of one processor for preparing and tracing the log; rows without it are of an
   earlier state of the tracer.
-- `level` is no sensor: where there is no GPS the filter assumes that the mean acceleration is small, so that the
-  accelerometer shows the vertical. What is "before" is the plain model about the smoothed motion where the first
-  attitude is coarse, and may differ from the plain filter's of docs/notes/measured_logs.md.
+- `place` and `speed` are no sensors: where there is no GPS the body is taken to stay near a place, or its speed is
+  bounded, as is likeliest. What is "before" is the plain model about the smoothed motion where the first attitude is
+  coarse, and may differ from the plain filter's of docs/notes/measured_logs.md.
 - A log decides only what its motion shows. What it cannot decide is part of the result.
 """
 
