@@ -67,13 +67,19 @@ class Halves:
         return self.report(0), self.report(1)
 
 
-def halved(recording: Recording, longest: float | None = None) -> tuple[Recording, Recording]:
-    """Both halves of a recording, or of the part of some length in which it turns most."""
+def liveliest(recording: Recording, longest: float | None) -> tuple[float, float]:
+    """Begin and end [s] of a recording, or of the part of some length in which it turns most."""
     t = recording.streams["imu"].t
     begin, end = float(t[0]), float(t[-1]) + 1e-9
     if longest is not None and longest < end - begin:
         begin = float(lively_starts(recording, longest, EVERY)[-1])
         end = begin + longest
+    return begin, end
+
+
+def halved(recording: Recording, longest: float | None = None) -> tuple[Recording, Recording]:
+    """Both halves of a recording, or of the part of some length in which it turns most."""
+    begin, end = liveliest(recording, longest)
     middle = 0.5 * (begin + end)
     return between(recording, begin, middle), between(recording, middle, end)
 

@@ -28,10 +28,10 @@ from sinan.experiments.benchmarks.attitude import (
     target_of,
     vqf,
 )
+from sinan.experiments.benchmarks.halves import liveliest
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
-from sinan.experiments.measured.minutes import lively_starts
 from sinan.experiments.report.words import number
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.run import trace_recording
@@ -48,16 +48,8 @@ the fold, traced together, name and that predict there.
 """
 FILTER_AFTER, SMOOTHER_AFTER = "filter, after", "smoother, after"
 COLUMNS = (VQF, VQF_OFFLINE, FILTER, FILTER_AFTER, SMOOTHER, SMOOTHER_AFTER)
-#: Step of the possible starts of a part [s].
-EVERY = 30.0
 
 Effects = Mapping[str, tuple[float, ...]]
-
-
-def liveliest(recording: Recording, longest: float) -> Recording:
-    """The part of some length in which a recording turns most."""
-    begin = float(lively_starts(recording, longest, EVERY)[-1])
-    return between(recording, begin, begin + longest)
 
 
 @dataclass(frozen=True)
@@ -142,8 +134,8 @@ def main(arguments: Sequence[str]) -> int:
     scores: dict[str, dict[str, Score]] = {}
     found: list[tuple[Sequence[str], Shared]] = []
     for fold in folds_of(names, given.folds):
-        others = [liveliest(resolve(FLIGHTS[name].input), given.longest) for name in names if name not in fold]
-        shared = Shared.of(others)
+        others = [resolve(FLIGHTS[name].input) for name in names if name not in fold]
+        shared = Shared.of([between(one, *liveliest(one, given.longest)) for one in others])
         sys.stderr.write(f"{', '.join(fold)}: {shared}\n")
         found.append((fold, shared))
         scores |= {name: compare(name, shared) for name in fold}
