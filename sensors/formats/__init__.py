@@ -14,8 +14,8 @@ from sinan.sensors.recording import ACCEL, MAG, Recording, Stream
 #: Variables of a MATLAB file that say by their name what they are: one reading a column (or row).
 POSE_VARIABLES = {"AccRaw": ACCEL, "acc": ACCEL, "MagRaw": MAG, "mag": MAG}
 SELF_DESCRIBING = (
-    "a ULog, an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag, a table whose header says what it holds "
-    "(ax, gyro_x [deg/s])"
+    "a ULog, a folder of its tables (ulog2csv), an ArduPilot log (.bin, .log), a MAVLink log (.tlog), a ROS bag, a "
+    "table whose header says what it holds (ax, gyro_x [deg/s])"
 )
 #: What reads the logs that describe themselves, by `what_is`: module, reader, and what tells the facts. A module is
 #: imported when it is asked for.
@@ -25,6 +25,7 @@ _READERS = {
     "ubx": ("ubx", "read_receiver", "receiver_facts"),
     "euroc": ("dataset_folders", "read_euroc", "folder_facts"),
     "kitti": ("dataset_folders", "read_kitti", "folder_facts"),
+    "topics": ("ulog", "read_ulog", "ulog_facts"),
     "tables": ("named_folder", "read_tables", "tables_facts"),
     **dict.fromkeys(("dataflash", "dataflash_binary"), ("ardupilot", "read_ardupilot", "ardupilot_facts")),
     **dict.fromkeys(("rosbag", "rosbag2", "sqlite", "mcap"), ("rosbag", "read_rosbag", "rosbag_facts")),
@@ -100,13 +101,21 @@ def what_is(path: Path) -> str:
         if known := kind_of_folder(path):
             return known
         from sinan.sensors.formats.named_folder import holds_tables
+        from sinan.sensors.formats.ulog_tables import holds_topics
 
+        if holds_topics(path):
+            return "topics"
         return "tables" if holds_tables(path) else "folder"
     if not path.is_file():
         raise InputError(path, "no such file or folder", "a log")
     from sinan.sensors.formats.columns import content_of
 
-    return content_of(path)
+    content = content_of(path)
+    if content == "text" and path.suffix == ".csv":
+        from sinan.sensors.formats.ulog_tables import holds_topics
+
+        return "topics" if holds_topics(path) else content
+    return content
 
 
 def describes_itself(path: Path) -> bool:

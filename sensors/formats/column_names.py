@@ -47,6 +47,7 @@ _TRIADS: Sequence[tuple[str, Sequence[str], str, str, tuple[str, ...]]] = (
         f"{one} {two}" for one in ("ang", "angle", "angular", "rotation", "turn", "body")
         for two in ("rate", "vel", "velocity")))),
     ("mag", MAG, "field", "", ("m", "mag", "magn", "magnetometer", "magnetic field", "mag field", "compass")),
+    ("mag", MAG, "field", "gauss", ("magnetometer ga",)),
     # said with a unit alone: without one they may be biases, heights, indices
     ("gyro", GYRO, "rate", "?", ("as",)),
     ("mag", MAG, "field", "?", ("b", "h")),

@@ -250,8 +250,23 @@ def names_of(path: Path) -> list[str]:
     ------
     InputError : no text, a name twice
     """
+    return list(table_of(path).names)
+
+
+def table_of(path: Path, gaps: bool = False) -> TextTable:
+    """A text whose first line names its columns.
+
+    Parameters
+    ----------
+    gaps : whether cells may hold `nan` or `inf`
+
+    Raises
+    ------
+    InputError : no text, a name twice
+    """
     options = FileOptions(header=True)
-    return _layout(str(path), _text(path, options), options)[0]
+    names, delimiter = _layout(str(path), _text(path, options), options)
+    return TextTable(path, _text(path, options), names, delimiter, gaps=gaps)
 
 
 def read_parquet(path: Path) -> dict[str, FloatArray]:

@@ -40,15 +40,7 @@ def read_csv(path: Path, own: Collection[str], cut_off: bool = False) -> tuple[d
     """
     names = read_header_line(path)
     table = TextTable(path, lambda: _whole_lines(path) if cut_off else path.open("rb"), names)
-    wanted = list(names)
-    if (columns := table.read(wanted)) is None:
-        for column, error in table.culprits(wanted):
-            if column is None or column in own:
-                raise error
-            wanted.remove(column)
-        columns = table.read(wanted)
-    if columns is None:
-        raise table.culprit(wanted)[1]
+    columns, _ = table.read_numbers(own)
     finite = {name: values for name, values in columns.items() if name in own or np.all(np.isfinite(values))}
     return finite, tuple(name for name in names if name not in finite)
 

@@ -74,7 +74,7 @@ def happenings_of(path: Path) -> list[Happening]:
     Of a telemetry log in which the autopilot was started several times: in the longest part.
     """
     content = what_is(path)
-    if content == "ulog":
+    if content in ("ulog", "topics"):
         return _of_ulog(path)
     if content in ("dataflash", "dataflash_binary"):
         return _of_dataflash(path)
@@ -82,9 +82,9 @@ def happenings_of(path: Path) -> list[Happening]:
 
 
 def _of_ulog(path: Path) -> list[Happening]:
-    from sinan.sensors.formats.ulog_messages import read_topics
+    from sinan.sensors.formats.ulog_tables import topics_of
 
-    topics = read_topics(path)
+    topics = topics_of(path)
     found: list[Happening] = []
     for name, armed in (("vehicle_status.arming_state", _ARMED), ("actuator_armed.armed", 1)):
         t = topics.get(f"{name.split('.')[0]}.timestamp")

@@ -25,6 +25,8 @@ from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, VELOCITY, Enviro
 _AS_INDICATED = tuple(one.replace(" ", "") for one in INDICATED)
 #: Rows of poses are means over rests, none of which is shorter [s]: a hand has to turn the sensor between two.
 SHORTEST_REST = 0.5
+#: Nobody rests as long between two poses [s].
+_LONGEST_REST = 1000.0
 #: How the note begins that names columns without a meaning.
 UNREAD = "columns not read"
 #: Steps between readings of an IMU whose log does not say their unit [s].
@@ -62,8 +64,8 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
         t = np.arange(len(next(iter(values.values()))), dtype=np.float64)
     if len(t) == 0:
         raise InputError(path, "no row", "rows of numbers below the header")
-    if ("", "t") in values and kind == "flight" and not says_unit(known["", "t"][0]):
-        factor, said = of_step(t)
+    if ("", "t") in values and not says_unit(known["", "t"][0]):
+        factor, said = of_step(t, 1.0 if kind == "flight" else _LONGEST_REST)
         t, notes = factor * t, notes + said
     if ("baro", "pressure") in values and not says_unit(known["baro", "pressure"][0]):
         values["baro", "pressure"], said = in_pascal(values["baro", "pressure"])
@@ -146,12 +148,17 @@ def _require_all_inertial(path: Path, values: Mapping[tuple[str, str], FloatArra
             raise InputError(path, found, "gyro_x [deg/s], or --map FILE.toml")
 
 
-def of_step(t: FloatArray) -> tuple[float, list[str]]:
-    """Seconds in the unit, which nobody said, of times of an IMU: that in which it reads 10 to 1000 times a second."""
+def of_step(t: FloatArray, least: float = 1.0) -> tuple[float, list[str]]:
+    """Seconds in the unit, which nobody said, of times of an IMU: that in which it reads 10 to 1000 times a second.
+
+    Parameters
+    ----------
+    least : a smaller step may be one of seconds
+    """
     step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     for unit in ("ms", "us", "ns"):
         factor = UNITS["time"][unit][0]
-        if step >= 1.0 and _STEP[0] <= step * factor <= _STEP[1]:
+        if step >= least and _STEP[0] <= step * factor <= _STEP[1]:
             return factor, [f"time: a step of {step:.6g} is taken for {unit}, which nobody says"]
     return 1.0, []
 

@@ -19,6 +19,8 @@ from sinan.sensors.formats.packed import LONGEST_LINE, require_numbers, size_sho
 
 #: Cells that are read at once, those of columns that nobody asked for among them.
 _CELLS = 2**20
+#: How programs write a number that is none.
+_GAPS, _GONE = ("nan", "NaN"), frozenset({"nan", "NaN", "inf"})
 
 
 class _Lines(io.RawIOBase):
@@ -73,6 +75,7 @@ class TextTable:
     names : of the columns, in order
     delimiter : one character; empty: any run of blanks
     skip_lines : lines before the first row
+    gaps : whether cells may hold `nan` or `inf`, as programs write what they do not know
     """
 
     where: Path | str
@@ -80,6 +83,7 @@ class TextTable:
     names: Sequence[str]
     delimiter: str = ","
     skip_lines: int = 1
+    gaps: bool = False
 
     def read(self, wanted: Sequence[str]) -> dict[str, FloatArray] | None:
         """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number.
@@ -108,6 +112,30 @@ class TextTable:
                 raise MemoryError(str(error)) from error
             return None
         return {name: np.concatenate([part[name] for part in parts]) for name in wanted}
+
+    def read_numbers(self, own: Collection[str] = ()) -> tuple[dict[str, FloatArray], dict[str, InputError]]:
+        """All columns that hold numbers, each (n,); and why any other does not.
+
+        Parameters
+        ----------
+        own : the columns that must be numbers
+
+        Raises
+        ------
+        InputError : rows that do not fit the names, a cell of `own` that is no number
+        """
+        others: dict[str, InputError] = {}
+        wanted = list(self.names)
+        if (columns := self.read(wanted)) is None:
+            for column, error in self.culprits(wanted):
+                if column is None or column in own:
+                    raise error
+                others[column] = error
+            wanted = [name for name in wanted if name not in others]
+            columns = self.read(wanted)
+        if columns is None:
+            raise self.culprit(wanted)[1]
+        return columns, others
 
     def first(self, name: str) -> str:
         """The cell of a column in the first row; empty: there is none."""
@@ -147,7 +175,8 @@ class TextTable:
         return pd.read_csv(
             file, sep=self.delimiter or r"\s+", header=None, names=list(self.names), index_col=False,
             dtype={name: np.float64 if name in wanted else str for name in self.names}, encoding="utf-8-sig",
-            skipinitialspace=True, keep_default_na=False, chunksize=max(1, _CELLS // len(self.names)), **exact,
+            skipinitialspace=True, keep_default_na=False, na_values=_GAPS if self.gaps else None,
+            chunksize=max(1, _CELLS // len(self.names)), **exact,
         )  # fmt: skip
 
     def culprit(self, wanted: Sequence[str]) -> tuple[str | None, InputError]:
@@ -169,7 +198,7 @@ class TextTable:
                     yield None, InputError(self.where, f"{len(cells)} columns", count, place)
                     return
                 for name, cell in zip(self.names, cells, strict=True):
-                    if name in good and not is_number(cell):
+                    if name in good and not is_number(cell) and not (self.gaps and cell.lstrip("+-") in _GONE):
                         good.remove(name)
                         found = f"`{cell[:40]}`" if cell.strip() else "an empty cell"
                         yield name, InputError(self.where, f"{found} in column {name}", "a number", place)

@@ -1,4 +1,4 @@
-"""PX4's ULog, which describes itself: topics as the streams of a recording."""
+"""PX4's ULog, which describes itself, and the tables of one that ulog2csv makes: topics as streams of a recording."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
-from sinan.sensors.formats.ulog_messages import Topics, read_topics
+from sinan.sensors.formats.ulog_messages import Topics
+from sinan.sensors.formats.ulog_tables import TopicTables, log_name, topics_of
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 
+Log = Topics | TopicTables
 _MICROSECOND = 1e-6
 #: What PX4 calls the columns of `sensors.recording.FIX_QUALITY`.
 _FIX_QUALITY = {
@@ -26,8 +28,13 @@ _LASER, _ULTRASOUND, _DOWNWARD = 0, 1, 25
 _HECTOPASCAL = 100.0
 #: Medians of a pressure on the ground or in the air lie below in hPa, above in Pa.
 _PRESSURE_IN_PASCAL = 2000.0
-#: Pulse widths of no and of full throttle [us].
+#: Outputs of PX4 are pulse widths, which are longer than this [us] (the least that `PWM_MAIN_MINn` takes), or throttles
+#: of DShot, 1 to 1999 (`DSHOT_MAX_THROTTLE`).
+_SHORTEST_PULSE, _DSHOT = 800.0, (0.0, 1999.0)
 _MOST_MOTORS = 16
+#: Frames of `vehicle_visual_odometry`, as its field was called to 1.13 and is: north-east-down, and forward-right-down
+#: of where it started.
+_DOWNWARD_FRAMES = {"local_frame": (0, 1), "pose_frame": (1, 2)}
 #: Further sensors of one kind are numbered, `topic#1` to `topic#15`.
 _MOST_INSTANCES = 16
 
@@ -45,6 +52,7 @@ NAMES: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
         ("vehicle_imu", _vector(ACCEL, "delta_velocity") | _vector(GYRO, "delta_angle")
          | {"over_v": "delta_velocity_dt", "over_a": "delta_angle_dt"}),
         ("sensor_gyro", _vector(GYRO, "", "xyz")),
+        ("vehicle_angular_velocity", _vector(GYRO, "xyz")),
     ),
     "mag": (
         ("vehicle_magnetometer", _vector(MAG, "magnetometer_ga")),
@@ -69,12 +77,17 @@ NAMES: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
         ("airspeed_validated", {"airspeed": "true_airspeed_m_s"}),
     ),
 }  # fmt: skip
+#: Where no topic has both: what has one of them, first what PX4 has corrected of the IMU that it selected.
+_PARTS = (
+    (("vehicle_angular_velocity", _vector(GYRO, "xyz")), ("sensor_gyro", _vector(GYRO, "", "xyz"))),
+    (("vehicle_acceleration", _vector(ACCEL, "xyz")), ("sensor_accel", _vector(ACCEL, "", "xyz"))),
+)
 #: Of the readings before the autopilot's own correction.
 _RAW = {"imu": "sensor_gyro", "mag": "sensor_mag"}
 
 
 def read_ulog(path: Path, choice: Choice = FIRST) -> Recording:
-    """A PX4 log as a recording: IMU, magnetometer, barometer, range, GPS, supply, motors and air.
+    """A PX4 log or its tables as a recording: IMU, magnetometer, barometer, range, GPS, supply, motors and air.
 
     Positions are in NED at the first fix with three dimensions; times begin with the log's first sample, and are those
     at which samples were taken, where the log says it. Of what the
@@ -88,19 +101,21 @@ def read_ulog(path: Path, choice: Choice = FIRST) -> Recording:
 
     Raises
     ------
-    InputError : a sensor that is not there; no accelerometer and gyroscope; what `read_topics`, `Recording` find wrong
+    InputError : a sensor that is not there; no accelerometer and gyroscope; what `topics_of`, `Recording` find wrong
     """
-    topics = read_topics(path)
+    topics = topics_of(path)
     notes: list[str] = []
     imu, sensors = _imu(path, topics, choice, notes)
     streams = {"imu": imu, **_streams(path, topics, choice, notes)}
     there = sorted({name.split("#")[0] for name in topics.topics})
-    return recording_of(path, streams, _own_attitude(topics), sensors, (*topics.notes, *notes), there)
+    attitude, kind = _attitude(topics)
+    said = (*topics.notes, *notes)
+    return recording_of(path, streams, attitude, sensors, said, there, kind).replace(name=log_name(path))
 
 
 def ulog_facts(path: Path) -> Facts:
     """What a log says of itself."""
-    topics = read_topics(path)
+    topics = topics_of(path)
     tables = []
     for name in topics.topics:
         t = topics.get(f"{name}.timestamp", np.empty(0)) * _MICROSECOND
@@ -110,11 +125,12 @@ def ulog_facts(path: Path) -> Facts:
     known = topics.said.information
     firmware = " ".join(known[key] for key in ("sys_name", "ver_sw_release", "ver_sw", "ver_hw") if key in known)
     several = {sensor: len(_instances(topics, sensor)) for sensor in ("imu", "mag", "baro", "gps")}
-    return Facts("PX4 ULog", firmware, topics.said.parameters, tuple(tables), several, tuple(topics.said.texts),
+    kind = "PX4 ULog" if isinstance(topics, Topics) else "tables of a PX4 ULog, a topic a file"
+    return Facts(kind, firmware, topics.said.parameters, tuple(tables), several, tuple(topics.said.texts),
                  str(known.get("sys_uuid", "")), "PX4")  # fmt: skip
 
 
-def _streams(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> dict[str, Stream | None]:
+def _streams(path: Path, topics: Log, choice: Choice, notes: list[str]) -> dict[str, Stream | None]:
     """The streams of the topics that are there but the IMU, on the log's clock."""
     return {
         "mag": _mag(path, topics, choice, notes), "baro": _baro(path, topics, choice.baro),
@@ -128,7 +144,7 @@ def _called(topic: str, number: int) -> str:
     return f"{topic}#{number}" if number else topic
 
 
-def _named(topics: Topics, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
+def _named(topics: Log, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
     """The topic of one of several sensors, and its columns; empty and None: it is not there."""
     for topic, names in NAMES[sensor]:
         if raw and topic != _RAW.get(sensor, topic):
@@ -139,12 +155,12 @@ def _named(topics: Topics, sensor: str, number: int, raw: bool = False) -> tuple
     return "", None
 
 
-def _instances(topics: Topics, sensor: str) -> list[int]:
+def _instances(topics: Log, sensor: str) -> list[int]:
     """Which of several sensors there are."""
     return [k for k in range(_MOST_INSTANCES) if _named(topics, sensor, k)[1] is not None]
 
 
-def _asked(path: Path, topics: Topics, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
+def _asked(path: Path, topics: Log, sensor: str, number: int, raw: bool = False) -> tuple[str, Stream | None]:
     """The same; an error where another than the first is asked for and is not there, or none without a correction."""
     topic, stream = _named(topics, sensor, number, raw)
     if stream is None and number:
@@ -154,12 +170,20 @@ def _asked(path: Path, topics: Topics, sensor: str, number: int, raw: bool = Fal
     return topic, stream
 
 
-def _own_attitude(topics: Topics) -> Stream | None:
-    """The attitude of the vehicle's own estimator, where it had one."""
-    return _columns(topics, "vehicle_attitude", {column: f"q[{k}]" for k, column in enumerate(QUATERNION)})
+def _attitude(topics: Log) -> tuple[Stream | None, str]:
+    """The attitude of the vehicle's own estimator, else of visual odometry whose world's z is down; and what it is."""
+    names = {column: f"q[{k}]" for k, column in enumerate(QUATERNION)}
+    own = _columns(topics, "vehicle_attitude", names)
+    if own is not None:
+        return own, "autopilot"
+    for field, downward in _DOWNWARD_FRAMES.items():
+        seen = _columns(topics, "vehicle_visual_odometry", {**names, "frame": field})
+        if seen is not None:
+            return Stream(seen.t, {name: seen[name] for name in names}).rows(np.isin(seen["frame"], downward)), "other"
+    return None, "autopilot"
 
 
-def _columns(topics: Topics, topic: str, names: Mapping[str, str]) -> Stream | None:
+def _columns(topics: Log, topic: str, names: Mapping[str, str]) -> Stream | None:
     """Some fields of a topic as a stream; None where one is missing. A repeated time stamp counts once."""
     wanted = [f"{topic}.{field}" for field in ("timestamp", *names.values())]
     if any(name not in topics for name in wanted):
@@ -169,14 +193,14 @@ def _columns(topics: Topics, topic: str, names: Mapping[str, str]) -> Stream | N
     return Stream(t[first], {name: topics[f"{topic}.{field}"][first] for name, field in names.items()})
 
 
-def _taken(topics: Topics, topic: str) -> FloatArray:
+def _taken(topics: Log, topic: str) -> FloatArray:
     """(n,) when the samples of a topic were taken [us]; when they were published, where the log does not say that."""
     published = topics[f"{topic}.timestamp"]
     taken = topics.get(f"{topic}.timestamp_sample", published)
     return taken if np.all(taken > 0.0) else published
 
 
-def _imu(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> tuple[Stream | None, dict[str, SensorSpec]]:
+def _imu(path: Path, topics: Log, choice: Choice, notes: list[str]) -> tuple[Stream | None, dict[str, SensorSpec]]:
     """The fused samples; of a further IMU the means over its integrals; the chips' own samples where nothing else is,
     or on request. And what the log says of them: samples that fill their steps are averages over them.
     """
@@ -186,32 +210,48 @@ def _imu(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> tuple[
             topic, stream = _called("sensor_gyro", choice.imu), own
         else:
             notes.append(f"imu: --raw has no effect, {len(own)} samples of sensor_gyro beside {len(stream)} of {topic}")
-    if topic and not topic.startswith("sensor_combined"):
-        notes.append(f"imu: read from {topic}")
     if stream is None or topic.startswith("sensor_combined"):
         over = topics.get("sensor_combined.accelerometer_integral_dt")
         return stream, averaged(topics["sensor_combined.timestamp"], over) if stream and over is not None else {}
-    if topic.startswith("vehicle_imu"):
-        over = stream["over_v"] * _MICROSECOND
-        with np.errstate(divide="ignore", invalid="ignore"):
-            columns = {name: stream[name] / over for name in ACCEL}
-            columns |= {name: stream[name] / (stream["over_a"] * _MICROSECOND) for name in GYRO}
-        return Stream(stream.t, columns), averaged(stream.t, over)
-    accel = _columns(topics, _called("sensor_accel", choice.imu), _vector(ACCEL, "", "xyz"))
-    if accel is None or len(accel) == 0:
-        return None, {}
-    brought = {name: np.interp(stream.t, accel.t, accel[name], left=np.nan, right=np.nan) for name in ACCEL}
-    return Stream(stream.t, {**brought, **stream.columns}), {}
+    if not topic.startswith("vehicle_imu"):
+        return _of_parts(topics, choice, notes), {}
+    notes.append(f"imu: read from {topic}")
+    over = stream["over_v"] * _MICROSECOND
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns = {name: stream[name] / over for name in ACCEL}
+        columns |= {name: stream[name] / (stream["over_a"] * _MICROSECOND) for name in GYRO}
+    return Stream(stream.t, columns), averaged(stream.t, over)
 
 
-def _mag(path: Path, topics: Topics, choice: Choice, notes: list[str]) -> Stream | None:
+def _of_parts(topics: Log, choice: Choice, notes: list[str]) -> Stream | None:
+    """The gyroscope, and the accelerometer brought to its stamps; of each what was logged most often."""
+    (gyro_topic, gyro), (accel_topic, accel) = (_most_often(topics, part, choice) for part in _PARTS)
+    if gyro is None or accel is None:
+        return None
+    notes.append(f"imu: read from {gyro_topic} and {accel_topic}")
+    brought = {name: np.interp(gyro.t, accel.t, accel[name], left=np.nan, right=np.nan) for name in ACCEL}
+    warmth = _columns(topics, gyro_topic, {"temperature": "temperature"})
+    return Stream(gyro.t, {**brought, **gyro.columns, **(warmth.columns if warmth else {})})
+
+
+def _most_often(topics: Log, parts: Sequence[tuple[str, dict[str, str]]], choice: Choice) -> tuple[str, Stream | None]:
+    """Of several topics with the same sensor that with the most readings; before correction the last alone."""
+    found: tuple[str, Stream | None] = "", None
+    for topic, names in parts[-1:] if choice.raw else parts:
+        stream = _columns(topics, _called(topic, choice.imu), names)
+        if stream is not None and len(stream) > (0 if found[1] is None else len(found[1])):
+            found = _called(topic, choice.imu), stream
+    return found
+
+
+def _mag(path: Path, topics: Log, choice: Choice, notes: list[str]) -> Stream | None:
     topic, stream = _asked(path, topics, "mag", choice.mag, choice.raw)
     if topic.startswith("sensor_mag"):
         notes.append(f"mag: read from {topic}, without the autopilot's correction and rotation")
     return stream
 
 
-def _baro(path: Path, topics: Topics, number: int) -> Stream | None:
+def _baro(path: Path, topics: Log, number: int) -> Stream | None:
     _, stream = _asked(path, topics, "baro", number)
     if stream is None or "height" in stream:
         return stream
@@ -220,7 +260,7 @@ def _baro(path: Path, topics: Topics, number: int) -> Stream | None:
     return Stream(stream.t, {**stream.columns, "pressure": pressure})
 
 
-def _range(topics: Topics, kind: int) -> Stream | None:
+def _range(topics: Log, kind: int) -> Stream | None:
     """Downward ranges of one kind of sensor within its own limits: beyond them there was no echo. The first that has
     any.
     """
@@ -242,7 +282,7 @@ def _range(topics: Topics, kind: int) -> Stream | None:
     return None
 
 
-def _gps(path: Path, topics: Topics, number: int) -> Stream | None:
+def _gps(path: Path, topics: Log, number: int) -> Stream | None:
     """Fixes in three dimensions: geodetic, with velocity. Older logs have integers of 1e-7 deg and mm, newer floats."""
     topic, stream = _asked(path, topics, "gps", number)
     if stream is None:
@@ -258,19 +298,19 @@ def _gps(path: Path, topics: Topics, number: int) -> Stream | None:
     return Stream(stream.t, {**columns, **quality.columns}).rows(good)
 
 
-def _power(topics: Topics) -> Stream | None:
+def _power(topics: Log) -> Stream | None:
     """Current and voltage of the first battery, and those of further ones beside them."""
     names = {"current": "current_a", "voltage": "voltage_v"}
     found = [_columns(topics, _called("battery_status", k), names) for k in range(_MOST_INSTANCES)]
     return beside([battery for battery in found if battery is not None])
 
 
-def _motors(topics: Topics) -> Stream | None:
+def _motors(topics: Log) -> Stream | None:
     """Speeds over the largest of the log, 0 to 1; where no controller tells them, commands."""
     return _speeds(topics) or _commands(topics)
 
 
-def _speeds(topics: Topics) -> Stream | None:
+def _speeds(topics: Log) -> Stream | None:
     count = topics.get("esc_status.esc_count")
     if count is None or len(count) == 0 or not 1 <= count[0] <= _MOST_MOTORS:
         return None
@@ -284,16 +324,19 @@ def _speeds(topics: Topics) -> Stream | None:
     return Stream(stream.t, {name: np.abs(values) / top for name, values in stream.columns.items()})
 
 
-def _commands(topics: Topics) -> Stream | None:
-    """`actuator_motors` 0 to 1, NaN where there is no motor; before PX4 1.13 `actuator_outputs`, pulse widths in us."""
-    for topic, field, (least, most) in (
-        ("actuator_motors", "control", (0.0, 1.0)),
-        ("actuator_outputs", "output", PULSES),
+def _commands(topics: Log) -> Stream | None:
+    """`actuator_motors` 0 to 1, NaN where there is no motor; before PX4 1.13 the first `actuator_outputs` that drive
+    any, pulse widths or throttles of DShot.
+    """
+    for topic, field in (
+        ("actuator_motors", "control"),
+        *((_called("actuator_outputs", k), "output") for k in range(_MOST_INSTANCES)),
     ):
         names = {f"motor_{k + 1}": f"{field}[{k}]" for k in range(_MOST_MOTORS) if f"{topic}.{field}[{k}]" in topics}
         stream = _columns(topics, topic, names) if names else None
         if stream is None or len(stream) == 0:
             continue
+        least, most = (0.0, 1.0) if field == "control" else _of_outputs(stream)
         driven = {
             name: np.clip((values - least) / (most - least), 0.0, 1.0) for name, values in stream.columns.items()
             if np.all(np.isfinite(values)) and np.all(values <= 1.2 * most) and np.ptp(values) > 0.0
@@ -301,3 +344,12 @@ def _commands(topics: Topics) -> Stream | None:
         if driven:
             return Stream(stream.t, {f"motor_{k}": values for k, values in enumerate(driven.values(), 1)})
     return None
+
+
+def _of_outputs(stream: Stream) -> tuple[float, float]:
+    """Least and full throttle of outputs; those that are off are zero."""
+    on = stream.array(tuple(stream.columns))
+    on = on[on > 0.0]
+    if np.max(on, initial=0.0) <= 1.0:  # simulated
+        return 0.0, 1.0
+    return _DSHOT if len(on) and np.min(on) < _SHORTEST_PULSE else PULSES

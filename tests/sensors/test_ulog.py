@@ -29,10 +29,10 @@ def message(kind: str, body: bytes) -> bytes:
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def reading(k: int, number: int = 7) -> bytes:
-    """The IMU of a body at rest, k ms after the start."""
+def reading(k: int, number: int = 7, padding: int = 5) -> bytes:
+    """The IMU of a body at rest, k ms after the start; PX4 does not write the padding at the end."""
     values = struct.pack("<Q6f", 1_000_000 + 1000 * k, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
-    return message("D", struct.pack("<H", number) + values + bytes(5))
+    return message("D", struct.pack("<H", number) + values + bytes(padding))
 
 
 HEAD = (
@@ -339,15 +339,16 @@ def test_samples_that_fill_their_step_are_averages(measured_data: Path) -> None:
 def topics_of(path: Path, *topics: tuple[str, int, str, list[tuple[object, ...]]]) -> Path:
     """A log of some topics: name, instance, fields, readings; formats of arrays are as `struct` writes them."""
     letters = {"uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i"}
-    parts = [HEAD]
+    formats, announced, data = [message("F", IMU.encode())], [], []
     for number, (name, instance, fields, readings) in enumerate(topics, 20):
         form = "<"
         for kind, count in re.findall(r"(\w+)(?:\[(\d+)\])? \w+;", fields):
             form += f"{count or ''}{letters[kind]}"
-        parts.append(message("F", f"{name}:{fields}".encode()))
-        parts.append(message("A", bytes([instance]) + struct.pack("<H", number) + name.encode()))
-        parts += [message("D", struct.pack("<H", number) + struct.pack(form, *one)) for one in readings]
-    path.write_bytes(b"".join([*parts, *map(reading, range(30))]))
+        formats.append(message("F", f"{name}:{fields}".encode()))
+        announced.append(message("A", bytes([instance]) + struct.pack("<H", number) + name.encode()))
+        data += [message("D", struct.pack("<H", number) + struct.pack(form, *one)) for one in readings]
+    head = HEAD.replace(formats[0], b"".join(dict.fromkeys(formats)))
+    path.write_bytes(b"".join([head, *announced, *data, *(reading(k, padding=0) for k in range(30))]))
     return path
 
 
