@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import NoReturn
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
@@ -65,9 +66,9 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return reader(path, choice)
     choice.require_none(path, "which has no choice")
     if content == "folder":
-        return read_recording(path)
+        return _nothing_in(path)
     if content == "matlab":
-        return _poses_of_matlab(path)
+        return _of_matlab(path)
     from sinan.sensors.formats.columns import read_named, seen_in
 
     if content in ("text", "parquet") and (columns := read_named(path)) is not None:
@@ -80,10 +81,21 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         "parquet": "a Parquet file whose columns do not say what they are",
     }.get(content, f"compressed data ({content})")  # fmt: skip
     if content == "text" and (seen := seen_in(path)):
-        named = "names that say what the columns are (ax, gyro_x [deg/s]) in the first line, or --map FILE.toml"
+        named = "names that say what the columns are (ax, gyro_x [deg/s]) in the first line, or --map FILE.toml (docs/"
+        named += "formats.md, `A map in ten lines`)"
         raise InputError(path, f"{found}: {seen}", named)
     raise InputError(path, found, f"a folder with recording.toml, {SELF_DESCRIBING}, a .mat with one variable "
                      f"{', '.join(POSE_VARIABLES)}, or any log with --map FILE.toml")  # fmt: skip
+
+
+def _nothing_in(path: Path) -> NoReturn:
+    """Raise for a folder that is no log, naming what is in it."""
+    inside = sorted(one.name for one in path.iterdir() if not one.name.startswith("."))
+    if not inside:
+        raise InputError(path, "an empty folder", f"a folder with recording.toml, or {SELF_DESCRIBING}")
+    shown = ", ".join(inside[:4]) + (f" and {len(inside) - 4} more" if len(inside) > 4 else "")
+    found = f"no recording.toml, and no log of several files that is known ({shown})"
+    raise InputError(path, found, "one log in it, or --map FILE.toml; `sinan batch` takes all that need no map")
 
 
 def what_is(path: Path) -> str:
@@ -143,19 +155,27 @@ def _reader_of(content: str) -> Callable[[Path, Choice], Recording] | None:
     return getattr(import_module(f"sinan.sensors.formats.{module}"), reader)
 
 
-def _poses_of_matlab(path: Path) -> Recording:
-    """Poses of the one variable whose name says what it is; readings as they are, row index as time."""
+def _of_matlab(path: Path) -> Recording:
+    """The variables that are an accelerometer and a gyroscope, by their names; else poses of the one variable whose
+    name says what it is: readings as they are, row index as time.
+    """
     import numpy as np
 
     from sinan.sensors.formats.matlab import read_matlab
+    from sinan.sensors.formats.named_columns import recording_of_names
+    from sinan.sensors.formats.named_matlab import columns_of_flight
     from sinan.sensors.formats.plausible import check_units
 
     arrays = read_matlab(path)
+    if (flight := columns_of_flight(arrays)) is not None:
+        recording = recording_of_names(path, flight[0])
+        return recording.replace(notes=(*flight[1], *recording.notes))
     known = [name for name in arrays if name in POSE_VARIABLES]
     if len(known) != 1:
         names = ", ".join(arrays)
         found = f"variables {names if len(names) < 200 else names[:200] + ' ...'}"
-        raise InputError(path, found, f"one of {', '.join(POSE_VARIABLES)}, or --map FILE.toml")
+        names = f"one of {', '.join(POSE_VARIABLES)}; t, acc and gyr, or other names that say it"
+        raise InputError(path, found, f"{names}; or --map FILE.toml")
     name, array = known[0], arrays[known[0]]
     if array.ndim == 1 and len(array) == 3:
         array = array[:, None]

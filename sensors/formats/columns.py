@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,16 +20,24 @@ from sinan.sensors.formats.column_names import meanings
 from sinan.sensors.formats.named_columns import describes_itself
 from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
 from sinan.sensors.formats.records import RecordLayout, read_records
-from sinan.sensors.formats.text_table import TextTable, doubled_name, is_number, text_lines
+from sinan.sensors.formats.text_table import NO_READING, TextTable, decimal_of, doubled_name, is_number, text_lines
 
 #: Names of columns that a message shows.
 _SHOWN = 6
-#: How texts begin that hold no table, and what they are.
+#: How texts begin that hold no table, as patterns, and what they are.
 _PROGRAMS = {
-    "$VN": "sentences of a VectorNav, one a line: its binary output exported as CSV, or a map with `columns`",
-    "$G": "NMEA sentences: fixes of a receiver, without any other sensor",
+    r"\$VN": "sentences of a VectorNav, one a line: its binary output exported as CSV, or a map with `columns`",
+    r"[#%]\w+A,": "messages of a NovAtel receiver: those of one kind are a table, which a map reads by the numbers of "
+    "its columns (`grep RAWIMUSA LOG | tr ';*' ','`, of the IMU's counts)",
+    r".*RINEX VERSION / TYPE": "RINEX, which `sinan gnss OBS NAV` reads",
+    r"\d\d?:\d\d:\d\d[.\d]* -> ": "lines of a serial monitor: `sed 's/ -> /,/'` makes cells, below names (time,ax [g])",
+    r"[A-Za-z]\w*\s*[:=]\s*[-+.\d]+\s*[,;\t ]": "a name in every cell, which belong into one line above the numbers",
+    r"\$G": "NMEA sentences: fixes of a receiver, without any other sensor",
     "H Product:Blackbox": "a Blackbox log: blackbox_decode makes the CSV that the map of docs/formats.md reads",
 }
+#: Times of day, with a date of some kind before them; dates of ISO 8601; lengths of time as MATLAB writes them.
+_MOMENT = re.compile(r"(\d{1,4}[-/.](\d\d?|[A-Za-z]{3})[-/.]\d{1,4}[ T])?\d\d?:\d\d:\d\d")
+_ISO, _SPAN = re.compile(r"\d{4}-\d\d-\d\d[ T]"), re.compile(r"\d+(\.\d+)?(e[-+]\d+)? sec")
 #: Lines among which the names of the columns are looked for: programs write some about the device above them.
 _HEAD_LINES = 30
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": ""}
@@ -151,29 +160,39 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
         return None
     names, delimiter = _layout(str(path), _text(path, options), options)
     wanted = list(meanings(names))
-    table = TextTable(path, _text(path, options), names, delimiter, options.skip_lines + options.header)
+    table = TextTable(path, _text(path, options), names, delimiter, options.skip_lines + options.header, NO_READING)
     moments = {name for name, what in meanings(names).items() if what.column == "t" and _is_moment(table.first(name))}
     numbers = [name for name in wanted if name not in moments]
     found = table.read(numbers)
     if found is None:
         raise table.culprit(numbers)[1]
     found |= {name: _moments(path, name, table.texts(name)) for name in moments}
+    for name in wanted:
+        if meanings(names)[name].column == "t" and not np.all(np.isfinite(found[name])):
+            raise replace(table, gaps=()).culprit([name])[1]
     return {name: found.get(name, np.empty(0)) for name in names}
 
 
 def _is_moment(cell: str) -> bool:
     """Whether a cell is a date with a time of day, or a time of day."""
-    return re.match(r"(\d{4}-\d\d-\d\d[ T])?\d\d?:\d\d:\d\d", cell) is not None
+    return _MOMENT.match(cell) is not None or _SPAN.fullmatch(cell) is not None
 
 
 def _moments(path: Path, name: str, cells: list[str]) -> FloatArray:
-    """(n,) seconds after the first of times of day, with or without a date, as ISO 8601 has them."""
+    """(n,) seconds after the first of times of day, with or without a date: as ISO 8601 has it, or in another way that
+    changes once a day; or of lengths of time, `0.01 sec`.
+    """
     import pandas as pd
 
     try:
         column = pd.Series(cells)
-        dated = "-" in cells[0]
-        times = pd.to_datetime(column, format="ISO8601", utc=True) if dated else pd.to_timedelta(column)
+        if _ISO.match(cells[0]):
+            times = pd.to_datetime(column, format="ISO8601", utc=True)
+        else:
+            parts = [cell.rsplit(" ", 1) if _MOMENT.match(cell) else ["", cell] for cell in cells]
+            days = np.cumsum([0] + [a[:-1] != b[:-1] for a, b in pairwise(parts)])
+            times = pd.to_timedelta([part[-1] for part in parts]).to_series(index=column.index)
+            times += pd.to_timedelta(days, unit="D")
     except (ValueError, OverflowError) as error:
         raise InputError(path, f"{str(error)[:80]} in column {name}", "2023-05-05 12:00:00.123 in every row") from None
     return np.asarray((times - times.iloc[0]) / pd.Timedelta(1, "s"), dtype=np.float64)
@@ -193,7 +212,8 @@ def _head(path: Path) -> FileOptions | None:
         if any(len(_cells(above, _delimiter(line))) == len(names) for above in first[:k]):
             return None  # names of two lines belong together
         units = [cell.replace("(", "").replace(")", "") for cell in _cells(first[k + 1], _delimiter(line))]
-        if len(units) != len(names) or any(map(is_number, units)) or not any(units) or any(map(_is_moment, units)):
+        numbers = any(map(is_number, _points(units, _delimiter(line))))
+        if len(units) != len(names) or numbers or not any(units) or any(map(_is_moment, units)):
             return FileOptions(header=True, skip_lines=k)
         named = tuple(f"{name} [{unit}]" if unit.strip("-") else name for name, unit in zip(names, units, strict=True))
         separated = next(key for key, mark in DELIMITERS.items() if mark == _delimiter(line))
@@ -225,13 +245,13 @@ def seen_in(path: Path) -> str:
         return ""
     if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
         return ""
-    if program := next((told for begin, told in _PROGRAMS.items() if first.startswith(begin)), ""):
+    if program := next((told for begin, told in _PROGRAMS.items() if re.match(begin, first)), ""):
         return program
     delimiter = _delimiter(first)
     heads = [[cell.strip() for cell in line.split(delimiter or None)] for line in (first, second)]
     if len(heads[0]) > 3 and all(map(is_number, heads[0])):
         row = ", ".join(heads[0][:_SHOWN])
-        return f"{len(heads[0])} numbers a line and no names ({row}), which `columns` of a map gives"
+        return f"{len(heads[0])} numbers a line and no names ({row}), which a map counts from 1 or its `columns` name"
     if len(heads[0]) < 2 or any(map(is_number, heads[0])):
         return ""
     shown = [", ".join(cells[:_SHOWN]) + (", ..." if len(cells) > _SHOWN else "") for cells in heads]
@@ -253,12 +273,12 @@ def names_of(path: Path) -> list[str]:
     return list(table_of(path).names)
 
 
-def table_of(path: Path, gaps: bool = False) -> TextTable:
+def table_of(path: Path, gaps: Collection[str] = ()) -> TextTable:
     """A text whose first line names its columns.
 
     Parameters
     ----------
-    gaps : whether cells may hold `nan` or `inf`
+    gaps : texts that cells may hold instead of numbers
 
     Raises
     ------
@@ -357,7 +377,7 @@ def _layout(where: str, text: Callable[[], BinaryIO], options: FileOptions) -> t
         names = [cell.strip() or str(k + 1) for k, cell in enumerate(cells)]
     else:
         names = list(options.columns) or [str(k + 1) for k in range(len(cells))]
-        if not options.columns and not any(is_number(cell) for cell in cells):
+        if not options.columns and not any(map(is_number, _points(cells, delimiter))):
             hint = "numbers; `header = true` for a line of names, or `skip_lines`"
             raise InputError(where, f"`{first[:60]}`", hint, place)
     doubled = doubled_name(names)
@@ -366,5 +386,16 @@ def _layout(where: str, text: Callable[[], BinaryIO], options: FileOptions) -> t
     return names, delimiter
 
 
+def _points(cells: Sequence[str], delimiter: str) -> list[str]:
+    """Cells of a row, whose numbers have points where they had commas."""
+    decimal = "." if delimiter == "," else decimal_of(cells)
+    return [cell.replace(decimal, ".") for cell in cells]
+
+
 def _delimiter(line: str) -> str:
-    return next((delimiter for delimiter in (";", ",", "\t") if delimiter in line), "")
+    """What separates the cells of a line: of semicolons and tabs one that has at most two commas to each, which are the
+    points of numbers, else the comma.
+    """
+    counts = {mark: line.count(mark) for mark in (";", "\t", ",")}
+    apart = next((mark for mark in (";", "\t") if counts[mark] and counts[","] <= 2 * counts[mark]), "")
+    return apart or ("," if counts[","] else "")

@@ -15,7 +15,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
-from sinan.sensors.formats.column_names import FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
+from sinan.sensors.formats.column_names import FINE, FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
 from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.formats.logged import sound
 from sinan.sensors.formats.plausible import HECTOPASCALS, check_field, check_units, sign_of_force
@@ -27,6 +27,7 @@ _AS_INDICATED = tuple(one.replace(" ", "") for one in INDICATED)
 SHORTEST_REST = 0.5
 #: Nobody rests as long between two poses [s].
 _LONGEST_REST = 1000.0
+_DAY = 86_400.0  # s
 #: How the note begins that names columns without a meaning.
 UNREAD = "columns not read"
 #: Steps between readings of an IMU whose log does not say their unit [s].
@@ -64,8 +65,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
         t = np.arange(len(next(iter(values.values()))), dtype=np.float64)
     if len(t) == 0:
         raise InputError(path, "no row", "rows of numbers below the header")
-    if ("", "t") in values and not says_unit(known["", "t"][0]):
-        factor, said = of_step(t, 1.0 if kind == "flight" else _LONGEST_REST)
+    clocked = kind == "flight" or ("accel", "accel_x") not in values  # poses may be as far apart as one likes
+    if ("", "t") in values and clocked and not says_unit(known["", "t"][0]):
+        factor, said = of_step(t, 1.0 if kind == "flight" else _LONGEST_REST, "".join(words_of(known["", "t"][0])))
         t, notes = factor * t, notes + said
     if ("baro", "pressure") in values and not says_unit(known["baro", "pressure"][0]):
         values["baro", "pressure"], said = in_pascal(values["baro", "pressure"])
@@ -80,7 +82,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     indicated = "".join(words_of(known["air", "airspeed"][0])) if ("air", "airspeed") in known else ""
     if indicated.startswith(_AS_INDICATED):
         notes.append("air: an indicated airspeed stands for the true one, 5 % larger for each 1000 m of height")
-    mended = {name: sound(name, stream) for name, stream in _streams(kind, t, values).items()}
+    found = _streams(kind, t, values)
+    notes += _omitted(kind, values, found)
+    mended = {name: sound(name, stream) for name, stream in found.items()}
     notes += [note for _, of_stream in mended.values() for note in of_stream]
     streams = {name: stream for name, (stream, _) in mended.items() if len(stream)}
     if not streams:
@@ -148,16 +152,17 @@ def _require_all_inertial(path: Path, values: Mapping[tuple[str, str], FloatArra
             raise InputError(path, found, "gyro_x [deg/s], or --map FILE.toml")
 
 
-def of_step(t: FloatArray, least: float = 1.0) -> tuple[float, list[str]]:
+def of_step(t: FloatArray, least: float = 1.0, name: str = "") -> tuple[float, list[str]]:
     """Seconds in the unit, which nobody said, of times of an IMU: that in which it reads 10 to 1000 times a second.
 
     Parameters
     ----------
     least : a smaller step may be one of seconds
+    name : of the column, its words in lower case: Xsens' counts 0.1 ms, or us
     """
     step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    for unit in ("ms", "us", "ns"):
-        factor = UNITS["time"][unit][0]
+    units = {unit: UNITS["time"][unit][0] for unit in ("ms", "us", "ns")}
+    for unit, factor in ({"0.1 ms": 1e-4, "us": 1e-6} if name == FINE else units).items():
         if step >= least and _STEP[0] <= step * factor <= _STEP[1]:
             return factor, [f"time: a step of {step:.6g} is taken for {unit}, which nobody says"]
     return 1.0, []
@@ -165,7 +170,7 @@ def of_step(t: FloatArray, least: float = 1.0) -> tuple[float, list[str]]:
 
 def in_pascal(pressure: FloatArray) -> tuple[FloatArray, list[str]]:
     """Pressures whose unit nobody said: hPa where no atmosphere has so few pascals."""
-    middle = float(np.median(pressure)) if len(pressure) else 0.0
+    middle = float(np.nanmedian(pressure)) if np.any(np.isfinite(pressure)) else 0.0
     if HECTOPASCALS[0] < middle < HECTOPASCALS[1]:
         return 100.0 * pressure, [f"baro: a pressure of {middle:.6g} is taken for hPa, which nobody says"]
     return pressure, []
@@ -187,6 +192,10 @@ def _require_rests(path: Path, t: FloatArray, values: Mapping[tuple[str, str], F
         found = f"an accelerometer every {step:.3g} s and no gyroscope: a recording of motion, not poses at rest"
         hint = "gyro_x, gyro_y, gyro_z [rad/s], a map that names them (--map FILE.toml), or poses at rest, one a row"
         raise InputError(path, f"{found}{f' ({UNREAD}: {unread})' if unread else ''}", hint)
+    if step > _DAY:
+        raise InputError(
+            path, f"{step:.3g} s between two rows: another unit of time", "seconds, or a name that says it: t_ms"
+        )
 
 
 def converted(values: FloatArray, one: Meaning) -> FloatArray:
@@ -219,9 +228,36 @@ def _streams(kind: Kind, t: FloatArray, values: Mapping[tuple[str, str], FloatAr
             continue
         if name == "gps" and not set(VELOCITY) <= set(columns):
             columns = {column: one for column, one in columns.items() if column not in VELOCITY}
-        readings = Stream(t, columns)
+        readings = _read_rows(Stream(t, columns), whole.get(name, ()))
         streams[name] = readings if name in ("imu", "poses") or kind == "poses" else _new_rows(readings)
     return streams
+
+
+def _omitted(kind: Kind, values: Mapping[tuple[str, str], FloatArray], read: Mapping[str, Stream]) -> list[str]:
+    """Which sensors that are there were not read, and why."""
+    there: dict[str, list[str]] = {}
+    for stream, column in values:
+        if column != "t":
+            there.setdefault(stream, []).append(column)
+    if kind == "poses":
+        others = sorted(there.keys() - {"accel", "mag", "imu"})
+        return [f"no accelerometer with a gyroscope, so not read: {', '.join(others)}"] if others else []
+    whole = {"mag": MAG, "gps": GEODETIC}
+    missing = {name: [one for one in whole[name] if one not in there[name]] for name in whole if name in there}
+    return [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+
+
+def _read_rows(stream: Stream, required: Sequence[str]) -> Stream:
+    """The rows in which something was read, without those whose cells are all empty; a temperature of fewer rows is
+    brought to the others.
+    """
+    must = [name for name in required if name in stream.columns] or list(stream.columns)
+    stream = stream.rows(np.any(np.isfinite(stream.array(must)), axis=1))
+    warmth = stream.columns.get("temperature")
+    if required and warmth is not None and np.any(known := np.isfinite(warmth)):
+        brought = np.interp(stream.t, stream.t[known], warmth[known])
+        return Stream(stream.t, {**stream.columns, "temperature": brought})
+    return stream
 
 
 def _new_rows(stream: Stream) -> Stream:

@@ -43,6 +43,8 @@ _EARTH_GRAVITY = (9.7, 9.9)
 HECTOPASCALS = (300.0, 1100.0)
 #: Beyond 10 g in the middle of a flight: no vehicle, but raw counts of every converter with 12 bits or more.
 _HIGHEST_MEDIAN_FORCE = 100.0
+#: Inertial sensors read at most 32 000 times a second; as days, 100 a second are 1e-7 apart [s].
+_SHORTEST_STEP = 1e-5
 #: The widest range of a rate gyroscope that is sold for vehicles is 4000 deg/s.
 _HIGHEST_RATE = np.radians(4000.0)
 #: Bias of the worst rate gyroscopes that are sold is 40 deg/s; a body at rest cannot turn faster than its gyro's bias.
@@ -110,6 +112,9 @@ def _check_time(recording: Recording, imu: Stream) -> None:
     if len(imu) < _FEWEST:
         return
     step = float(np.median(np.diff(imu.t)))
+    if step < _SHORTEST_STEP:
+        found = f"a median step of {step:.4g} s between samples: time looks like days (MATLAB's datenum) read as s"
+        raise InputError(recording.where, found, "seconds, or a map whose `time` has a unit", "stream imu")
     if step >= 1.0:
         unit = "ms" if step < 1000.0 else "us"
         meant = ", or us as ms" if unit == "ms" else ""

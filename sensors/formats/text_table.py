@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,8 +21,11 @@ from sinan.sensors.formats.packed import LONGEST_LINE, require_numbers, size_sho
 
 #: Cells that are read at once, those of columns that nobody asked for among them.
 _CELLS = 2**20
-#: How programs write a number that is none.
-_GAPS, _GONE = ("nan", "NaN"), frozenset({"nan", "NaN", "inf"})
+#: How programs write a number that is none; how spreadsheets and merged tables leave a cell without a reading.
+NOT_A_NUMBER = ("nan", "NaN")
+NO_READING = (*NOT_A_NUMBER, "", "NA", "None", "null")
+#: A number with a comma for the point, and one with the point; rows among which one is looked for.
+_COMMA, _POINT, _FIRST_ROWS = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d+.*"), 20
 
 
 class _Lines(io.RawIOBase):
@@ -75,7 +80,7 @@ class TextTable:
     names : of the columns, in order
     delimiter : one character; empty: any run of blanks
     skip_lines : lines before the first row
-    gaps : whether cells may hold `nan` or `inf`, as programs write what they do not know
+    gaps : texts that a cell may hold instead of a number, as programs write what they do not know, or infinities
     """
 
     where: Path | str
@@ -83,7 +88,7 @@ class TextTable:
     names: Sequence[str]
     delimiter: str = ","
     skip_lines: int = 1
-    gaps: bool = False
+    gaps: Collection[str] = ()
 
     def read(self, wanted: Sequence[str]) -> dict[str, FloatArray] | None:
         """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number.
@@ -175,8 +180,8 @@ class TextTable:
         return pd.read_csv(
             file, sep=self.delimiter or r"\s+", header=None, names=list(self.names), index_col=False,
             dtype={name: np.float64 if name in wanted else str for name in self.names}, encoding="utf-8-sig",
-            skipinitialspace=True, keep_default_na=False, na_values=_GAPS if self.gaps else None,
-            chunksize=max(1, _CELLS // len(self.names)), **exact,
+            skipinitialspace=True, keep_default_na=False, na_values=sorted(self.gaps),
+            decimal=self._decimal(), chunksize=max(1, _CELLS // len(self.names)), **exact,
         )  # fmt: skip
 
     def culprit(self, wanted: Sequence[str]) -> tuple[str | None, InputError]:
@@ -189,7 +194,7 @@ class TextTable:
         A column of None is an error of the table, and the last one.
         """
         count = f"{len(self.names)} columns ({', '.join(self.names)})"
-        good, asked = set(wanted), len(set(wanted))
+        good, asked, decimal = set(wanted), len(set(wanted)), self._decimal()
         row = 0
         try:
             for row, line, cells in self._rows():
@@ -198,7 +203,7 @@ class TextTable:
                     yield None, InputError(self.where, f"{len(cells)} columns", count, place)
                     return
                 for name, cell in zip(self.names, cells, strict=True):
-                    if name in good and not is_number(cell) and not (self.gaps and cell.lstrip("+-") in _GONE):
+                    if name in good and not self._holds(cell, decimal):
                         good.remove(name)
                         found = f"`{cell[:40]}`" if cell.strip() else "an empty cell"
                         yield name, InputError(self.where, f"{found} in column {name}", "a number", place)
@@ -213,6 +218,20 @@ class TextTable:
             separated = f"separated by `{self.delimiter}`" if self.delimiter else "separated by blanks"
             yield None, InputError(self.where, "rows that cannot be read", f"{count}, {separated}")
 
+    def _holds(self, cell: str, decimal: str) -> bool:
+        """Whether a cell is a number, or one of the texts that stand for none."""
+        return is_number(cell.replace(decimal, ".")) or bool(self.gaps and cell.lstrip("+-") in (*self.gaps, "inf"))
+
+    def _decimal(self) -> str:
+        """What stands for the point of numbers: a comma, where cells have one and none has a point."""
+        if self.delimiter not in (";", "\t"):
+            return "."
+        try:
+            cells = [cell for _, _, row in islice(self._rows(), _FIRST_ROWS) for cell in row]
+        except (UnicodeDecodeError, csv.Error, OSError):
+            return "."
+        return decimal_of(cells)
+
     def _rows(self) -> Iterator[tuple[int, int, list[str]]]:
         """Row number, line number and cells of every row."""
         row = 0
@@ -223,6 +242,11 @@ class TextTable:
                 if found and found != [""]:
                     row += 1
                     yield row, lines.line_num + self.skip_lines, found
+
+
+def decimal_of(cells: Collection[str]) -> str:
+    """What stands for the point of numbers, in cells that no comma separates."""
+    return "," if any(map(_COMMA.fullmatch, cells)) and not any(map(_POINT.fullmatch, cells)) else "."
 
 
 def doubled_name(names: Sequence[str]) -> str | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.columns import content_of, table_of
-from sinan.sensors.formats.text_table import TextTable
+from sinan.sensors.formats.text_table import NOT_A_NUMBER, TextTable
 from sinan.sensors.formats.ulog_messages import Said, Topics, read_topics
 
 _INERTIAL = ("sensor_combined", "vehicle_imu", "sensor_gyro", "vehicle_angular_velocity")
@@ -53,7 +53,7 @@ class TopicTables(Mapping[str, FloatArray]):
         for topic, file in sorted(files.items()):
             if content_of(file) == "empty":
                 raise InputError(file, "an empty file", "a table; make it anew with ulog2csv, or take it away")
-            table = table_of(file, gaps=True)
+            table = table_of(file, NOT_A_NUMBER)
             if _CLOCK in table.names:
                 self._tables |= {topic: table} if table.first(_CLOCK) else {}
             elif topic.split("#")[0] in _KNOWN:
