@@ -33,6 +33,7 @@ from sinan.experiments.commands.arguments import (
     observability,
     params,
     ranges,
+    schema,
     serve,
     simulate,
     trace,
@@ -93,6 +94,7 @@ _COMMANDS = (
     heights.heights,
     lab.lab,
     effects.effects,
+    schema.schema,
     blind.blind,
 )
 for _command in _COMMANDS:

@@ -115,18 +115,17 @@ def load(name: str) -> RangeScenario:
     path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
     if not path.is_file():
         raise InputError(name, "no such scenario", "a TOML file or one of " + ", ".join(scenario_names()))
-    data = _merged(path, 4)
-    errors = data.pop("error", [])
-    faults = data.pop("fault", [])
-    if not isinstance(errors, list) or not isinstance(faults, list):
-        raise InputError(path, "one table", "tables such as `[[error]]`", "key error or fault")
-    table = Table(path, data)
+    return scenario_of(Table(path, _merged(path, 4)), path.stem)
+
+
+def scenario_of(table: Table, name: str) -> RangeScenario:
+    """The scenario that a table says, laid over those that it is like; see `load`."""
     rover, base, link, air = (table.table(key) for key in ("rover", "base", "link", "air"))
     origin, away = table.vector("origin", 3), base.vector("away", 3)
     if origin is None:
-        raise InputError(path, "no origin", "latitude and longitude in deg, height in m", "key origin")
+        raise table.error("origin", "no such key", "latitude and longitude in deg, height in m")
     found = RangeScenario(
-        name=path.stem,
+        name=name,
         summary=table.text("summary") or "",
         seconds=table.number("seconds", at_least=1.0, at_most=LONGEST) or 600.0,
         origin=(float(np.deg2rad(origin[0])), float(np.deg2rad(origin[1])), float(origin[2])),
@@ -135,15 +134,16 @@ def load(name: str) -> RangeScenario:
         radius=rover.number("radius", at_least=1.0, at_most=1e4) or 100.0,
         speed=rover.number("speed", at_least=0.0, at_most=1e3) or 0.0,
         away=(0.0, 10000.0, 0.0) if away is None else (float(away[0]), float(away[1]), float(away[2])),
-        errors=tuple(_error(Table(path, one, "error")) for one in errors),
+        errors=tuple(map(_error, table.tables("error"))),
         air=_air(air),
-        faults=tuple(_fault(Table(path, one, "fault")) for one in faults),
+        faults=tuple(map(_fault, table.tables("fault"))),
         link=_link(link),
     )
+    table.text("like")
     for one in (table, rover, base, link, air):
         one.done()
     if found.seconds * max(found.rover.rate, found.base.rate) > MOST_EPOCHS:
-        raise InputError(path, f"{found.seconds:g} s", f"at most {MOST_EPOCHS} epochs of a receiver", "key seconds")
+        raise table.error("seconds", f"{found.seconds:g} s", f"at most {MOST_EPOCHS} epochs of a receiver")
     return found
 
 

@@ -67,7 +67,7 @@ def load_scenario(name: str | Path) -> Scenario:
     if not _is_file(path):
         found = "no such file" if str(name).endswith(".toml") else "no such scenario"
         raise InputError(str(name), found, "a TOML file or one of " + ", ".join(scenario_names()))
-    return _scenario(Table(path, merged(path)), path.stem)
+    return scenario_of(Table(path, merged(path)), path.stem)
 
 
 def _is_file(path: Path) -> bool:
@@ -113,7 +113,8 @@ def _laid_over(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any
     return below
 
 
-def _scenario(table: Table, name: str) -> Scenario:
+def scenario_of(table: Table, name: str) -> Scenario:
+    """The scenario that a table says, laid over those that it is like; see `load_scenario`."""
     origin, gravity, field = _place(table)
     turns = _turns(table)
     start = table.vector("start", 4, at_most=LARGEST)
@@ -139,20 +140,8 @@ def _scenario(table: Table, name: str) -> Scenario:
         initial=_initial(table.table("initial")),
         **{key: _record(table.table(key), kind) for key, kind in _RECORDS.items()},
     )
-    for key in (
-        "like",
-        "without",
-        "origin",
-        "environment",
-        "initial",
-        "air",
-        "vibration",
-        "turns",
-        "sensors",
-        "manoeuvre",
-        *_RECORDS,
-    ):
-        table.get(key)
+    table.text("like")
+    table.get("without", "array", items={"enum": [*simulated()]})
     table.done()
     _require_bounded(table, scenario)
     return scenario
@@ -207,7 +196,7 @@ def _place(table: Table) -> tuple[tuple[float, float, float] | None, float, tupl
         latitude, longitude, height = (float(value) for value in values if value is not None)
         origin = (latitude, longitude, height)
         gravity = normal_gravity(float(np.deg2rad(latitude)), height) if gravity is None else gravity
-        day = place.get("date")
+        day = place.get("date", "string", format="date")
         if field is None and not isinstance(day, date):
             raise place.error("date", repr(day), "a date such as 2026-06-01, for the Earth's magnetic field")
         if field is None:
@@ -286,7 +275,8 @@ def _turns(table: Table) -> Turns | None:
 
 def _attitudes(turns: Table) -> tuple[tuple[float, float, float], ...]:
     """Roll, pitch, yaw [rad] of each pose, from a list of lists in degrees."""
-    entries = turns.get("attitudes")
+    angles = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+    entries = turns.get("attitudes", "array", items=angles, minItems=2, maxItems=MOST_ROWS)
     if entries is None:
         return ()
     if not isinstance(entries, list) or not 2 <= len(entries) <= MOST_ROWS:
@@ -297,15 +287,13 @@ def _attitudes(turns: Table) -> tuple[tuple[float, float, float], ...]:
 
 
 def _manoeuvres(table: Table, turned: bool) -> tuple[Manoeuvre, ...]:
-    entries = table.get("manoeuvre")
     if turned:
+        table.get("manoeuvre")
         return ()
-    if not isinstance(entries, list) or not entries:
+    entries = table.tables("manoeuvre")
+    if not entries:
         raise table.error("manoeuvre", "none", "at least one [[manoeuvre]], or [turns]")
-    for k, entry in enumerate(entries):
-        if not isinstance(entry, dict):
-            raise table.error("manoeuvre", f"{entry!r} as number {k + 1}", "a table: [[manoeuvre]]")
-    return tuple(_manoeuvre(Table(table.path, entry, f"manoeuvre {k + 1}")) for k, entry in enumerate(entries))
+    return tuple(map(_manoeuvre, entries))
 
 
 def _manoeuvre(table: Table) -> Manoeuvre:
@@ -347,7 +335,8 @@ def _instrument(table: Table, name: str) -> Instrument:
         elif key != "imu_samples":
             spec[key] = table.number(key, at_least=0.0, at_most=LARGEST)
     place = table.vector("place", 3, at_most=LARGEST)
-    intervals = table.get("dropouts") or []
+    interval = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+    intervals = table.get("dropouts", "array", items=interval) or []
     rate = table.number("rate", above=0.0, at_most=FASTEST)
     if rate is None and name != "gyro":
         raise table.error("rate", "no such key", "readings a second [Hz]")

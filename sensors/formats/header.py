@@ -23,8 +23,7 @@ LOWEST, HIGHEST = -12_000.0, 1e6
 
 #: The keys that each sensor may declare.
 SENSOR_KEYS = BySensor(lambda entry: entry.declares)
-#: Numbers in a list; None: as many as there are.
-#: Keys that are lists, and their length.
+#: Keys that are lists, and their length; None: any.
 LISTS = {"base_position": 3, "focal": 2, "centre": 2, "coefficients": None, "mounting": 4, "lever_arm": 3}
 
 
@@ -147,7 +146,7 @@ def _effects(table: Table) -> dict[str, tuple[float, ...]]:
 
     effects: dict[str, tuple[float, ...]] = {}
     for name in table.names():
-        one = not isinstance(table.get(name), list)
+        one = not isinstance(table.get(name, "number", "array", items={"type": "number"}), list)
         beta = table.number(name, at_least=-LARGEST, at_most=LARGEST) if one else table.vector(name, at_most=LARGEST)
         effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
         try:

@@ -28,6 +28,8 @@ from sinan.sensors.recording import TRUTH_KINDS, Kind
 
 #: The most lines to pass over at either end of a text: an hour of them at 200 Hz, and more.
 _MOST_SKIPPED = 10**6
+#: What a column is called by: its name or its number.
+COLUMN = ("string", "integer")
 
 
 def read_map(path: Path) -> Map:
@@ -37,7 +39,11 @@ def read_map(path: Path) -> Map:
     ------
     InputError : names the key, what was found, what was expected
     """
-    table = load_toml(path)
+    return map_of(path, load_toml(path))
+
+
+def map_of(path: Path, table: Table) -> Map:
+    """The map that a table says; see `read_map`."""
     kind = table.text("kind", ("flight", "poses"))
     if kind is None:
         raise table.error("kind", "no such key", '"flight" or "poses"')
@@ -105,7 +111,8 @@ def _records(table: Table) -> RecordLayout:
 
 
 def _fields(table: Table, key: str) -> tuple[tuple[str, str], ...]:
-    value = table.get(key)
+    pair = {"type": "array", "prefixItems": [{"type": "string"}, {"enum": [*TYPES]}], "minItems": 2, "maxItems": 2}
+    value = table.get(key, "array", items=pair)
     if value is None:
         return ()
     expected = f"a list of [name, type], types {', '.join(TYPES)}, every name once"
@@ -132,7 +139,7 @@ def _stream(
             if key in table
         }
         | _covariates(table.table("covariates"), files),
-        keep=tuple(_keep(entry) for entry in _tables(table, "keep")),
+        keep=tuple(_keep(entry) for entry in table.tables("keep")),
         drop=table.names_of("drop", DROPS) or (),
         skip_rows=table.whole("skip_rows") or 0,
         align=table.text("align", ("rows", "interpolate")) or "rows",
@@ -157,7 +164,7 @@ def _file_name(table: Table, files: Mapping[str, FileOptions]) -> str:
 
 
 def _clock(table: Table, name: str) -> Clock:
-    value = table.get("time")
+    value = table.get("time", *COLUMN)
     if isinstance(value, str | int) and not isinstance(value, bool):
         return Clock(column=str(value))
     if value is None:
@@ -183,7 +190,7 @@ def _clock(table: Table, name: str) -> Clock:
 def _quantity(
     table: Table, key: str, outputs: tuple[str, ...], dimension: str, files: Mapping[str, FileOptions]
 ) -> Quantity:
-    if not isinstance(table.get(key), dict):
+    if not isinstance(table.get(key, *COLUMN, "array", items={"type": [*COLUMN]}), dict):
         columns = _names(table, key, len(outputs) or None)
         return Quantity(outputs or _numbered(key, columns), columns)
     entry = table.table(key)
@@ -222,7 +229,7 @@ def _numbered(key: str, columns: tuple[str, ...]) -> tuple[str, ...]:
 
 def _names(table: Table, key: str, size: int | None = None) -> tuple[str, ...]:
     """The names or numbers of columns; a single name stands for a variable with that many columns."""
-    value = table.get(key)
+    value = table.get(key, *COLUMN, "array", items={"type": [*COLUMN]})
     entries = value if isinstance(value, list) else [value]
     expected = "names or numbers of columns" if size is None else f"{size} names or numbers of columns"
     if not entries or any(isinstance(entry, bool) or not isinstance(entry, str | int) for entry in entries):
@@ -237,7 +244,8 @@ def _names(table: Table, key: str, size: int | None = None) -> tuple[str, ...]:
 
 def _each(table: Table, key: str, size: int, default: float) -> FloatArray:
     """One number, or one a column; what divides must not be zero."""
-    value = table.vector(key, size) if isinstance(table.get(key), list) else table.number(key)
+    several = isinstance(table.get(key, "number", "array", items={"type": "number"}), list)
+    value = table.vector(key, size) if several else table.number(key)
     result = np.atleast_1d(np.asarray(default if value is None else value, dtype=np.float64))
     if key in ("scale", "per_unit") and np.any(result == 0.0):
         raise table.wrong(key, "numbers that are not zero")
@@ -246,7 +254,7 @@ def _each(table: Table, key: str, size: int, default: float) -> FloatArray:
 
 def _axes(table: Table) -> FloatArray | None:
     """(3, 3) body = axes @ reading, from rows of numbers or from names as ["y", "x", "-z"]."""
-    value = table.get("axes")
+    value = table.get("axes", "array", items={"type": ["string", "array"]}, minItems=3, maxItems=3)
     if value is None:
         return None
     expected = (
@@ -267,17 +275,6 @@ def _axes(table: Table) -> FloatArray | None:
 def _axis(text: str) -> list[float]:
     letter, sign = text.removeprefix("-").removeprefix("+"), -1.0 if text.startswith("-") else 1.0
     return [sign * (letter == name) for name in "xyz"]
-
-
-def _tables(table: Table, key: str) -> list[Table]:
-    value = table.get(key)
-    if value is None:
-        return []
-    entries = value if isinstance(value, list) else [value]
-    tables = [Table(table.path, entry, f"{table.name}.{key}") for entry in entries if isinstance(entry, dict)]
-    if len(tables) < len(entries):
-        raise table.wrong(key, 'a table or a list of tables, as {column = "fix", equals = 3}')
-    return tables
 
 
 def _keep(table: Table) -> Keep:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -14,7 +15,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.files import can_be_replaced, cannot_replace, new_folder
 from sinan.sensors.formats.csv_table import read_csv, read_header_line
 from sinan.sensors.formats.geodetic import to_ned
-from sinan.sensors.formats.header import read_header
+from sinan.sensors.formats.header import Header, read_header
 from sinan.sensors.formats.plausible import check_units
 from sinan.sensors.formats.toml_table import Table, load_toml
 from sinan.sensors.recording import (
@@ -84,19 +85,9 @@ def read_recording(folder: Path) -> Recording:
     if not header.is_file():
         raise InputError(folder, "no recording.toml" if folder.is_dir() else "no such folder", f"a {HEADER_FILE} in it")
     table = load_toml(header)
-    version = table.get("format")
-    if version != FORMAT or isinstance(version, bool):
-        found = "no such key" if version is None else repr(version)
-        raise table.error("format", found, f"format = {FORMAT}")
-    name = table.text("name") or folder.resolve().name
-    goes_on = table.flag("unfinished") or False
-    kind = table.text("kind", KINDS)
-    if kind is None:
-        raise table.error("kind", "no such key", '"flight" or "poses"')
-    declared = read_header(table)
-    rows = _rows(table)
-    truth = _truth(folder, table, goes_on)
-    table.done()
+    said = read_declared(table)
+    declared, rows, kind, goes_on = said.header, said.rows, said.kind, said.unfinished
+    truth = _truth(folder, table, said)
     _check_there(folder, rows)
     streams, notes = _read_streams(folder, goes_on)
     if not streams:
@@ -108,8 +99,8 @@ def read_recording(folder: Path) -> Recording:
     _check_base(folder, streams, declared.origin, declared.sensors.get("base"))
     streams, origin, chosen = to_ned(folder, streams, declared.origin)
     recording = Recording(
-        name=name,
-        kind=cast(Kind, kind),
+        name=said.name or folder.resolve().name,
+        kind=kind,
         streams=streams,
         sensors=declared.sensors,
         environment=declared.environment,
@@ -125,17 +116,51 @@ def read_recording(folder: Path) -> Recording:
     return recording
 
 
-def _truth(folder: Path, table: Table, goes_on: bool) -> Truth | None:
+@dataclass(frozen=True)
+class Declared:
+    """What `recording.toml` says: the header; rows by file; of `[truth]` kind, what is known, and whether aligned."""
+
+    name: str
+    kind: Kind
+    unfinished: bool
+    header: Header
+    rows: Mapping[str, int]
+    truth: tuple[str, tuple[str, ...] | None, bool]
+
+
+def read_declared(table: Table) -> Declared:
+    """What the tables of `recording.toml` say.
+
+    Raises
+    ------
+    InputError : names the key, what was found, what was expected
+    """
+    version = table.get("format", const=FORMAT)
+    if version != FORMAT or isinstance(version, bool):
+        found = "no such key" if version is None else repr(version)
+        raise table.error("format", found, f"format = {FORMAT}")
+    kind = table.text("kind", KINDS)
+    if kind is None:
+        raise table.error("kind", "no such key", '"flight" or "poses"')
+    of = table.table("truth")
+    truth_kind = of.text("kind", TRUTH_KINDS) or ("other" if "truth" in table else "")
+    truth = truth_kind, of.names_of("known", tuple(KNOWN_BY)), of.flag("aligned") or False
+    of.done()
+    name, unfinished = table.text("name") or "", table.flag("unfinished") or False
+    declared = Declared(name, cast(Kind, kind), unfinished, read_header(table), _rows(table), truth)
+    table.done()
+    return declared
+
+
+def _truth(folder: Path, table: Table, said: Declared) -> Truth | None:
     """`truth.csv`, with what `[truth]` says of it; None where it is not there.
 
     Raises
     ------
-    InputError : a kind that is none; something known that the columns do not hold; a fault in the file
+    InputError : something known that the columns do not hold; a fault in the file
     """
-    said = table.table("truth")
-    kind = said.text("kind", TRUTH_KINDS) or ("other" if "truth" in table else "")
-    known, aligned = said.names_of("known", tuple(KNOWN_BY)), said.flag("aligned") or False
-    said.done()
+    kind, known, aligned = said.truth
+    goes_on = said.unfinished
     path = folder / TRUTH_FILE
     if not path.is_file() or (goes_on and not _has_rows(path)):
         return None
@@ -146,7 +171,9 @@ def _truth(folder: Path, table: Table, goes_on: bool) -> Truth | None:
     for name in known or ():
         if name not in truth.known:
             needed = " or ".join(", ".join(alternative) for alternative in KNOWN_BY[name])
-            raise said.error("known", f'"{name}", of which {TRUTH_FILE} has no columns', f"columns {needed}")
+            raise table.table("truth").error(
+                "known", f'"{name}", of which {TRUTH_FILE} has no columns', f"columns {needed}"
+            )
     return truth
 
 

@@ -8,6 +8,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,11 +87,17 @@ class Table:
     path : of the file, for messages
     data : the parsed table
     name : dotted name of the table, empty at the top level
+    schema : JSON Schema of such a table; the keys that are asked for are added to it
     """
 
-    def __init__(self, path: Path | str, data: Mapping[str, object], name: str = "") -> None:
+    def __init__(
+        self, path: Path | str, data: Mapping[str, object], name: str = "", schema: dict[str, Any] | None = None
+    ) -> None:
         self.path, self.data, self.name = path, data, name
+        self.schema = {} if schema is None else schema
         self._known: list[str] = []
+        _add(self.schema, {"type": ["object"], "additionalProperties": False})
+        self._properties: dict[str, dict[str, Any]] = self.schema.setdefault("properties", {})
 
     def __contains__(self, key: str) -> bool:
         self._ask(key)
@@ -108,13 +115,15 @@ class Table:
         """The error that names a key of this table."""
         return InputError(self.path, found, expected, self.place(key))
 
-    def _ask(self, key: str) -> None:
+    def _ask(self, key: str, **schema: Any) -> dict[str, Any]:
+        """Note that a key is known; its schema, with what is added to it."""
         if key not in self._known:
             self._known.append(key)
+        return _add(self._properties.setdefault(key, {}), schema)
 
-    def get(self, key: str) -> object:
-        """The raw value, or None."""
-        self._ask(key)
+    def get(self, key: str, *types: str, **schema: Any) -> object:
+        """The raw value, or None. Whoever checks it says what it may be: its types and other words of JSON Schema."""
+        self._ask(key, **({"type": [*types]} if types else {}), **schema)
         return self.data.get(key)
 
     def wrong(self, key: str, expected: str) -> InputError:
@@ -125,7 +134,10 @@ class Table:
         self, key: str, *, above: float = -math.inf, at_least: float = -LARGEST_NUMBER, at_most: float = LARGEST_NUMBER
     ) -> float | None:
         """A number within bounds, or None where the key is missing."""
-        value = self.get(key)
+        bounds = {"exclusiveMinimum": above, "minimum": at_least, "maximum": at_most}
+        value = self.get(
+            key, "number", **{word: bound for word, bound in bounds.items() if abs(bound) < LARGEST_NUMBER}
+        )
         if value is None:
             return None
         if not _is_number(value):
@@ -137,7 +149,9 @@ class Table:
 
     def vector(self, key: str, size: int | None = None, *, at_most: float = LARGEST_NUMBER) -> FloatArray | None:
         """(size,) numbers of at most that size, or None where the key is missing."""
-        value = self.get(key)
+        sizes = {"minItems": size or 1} | ({} if size is None else {"maxItems": size})
+        entry = {"type": "number"} | ({"minimum": -at_most, "maximum": at_most} if at_most < LARGEST_NUMBER else {})
+        value = self.get(key, "array", items=entry, **sizes)
         if value is None:
             return None
         length = "a list of" if size is None else f"a list of {size}"
@@ -151,7 +165,7 @@ class Table:
 
     def text(self, key: str, choices: Sequence[str] = ()) -> str | None:
         """A string, one of `choices` where there are any, or None where the key is missing."""
-        value = self.get(key)
+        value = self.get(key, "string", **({"enum": [*choices]} if choices else {}))
         if value is None:
             return None
         if not isinstance(value, str):
@@ -162,7 +176,8 @@ class Table:
 
     def names_of(self, key: str, choices: Sequence[str]) -> tuple[str, ...] | None:
         """Some of `choices`, or None where the key is missing."""
-        value = self.get(key)
+        some = {"enum": [*choices]}
+        value = self.get(key, anyOf=[some, {"type": "array", "items": some}])
         if value is None:
             return None
         entries = value if isinstance(value, list) else [value]
@@ -172,14 +187,15 @@ class Table:
 
     def flag(self, key: str) -> bool | None:
         """true or false, or None where the key is missing."""
-        value = self.get(key)
+        value = self.get(key, "boolean")
         if value is not None and not isinstance(value, bool):
             raise self.wrong(key, "true or false")
         return value
 
     def whole(self, key: str, *, at_least: int = 0, at_most: int = 2**63 - 1) -> int | None:
         """A whole number within bounds, or None where the key is missing."""
-        value = self.get(key)
+        bounds = {"minimum": at_least} | ({} if at_most == 2**63 - 1 else {"maximum": at_most})
+        value = self.get(key, "integer", **bounds)
         if value is None:
             return None
         if isinstance(value, bool) or not isinstance(value, int) or not at_least <= value <= at_most:
@@ -192,7 +208,18 @@ class Table:
         value = self.get(key)
         if value is not None and not isinstance(value, dict):
             raise self.wrong(key, "a table")
-        return Table(self.path, value or {}, f"{self.name}.{key}" if self.name else key)
+        return Table(self.path, value or {}, f"{self.name}.{key}" if self.name else key, self._ask(key))
+
+    def tables(self, key: str) -> list[Table]:
+        """The tables of a list, or the one that stands in its place; none where the key is missing."""
+        value = self.get(key, "array", "object")
+        entries = [] if value is None else value if isinstance(value, list) else [value]
+        schema = self._ask(key).setdefault("items", {})
+        for k, entry in enumerate(entries, 1):
+            if not isinstance(entry, dict):
+                raise self.error(key, f"{_shown(entry)} as number {k}", "a table or a list of tables")
+        name = f"{self.name}.{key}" if self.name else key
+        return [Table(self.path, entry, f"{name} {k}", schema) for k, entry in enumerate(entries, 1)]
 
     def done(self) -> None:
         """Check that every key of the table was asked for.
@@ -204,6 +231,13 @@ class Table:
         for key in self.data:
             if key not in self._known:
                 raise self.error(key, "unknown key", _one_of(key, self._known))
+
+
+def _add(schema: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Add words to a schema, in place; a value of one more type may be of either."""
+    types = [*schema.get("type", ()), *(kind for kind in more.get("type", ()) if kind not in schema.get("type", ()))]
+    schema.update(more, **({"type": types} if types else {}))
+    return schema
 
 
 def _one_of(word: str, known: Sequence[str]) -> str:

@@ -24,6 +24,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
 from tests.estimator import gnss_simulation as simulation
+from tests.experiments.conftest import require_fit
 
 ESBJERG = "gnss/esbjerg_static_2020/"
 KAMAKURA = "gnss/kamakura_car_2021/"
@@ -77,7 +78,9 @@ def report(root: Path, name: str, systems: str) -> dict[str, object]:
         if key in options:
             options[key] = root / str(options[key])
     options["navigation"] = [root / path for path in SETS[name]["navigation"]]
-    return run(systems=systems, **options)  # type: ignore[arg-type]
+    found = run(systems=systems, **options)  # type: ignore[arg-type]
+    require_fit("gnss", found)
+    return found
 
 
 def measured_ranges(root: Path, name: str, systems: str) -> Pseudoranges:
@@ -180,6 +183,7 @@ def test_simulated_files_end_to_end(tmp_path: Path) -> None:
     observation, navigation = simulation.files(tmp_path, "G", epochs=8)
     answer = positions(observation, navigation, systems="G", position=simulation.RECEIVER.tolist())
     found = answer.document
+    require_fit("gnss", found)
     answer.to_csv(tmp_path / "fix.csv")
     assert found["epochs"] == 8
     assert len((tmp_path / "fix.csv").read_text().splitlines()) == 9

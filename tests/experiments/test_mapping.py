@@ -28,7 +28,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
-from tests.experiments.test_json_keys import documented, written
+from tests.experiments.conftest import require_fit
 
 TRUE = Mounting(np.array([0.01, -0.015]), np.array([0.05, -0.03, 0.0]), 0.03)
 MILLIMETRE, CENTIMETRE, TEN_PER_CENT = 1e-3, 1e-2, 0.1
@@ -253,8 +253,7 @@ def test_a_recording_becomes_a_map(tmp_path: Path) -> None:
         assert one["value"] == pytest.approx(hidden, abs=3.0 * one["std"])
     assert told["strips"]["rms_after"] < 0.3 * told["strips"]["rms_before"]
     assert len(told["obstacles"]) == len(COUNTRY.houses) + len(COUNTRY.trees)
-    keys = documented("map")
-    assert not [path for path in written(told) if not any(key.fullmatch(path) for key in keys)]
+    require_fit("map", told)
     assert "laser.boresight roll" in text
     made = {path.name for path in (tmp_path / "map").iterdir()}
     assert made == {f"{name}.{kind}" for name in ("terrain", "surface", "objects") for kind in ("asc", "png")} | {

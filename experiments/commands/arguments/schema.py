@@ -1,0 +1,23 @@
+"""Arguments of `sinan schema`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def schema(
+    name: Annotated[
+        str | None, typer.Argument(help="of a schema; without one, all are listed", metavar="[NAME]")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of what a command writes with `--json`, or of a TOML file that is read."""
+    import json
+
+    from sinan.experiments.schemas import schema, titles
+
+    if name is None:
+        typer.echo("\n".join(f"{known:16}{title}" for known, title in titles().items()))
+    else:
+        typer.echo(json.dumps(schema(name), indent=1, ensure_ascii=False))
