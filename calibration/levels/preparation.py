@@ -11,8 +11,8 @@ from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import within_imu
-from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.flight import Flight, OfFlight
+from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.bounds import ASSUMED
@@ -20,7 +20,7 @@ from sinan.sensors.recording import Recording
 
 
 @dataclass(frozen=True)
-class Prepared:
+class Prepared(OfFlight):
     """A recording, opened.
 
     Attributes
@@ -33,16 +33,6 @@ class Prepared:
     flight: Flight
     levels: Levels
     notes: tuple[str, ...] = ()
-
-    @property
-    def recording(self) -> Recording:
-        """The flight's readings."""
-        return self.flight.recording
-
-    @property
-    def model(self) -> FlightModel:
-        """Of the flight."""
-        return self.flight.model
 
     def run(self) -> Journal:
         """The filter over it."""

@@ -20,8 +20,8 @@ import numpy as np
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
 from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps
-from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.estimator.filter.flight import Flight, OfFlight
+from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
@@ -212,7 +212,7 @@ def with_covariates(recording: Recording, stream: str, motion: Motion) -> Motion
 
 
 @dataclass(frozen=True, eq=False)
-class Along:
+class Along(OfFlight):
     """A flight and the effects in its model along one motion: what several passes ask for is evaluated once.
 
     Attributes
@@ -232,16 +232,6 @@ class Along:
     first: tuple[FloatArray, FloatArray] | None = None
     _at: dict[str, Motion] = field(default_factory=dict, init=False, repr=False)
     _finer: dict[str, tuple[Motion, FloatArray, IntArray]] = field(default_factory=dict, init=False, repr=False)
-
-    @property
-    def recording(self) -> Recording:
-        """The flight's readings."""
-        return self.flight.recording
-
-    @property
-    def model(self) -> FlightModel:
-        """Of the flight."""
-        return self.flight.model
 
     def at(self, name: str) -> Motion:
         """The motion, with covariates, at the instants at which a sensor's readings were valid."""

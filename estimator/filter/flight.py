@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Protocol, Unpack
 
 from sinan.estimator.filter.flight_model import Beliefs, FlightModel, flight_model
 from sinan.sensors.arrays import FloatArray
@@ -54,3 +54,25 @@ class Flight:
     def reading(self, recording: Recording) -> Flight:
         """The same model, of other readings."""
         return replace(self, recording=recording)
+
+
+class HasFlight(Protocol):
+    """Anything with a flight."""
+
+    @property
+    def flight(self) -> Flight:
+        """The flight."""
+
+
+class OfFlight:
+    """What is made of one flight, whose readings and model it has by their own names."""
+
+    @property
+    def recording(self: HasFlight) -> Recording:
+        """The flight's readings."""
+        return self.flight.recording
+
+    @property
+    def model(self: HasFlight) -> FlightModel:
+        """Of the flight."""
+        return self.flight.model

@@ -10,8 +10,7 @@ import numpy as np
 
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.events import OUTSIDE, Events, collect, with_variances
-from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import FlightModel
+from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.sensors.arrays import FloatArray, IntArray
@@ -38,7 +37,7 @@ def bias_block(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class RunInputs:
+class RunInputs(OfFlight):
     """What an engine runs on, and what it starts from.
 
     Attributes
@@ -54,16 +53,6 @@ class RunInputs:
     x: FloatArray
     P: FloatArray
     later: tuple[tuple[FloatArray, FloatArray], ...] = ()
-
-    @property
-    def recording(self) -> Recording:
-        """The flight's readings."""
-        return self.flight.recording
-
-    @property
-    def model(self) -> FlightModel:
-        """Of the flight."""
-        return self.flight.model
 
     @property
     def stretches(self) -> list[tuple[int, int, FloatArray, FloatArray]]:

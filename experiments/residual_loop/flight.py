@@ -17,8 +17,8 @@ from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
-from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import DRIVERS, FlightModel
+from sinan.estimator.filter.flight import Flight, OfFlight
+from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.residual_loop.budget import Budget, budget_of
@@ -67,7 +67,7 @@ _LEAST_OUTLIERS = 3
 _RELOCATION = 0.01
 
 
-class FlightSource:
+class FlightSource(OfFlight):
     """The `Source` of a flight.
 
     Parameters
@@ -94,16 +94,6 @@ class FlightSource:
     def flight(self) -> Flight:
         """Without the readings that were set aside, and without gates."""
         return self._passes.flight
-
-    @property
-    def recording(self) -> Recording:
-        """Its readings."""
-        return self.flight.recording
-
-    @property
-    def model(self) -> FlightModel:
-        """Of it."""
-        return self.flight.model
 
     @property
     def name(self) -> str:

@@ -63,8 +63,8 @@ def recording_of(
     if needs not in streams:
         what = "accelerometer with a gyroscope" if needs == "imu" else needs
         more = f" and {len(there) - _MOST_NAMES} more" if len(there) > _MOST_NAMES else ""
-        names = f"there are {', '.join(there[:_MOST_NAMES])}{more}; `sinan info` lists all"
-        raise InputError(path, f"no {what} ({names})", "a log that has it")
+        names = f" (there are {', '.join(there[:_MOST_NAMES])}{more}; `sinan info` lists all)" if there else ""
+        raise InputError(path, f"no {what}{names}", "a log that has it")
     start = min(float(stream.t[0]) for stream in streams.values())
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)
