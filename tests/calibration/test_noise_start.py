@@ -21,6 +21,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.recording import MAG, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 
 
 def bare(recording: Recording) -> Recording:
@@ -156,8 +157,9 @@ def test_readings_that_nobody_measured_are_an_error(
 
 
 def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording, Stream]) -> None:
-    """A GPS that was logged for as long again before and after, at rest elsewhere."""
-    recording = bare(flight[0])
+    """A GPS that was logged for as long again before and after, at rest elsewhere; 10 s of IMU and GPS."""
+    recording = between(bare(flight[0]), 0.0, 10.0)
+    recording = recording.replace(streams={name: recording.streams[name] for name in ("imu", "gps")})
     gps, imu = recording.streams["gps"], recording.streams["imu"].t
     span, rows = imu[-1] - imu[0] + 1.0, len(gps)
     t = np.concatenate([gps.t - span, gps.t, gps.t + span])
