@@ -56,11 +56,6 @@ def sample_std(density: float, rate: float) -> float:
     return float(density * np.sqrt(rate))
 
 
-def density_of(std: float, rate: float) -> float:
-    """Density [unit/sqrt(Hz)] of white noise whose samples at `rate` [Hz] have the standard deviation `std`."""
-    return float(std / np.sqrt(rate))
-
-
 def random_walk(t: FloatArray, process: BiasProcess, rng: np.random.Generator) -> FloatArray:
     """Draw the bias at the instants t.
 

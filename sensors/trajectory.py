@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +21,6 @@ if TYPE_CHECKING:
 
 DEGREE = 7
 MARGIN = 10.0  # s before the first and after the last instant in which the body is at rest
-
-
-class Trajectory(Protocol):
-    """A motion that is known at every instant."""
-
-    def motion(self, t: FloatArray) -> Motion:
-        """The motion at the instants t, without covariates."""
 
 
 def rounded(knots: FloatArray, command: FloatArray) -> BSpline:

@@ -125,27 +125,3 @@ def autocorrelation(white: FloatArray, lags: int = 20) -> Whiteness:
     r = covariance[1:] / covariance[0]
     statistic = float(k * (k + 2) * np.sum(r**2 / (k - np.arange(1, lags + 1))))
     return Whiteness(r, float(ndtri(0.5 * (1 + LEVEL)) / np.sqrt(k)), statistic, float(chdtrc(lags, statistic)))
-
-
-def cross_correlation(white: FloatArray, covariate: FloatArray) -> tuple[float, float]:
-    """Correlation of one component (k,) with a covariate (k,), and its p-value if they have nothing in common.
-
-    The slope of white innovations on a known covariate is Gaussian: z = sum c e / sqrt(sum c^2), c about its mean.
-    """
-    from scipy.special import ndtr
-
-    c = covariate - np.mean(covariate)
-    norm = float(np.linalg.norm(c))
-    if norm == 0.0 or len(c) < 3:
-        return 0.0, 1.0
-    z = float(c @ white) / norm
-    return z / float(np.linalg.norm(white - np.mean(white))), float(2.0 * ndtr(-abs(z)))
-
-
-def whiteness_table(journal: Journal, lags: int = 20) -> Mapping[str, list[Whiteness]]:
-    """Whiteness of every component of every sensor."""
-    table = {}
-    for name in journal.sensors:
-        stream = journal.stream(name)
-        table[name] = [autocorrelation(column, lags) for column in stream.white[stream.accepted].T]
-    return table

@@ -362,7 +362,7 @@ def _sensor(where: str, name: str, spec: SensorSpec, recording: Recording) -> Se
     return entry.make(Given(sigma, std, walk, sigma_velocity, angles))
 
 
-def _colour(where: str, name: str, spec: SensorSpec, size: int) -> tuple[tuple[int, BiasProcess], ...]:
+def _colour(where: str, name: str, spec: SensorSpec) -> tuple[tuple[int, BiasProcess], ...]:
     """First-order noise of one sensor, where its size and time are given."""
     parts, width = [], len(sensor(name).colour) if is_sensor(name) else 0
     for key, block, first in (("colour_std", f"c_{name}", 0), ("velocity_colour_std", f"c_{name}_velocity", 3)):
@@ -377,7 +377,7 @@ def _colours(
     where: str, declared: Mapping[str, SensorSpec], sensors: Mapping[str, SensorModel]
 ) -> dict[str, tuple[tuple[int, BiasProcess], ...]]:
     """The noise in time of each sensor that has some."""
-    found = {name: _colour(where, name, declared[name], sensors[name].size) for name in sensors if name in declared}
+    found = {name: _colour(where, name, declared[name]) for name in sensors if name in declared}
     return {name: parts for name, parts in found.items() if parts}
 
 

@@ -22,8 +22,6 @@ from sinan.sensors.simulate import simulate
 
 RUNS = 100
 FAMILY_LEVEL = 0.99
-#: Average NEES per state of 100 runs of 22 states: chi-square with 2200 degrees of freedom at 95 %.
-PER_STATE = (0.942, 1.060)
 
 
 def from_coarse(scenario: Scenario) -> bool:

@@ -120,7 +120,7 @@ def _joints(
         sizes = {stream: effect(f"{stream}.step").size for stream in group}
         rows = rows_of([step for stream in group for step in _steps(stream, grid)])
         parts = dict(zip(group, _columns(rows, [len(grid) * sizes[s] for s in group]), strict=True))
-        sudden = {s: _jumps(parts[s], s, streams[s], grid, sizes[s]) for s in group}
+        sudden = {s: _jumps(parts[s], s, grid, sizes[s]) for s in group}
         columns = [step for stream in group for step in _steps(stream, sudden[stream])]
         more = rows_of(columns) if columns else replace(rows, wanted=np.zeros((len(rows.white), 0)))
         besides = _columns(more, [len(sudden[s]) * sizes[s] for s in group])
@@ -187,7 +187,7 @@ def _columns(rows: Rows, widths: Sequence[int]) -> list[Rows]:
     return [replace(rows, wanted=part) for part in parts]
 
 
-def _jumps(rows: Rows, stream: str, stamps: FloatArray, grid: FloatArray, size: int) -> FloatArray:
+def _jumps(rows: Rows, stream: str, grid: FloatArray, size: int) -> FloatArray:
     """Just before the readings at which a stream with readings of its own jumps."""
     mine = rows.sensor == stream
     if not np.any(mine):

@@ -229,11 +229,11 @@ def _is_held_out(source: Source, selection: Selection, term: Term) -> bool:
 def _inside(source: Source, selection: Selection, term: Term) -> list[StreamResidual]:
     """The readings in the interval of an effect: those of its own stream, or of all where it has none."""
     residuals = source.residuals(selection.plain)
-    concerned = _concerned(source, term, residuals)
+    concerned = _concerned(term, residuals)
     return [r.rows(term.covers(r.t)) for r in residuals if r.stream in concerned]
 
 
-def _concerned(source: Source, term: Term, residuals: Sequence[StreamResidual]) -> set[str]:
+def _concerned(term: Term, residuals: Sequence[StreamResidual]) -> set[str]:
     """The stream of an effect, or all where it has no residuals."""
     stream, names = term.effect.stream, {r.stream for r in residuals}
     return {stream} if stream in names else names
@@ -304,7 +304,7 @@ def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamRe
     for r in residuals:
         keep = np.ones(len(r.t), dtype=bool)
         for term in unknown:
-            if r.stream in _concerned(source, term, residuals):
+            if r.stream in _concerned(term, residuals):
                 keep &= ~term.covers(r.t)
         known.append(r.rows(keep) if np.any(keep) else r)
     return known
@@ -399,7 +399,7 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
     """
     gain, change = 0.0, 0.0
     residuals = source.held_out(fitted)
-    concerned = {term: _concerned(source, term, residuals) for term in unknown}
+    concerned = {term: _concerned(term, residuals) for term in unknown}
     both = {r.stream: r for r in residuals}  # a model may predict no reading of a stream
     for one in source.held_out(without):
         other = both.get(one.stream)

@@ -90,7 +90,7 @@ def _borne_out(
             further = select_further(source, alpha, selection, frozenset(term.key for term in fallen))
             if further.names != selection.names:
                 selection = further
-                suspects = [one for one in suspects if _is_needed(source, further.final, *one, alpha)]
+                suspects = [one for one in suspects if _is_needed(source, further.final, *one)]
     return selection, suspects, fallen
 
 
@@ -121,7 +121,7 @@ def _select_given_suspects(source: Source, alpha: float) -> tuple[Selection, lis
     if not suspects and selection.plain.deviance != plain.fit.deviance:  # readings or noise are others now
         plain = _Plain(source)
         strongest = _passing(source, plain.fit, alpha)[:1]
-    if not suspects and strongest and _explains_more(source, *strongest[0], selection, alpha):
+    if not suspects and strongest and _explains_more(source, *strongest[0], selection):
         suspects = strongest
         selection = _given(source, alpha, suspects)
     fit, more = _more_suspects(source, selection.final, suspects, alpha)
@@ -132,7 +132,7 @@ def _select_given_suspects(source: Source, alpha: float) -> tuple[Selection, lis
     if not suspects:
         cut_out = patches(source, selection.final, selection.findings, alpha)
         return _without(source, selection, cut_out, GIVEN_ERROR) if cut_out else selection, suspects
-    suspects, joint = _needed(source, selection, suspects, alpha)
+    suspects, joint = _needed(source, selection, suspects)
     if not suspects:
         return _of_what_is_left(source, alone) if alone else select(source, alpha), []
     findings = tuple(f for f in selection.findings if stands_out(source, joint, f, suspects, alpha))
@@ -159,7 +159,7 @@ def _more_suspects(
     while waiting and len(more) < MOST_SUSPECTS:
         term, s = waiting.pop(0)
         with_it = _with(source, fit, term, s) if term not in in_vain else None
-        if with_it is None or not _is_missed(source, with_it, fit, term, s, alpha):
+        if with_it is None or not _is_missed(source, with_it, fit, term, s):
             in_vain.add(term)
             continue
         fit = with_it
@@ -228,7 +228,7 @@ def _is_obvious(plain: _Plain, suspect: Statistic) -> bool:
     return suspect.statistic > OBVIOUS * max((found.statistic for found in plain.local), default=0.0)
 
 
-def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Selection, alpha: float) -> bool:
+def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Selection) -> bool:
     """Whether a probe alone explains more than all effects found together, by Akaike's count of parameters, and more
     than the noise that it leaves.
 
@@ -239,13 +239,13 @@ def _explains_more(source: Source, term: Term, suspect: Statistic, selection: Se
     parameters = sum(len(finding.beta) for finding in selection.findings)
     if suspect.statistic - 2.0 * suspect.dof <= gain - 2.0 * parameters + CONFUSED:
         return False
-    return _is_needed(source, selection.plain, term, suspect, alpha)
+    return _is_needed(source, selection.plain, term, suspect)
 
 
-def _is_needed(source: Source, fit: Fit, term: Term, s: Statistic, alpha: float) -> bool:
+def _is_needed(source: Source, fit: Fit, term: Term, s: Statistic) -> bool:
     """Whether a probe that a fit has not is missed there."""
     with_it = _with(source, fit, term, s)
-    return with_it is not None and _is_missed(source, with_it, fit, term, s, alpha)
+    return with_it is not None and _is_missed(source, with_it, fit, term, s)
 
 
 def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statistic]]:
@@ -261,19 +261,19 @@ def _passing(source: Source, fit: Fit, alpha: float) -> list[tuple[Term, Statist
 
 
 def _needed(
-    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]], alpha: float
+    source: Source, selection: Selection, suspects: list[tuple[Term, Statistic]]
 ) -> tuple[list[tuple[Term, Statistic]], Fit]:
     """The probes that the data would miss given the effects found, and the fit with those alone."""
     fit = selection.final
     for term, s in list(suspects):
         without = fit_without(source, fit, term)
-        if not _is_missed(source, fit, without, term, s, alpha):
+        if not _is_missed(source, fit, without, term, s):
             suspects = [one for one in suspects if one[0] != term]
             fit = without
     return suspects, fit
 
 
-def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic, alpha: float) -> bool:
+def _is_missed(source: Source, fit: Fit, without: Fit, term: Term, s: Statistic) -> bool:
     """Whether a probe explains more than noise would: it predicts withheld readings better, or where they cannot be
     asked explains more than the noise that it leaves.
     """

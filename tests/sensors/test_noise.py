@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sinan.sensors.noise import BiasProcess, colour, density_of, random_walk, sample_std
+from sinan.sensors.noise import BiasProcess, colour, random_walk, sample_std
 
 FALSE_ALARM = 1e-3
 
 
 def test_a_sample_of_a_hundred_hertz_scatters_ten_times_the_density() -> None:
     assert sample_std(0.02, 100.0) == pytest.approx(0.2)
-    assert density_of(0.2, 100.0) == pytest.approx(0.02)
 
 
 def test_the_mean_of_samples_has_the_variance_of_the_density_over_the_time() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,10 +39,6 @@ class Instrument:
     def density_spec(self) -> SensorSpec:
         """What an honest header declares of an accelerometer or gyroscope: N = sigma / sqrt(rate)."""
         return SensorSpec(noise_density=self.noise / np.sqrt(self.rate), bias_walk=self.walk, bias_std=self.bias)
-
-    def louder(self, factor: float) -> Instrument:
-        """With another white noise than declared."""
-        return replace(self, noise=self.noise * factor, velocity_noise=self.velocity_noise * factor)
 
 
 def draw_imu(rng: np.random.Generator, rate: float) -> dict[str, Instrument]:
