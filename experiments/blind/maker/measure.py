@@ -34,8 +34,7 @@ class Plan:
     hidden : effects of the catalogue that the recording does not declare
     outside : a disturbance in nobody's catalogue, or None
     rough : what is rough
-    poses : a calibration: its accelerometer and magnetometer have a diagonal scale
-    scales : (3,) diagonal scale of those, by sensor
+    scales : by sensor, (3,) diagonal scale of the accelerometer and the magnetometer of a calibration
     """
 
     scene: Scene
