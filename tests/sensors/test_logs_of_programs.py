@@ -142,6 +142,15 @@ def test_a_folder_without_gravity_is_refused(tmp_path: Path, flight: Flight) -> 
         open_log(folder)
 
 
+def test_sensors_that_never_ran_together_are_no_imu(tmp_path: Path) -> None:
+    """Nothing else of the folder is listed, so the message has no list."""
+    for name, start in (("Accelerometer", 0.0), ("Gyroscope", 100.0)):
+        t = start + 0.01 * np.arange(200)
+        write(tmp_path / f"{name}.csv", ["time", "x", "y", "z"], [t, 0.1 + 0.0 * t, 0.0 * t, -9.8 + 0.0 * t])
+    with pytest.raises(InputError, match=r"no accelerometer with a gyroscope; expected a log that has it"):
+        open_log(tmp_path)
+
+
 def test_the_folder_of_phyphox(tmp_path: Path, flight: Flight) -> None:
     """Tables of a unit in brackets and a linear accelerometer beside the whole one."""
     (tmp_path / "meta").mkdir()
