@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -84,6 +85,14 @@ def test_the_command_runs_beside_other_packages_of_those_names(python: str, desk
     traced = run(python, "-m", "sinan", "calibrate", "mag", "poses", "--html", "mag.html", cwd=desk)
     assert traced.returncode == 0, traced.stderr
     assert (desk / "mag.html").is_file()
+
+
+def test_schemas_are_in_the_wheel_and_need_no_library_for_them(python: str, desk: Path) -> None:
+    (desk / "jsonschema.py").write_text(RAISES)
+    for name in ("trace", "map.toml"):
+        printed = run(python, "-m", "sinan", "schema", name, cwd=desk)
+        assert printed.returncode == 0, printed.stderr
+        assert json.loads(printed.stdout)["additionalProperties"] is False
 
 
 def test_a_script_beside_a_folder_of_that_name_runs(python: str, desk: Path) -> None:
