@@ -55,6 +55,8 @@ _TRIADS: Sequence[tuple[str, Sequence[str], str, str, tuple[str, ...]]] = (
     ("gyro", GYRO, "rate", "?", ("as",)),
     ("mag", MAG, "field", "?", ("b", "h")),
 )  # fmt: skip
+#: Streams of the triads of an inertial unit.
+INERTIAL = frozenset({"accel", "g", "free", "gravity", "gyro"})
 #: Other columns: stream, column, quantity, unit where none is written, and the words that they are called by, one of
 #: each choice in a row; "": none.
 _RECEIVER = ("", "gps", "gnss", "gps pos", "gnss pos", "gps position", "gnss position", "location")

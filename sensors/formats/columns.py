@@ -16,7 +16,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
-from sinan.sensors.formats.column_names import meanings
+from sinan.sensors.formats.column_names import INERTIAL, meanings
 from sinan.sensors.formats.named_columns import describes_itself
 from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
 from sinan.sensors.formats.records import RecordLayout, read_records
@@ -167,8 +167,8 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     if found is None:
         raise table.culprit(numbers)[1]
     found |= {name: _moments(path, name, table.texts(name)) for name in moments}
-    for name in wanted:
-        if meanings(names)[name].column == "t" and not np.all(np.isfinite(found[name])):
+    for name, what in meanings(names).items():
+        if (what.column == "t" or what.stream in INERTIAL) and not np.all(np.isfinite(found[name])):
             raise replace(table, gaps=()).culprit([name])[1]
     return {name: found.get(name, np.empty(0)) for name in names}
 

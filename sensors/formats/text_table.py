@@ -100,12 +100,13 @@ class TextTable:
         import pandas as pd
 
         parts: list[dict[str, FloatArray]] = [{name: np.empty(0) for name in wanted}]
-        rows = 0
+        rows, ends_early = 0, False
         try:
             with warnings.catch_warnings(), self._past_the_head() as file:
                 warnings.simplefilter("error")
                 for frame in self._frames(file, wanted):
                     rows += len(frame)
+                    ends_early |= bool(self.gaps) and bool(frame.iloc[:, -1].isna().any())
                     require_numbers(self.where, rows * len(wanted), f"after row {rows - len(frame)}")
                     parts.append({name: frame[name].to_numpy(np.float64) for name in wanted})
         except pd.errors.EmptyDataError:
@@ -116,6 +117,8 @@ class TextTable:
             if isinstance(error, pd.errors.ParserError) and "out of memory" in str(error):
                 raise MemoryError(str(error)) from error
             return None
+        if ends_early and any(len(cells) != len(self.names) for _, _, cells in self._rows()):
+            return None  # a row that is cut off is not one whose last cell is empty
         return {name: np.concatenate([part[name] for part in parts]) for name in wanted}
 
     def read_numbers(self, own: Collection[str] = ()) -> tuple[dict[str, FloatArray], dict[str, InputError]]:

@@ -131,6 +131,27 @@ def test_a_time_without_a_number_is_an_error(tmp_path: Path, flight: Flight) -> 
         open_log(write(tmp_path / "log.csv", ["t", *NAMES], [times, *axes(flight)]))
 
 
+@pytest.mark.parametrize("row", [700, 1500], ids=["within", "the last"])
+def test_a_row_that_is_cut_off_is_not_one_with_empty_cells(tmp_path: Path, flight: Flight, row: int) -> None:
+    """Its last number may be a part of one."""
+    place = [[repr(value) if k % 10 == 0 else "" for k, value in enumerate(one.tolist())]
+             for one in (39.98 + 0 * flight.t, 116.34 + 0 * flight.t, 50.0 + flight.t)]  # fmt: skip
+    path = write(tmp_path / "log.csv", ["t", *NAMES, "lat", "lon", "alt"], [flight.t, *axes(flight), *place])
+    lines = path.read_text().splitlines()
+    lines[row] = lines[row].rsplit(",", 1)[0]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=rf"row {row} \(line {row + 1}\): 9 columns; expected 10 columns"):
+        open_log(path)
+
+
+@pytest.mark.parametrize("empty", ["", "nan"])
+def test_an_inertial_reading_that_is_no_number_is_an_error(tmp_path: Path, flight: Flight, empty: str) -> None:
+    force = axes(flight)
+    cells = [repr(value) if k != 3 else empty for k, value in enumerate(force[0].tolist())]
+    with pytest.raises(InputError, match=r"row 4 \(line 5\): .* in column ax; expected a number"):
+        open_log(write(tmp_path / "log.csv", ["t", *NAMES], [flight.t, cells, *force[1:]]))
+
+
 # --- names ---------------------------------------------------------------------------------------------------
 
 
