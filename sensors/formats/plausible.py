@@ -12,6 +12,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.units import UNITS
 from sinan.sensors.geomagnetism import earth_field, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import cross, quaternion_exp, quaternion_multiply, rotate
@@ -147,6 +148,17 @@ def check_field(recording: Recording) -> None:
             continue
         expected = f"{_FIELD[0]} to {_FIELD[1]} gauss, the Earth's field, after the conversion of the map"
         raise InputError(recording.where, f"{found}: looks like another unit", expected, f"stream {name}")
+
+
+def unit_of_field(norm: float) -> str:
+    """The unit in which the Earth's field is as large; empty: none. Units are ten apart, the field varies by 3.5.
+
+    Parameters
+    ----------
+    norm : a middle one of a magnetometer's readings
+    """
+    fitting = [unit for unit, (gauss, _) in UNITS["field"].items() if _FIELD[0] <= gauss * norm <= _FIELD[1]]
+    return fitting[0] if fitting else ""
 
 
 def _check_pressure(recording: Recording, baro: Stream) -> None:

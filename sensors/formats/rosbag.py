@@ -23,7 +23,8 @@ from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, beside, recording_of, turned
 from sinan.sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
-from sinan.sensors.formats.plausible import check_field
+from sinan.sensors.formats.plausible import check_field, unit_of_field
+from sinan.sensors.formats.units import UNITS
 from sinan.sensors.recording import (
     ACCEL,
     GEODETIC,
@@ -41,7 +42,6 @@ from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_matri
 #: What the library tells a file by, which need not be its name's end.
 _SUFFIXES = {"rosbag": ".bag", "sqlite": ".db3", "mcap": ".mcap"}
 #: Axes: forward-right-down of forward-left-up, and north-east-down of east-north-up; both are their own inverses.
-_GAUSS = 1e4  # in a tesla
 #: The frames that a body may be called, best first.
 _BODIES = ("base_link", "base_link_frd", "body", "base_footprint", "imu_link")
 _ULTRASOUND = 0
@@ -354,7 +354,16 @@ def _mag_of(bag: _Bag, number: int, notes: list[str]) -> Stream | None:
     name = _asked(bag, "MagneticField", "mag", number, notes)
     if name is None:
         return None
-    gauss = _vectors(bag, name, _GAUSS * bag.topics[name].table())
+    reading = bag.topics[name].table()
+    with np.errstate(invalid="ignore", over="ignore"):
+        norms = np.linalg.norm(reading, axis=1)
+    middle = float(np.median(norms[np.isfinite(norms)])) if np.any(np.isfinite(norms)) else 0.0
+    unit = unit_of_field(middle) or "T"
+    if unit != "T":
+        notes.append(
+            f"mag: {name} reads {middle:.4g}, taken for {unit}: the message has teslas, where no field is so large"
+        )
+    gauss = _vectors(bag, name, UNITS["field"][unit][0] * reading)
     return Stream(bag.topics[name].t(bag.start), dict(zip(MAG, gauss.T, strict=True)))
 
 

@@ -171,6 +171,20 @@ def test_every_kind_of_message(maker: Maker, tmp_path: Path) -> None:
     np.testing.assert_allclose(C_nb, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)  # forward is east, right is south
 
 
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("T", 1e-4), ("uT", 100.0), ("gauss", 1.0), ("mGauss", 1000.0), ("nT", 1e5)]
+)
+def test_a_magnetometer_in_another_unit_than_the_message_s_is_told(tmp_path: Path, unit: str, factor: float) -> None:
+    field = np.array([0.2, 0.1, -0.4])
+    mag = [("/mag", 0.02 * k, "sensor_msgs/msg/MagneticField", {"magnetic_field": xyz(*factor * field)})
+           for k in range(50)]  # fmt: skip
+    recording = read(Maker("ros1"), tmp_path, at_rest() + mag)
+    np.testing.assert_allclose(recording.streams["mag"].array(MAG)[0], [0.2, -0.1, 0.4])
+    said = [note for note in recording.notes if note.startswith("mag: /mag reads")]
+    assert len(said) == (unit != "T")
+    assert all(f"taken for {unit}: " in note for note in said)
+
+
 def test_where_nothing_else_tells_the_place_the_pose_does(maker: Maker, tmp_path: Path) -> None:
     pose = {"position": xyz(1.0, 2.0, 3.0), "orientation": {"w": 1.0, **xyz(0.0, 0.0, 0.0)}}
     messages = at_rest() + [("/pose", 0.1 * k, "geometry_msgs/msg/PoseStamped", {"pose": pose}) for k in range(9)]
