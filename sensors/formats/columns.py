@@ -240,8 +240,11 @@ def seen_in(path: Path) -> str:
     """
     try:
         with text_lines(_text(path, FileOptions())(), path) as lines:
-            first, second = (lines.readline().decode("utf-8-sig").strip() for _ in range(2))
-    except (InputError, UnicodeDecodeError, OSError):
+            heads = [lines.readline() for _ in range(2)]
+        first, second = (line.decode("utf-8-sig").strip() for line in heads)
+    except UnicodeDecodeError:
+        return _encoded(heads[0])
+    except (InputError, OSError):
         return ""
     if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
         return ""
@@ -261,6 +264,16 @@ def seen_in(path: Path) -> str:
     doubled = doubled_name(heads[0])
     what = f"column {doubled} twice" if doubled else "no accelerometer or magnetometer"
     return f"{what} among the columns `{shown[0]}`"
+
+
+def _encoded(line: bytes) -> str:
+    """How a line is written that is not UTF-8; empty: it may be no text."""
+    if line.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "UTF-16, not UTF-8, as which an editor or `iconv -f utf-16 -t utf-8` writes it"
+    text = line.decode("latin-1").rstrip("\r\n")
+    if not all(letter.isprintable() or letter == "\t" for letter in text):
+        return ""
+    return f"not UTF-8 (`{text[:60]}`), as which an editor or `iconv -f latin1 -t utf-8` writes it"
 
 
 def names_of(path: Path) -> list[str]:

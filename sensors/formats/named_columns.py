@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.column_names import FINE, FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
@@ -229,6 +229,8 @@ def _streams(kind: Kind, t: FloatArray, values: Mapping[tuple[str, str], FloatAr
         if name == "gps" and not set(VELOCITY) <= set(columns):
             columns = {column: one for column, one in columns.items() if column not in VELOCITY}
         readings = _read_rows(Stream(t, columns), whole.get(name, ()))
+        if name == "gps":
+            readings = readings.rows(~_nowhere(readings.columns))
         streams[name] = readings if name in ("imu", "poses") or kind == "poses" else _new_rows(readings)
     return streams
 
@@ -242,9 +244,17 @@ def _omitted(kind: Kind, values: Mapping[tuple[str, str], FloatArray], read: Map
     if kind == "poses":
         others = sorted(there.keys() - {"accel", "mag", "imu"})
         return [f"no accelerometer with a gyroscope, so not read: {', '.join(others)}"] if others else []
+    lost = int(np.sum(_nowhere({column: one for (stream, column), one in values.items() if stream == "gps"})))
+    notes = [f"gps: {lost} rows left out: latitude and longitude are zero, no fix"] if lost and "gps" in read else []
     whole = {"mag": MAG, "gps": GEODETIC}
     missing = {name: [one for one in whole[name] if one not in there[name]] for name in whole if name in there}
-    return [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+    return notes + [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+
+
+def _nowhere(columns: Mapping[str, FloatArray]) -> BoolArray:
+    """(n,) the fixes at latitude and longitude zero, which a receiver tells before it knows where it is."""
+    place = [columns[name] == 0.0 for name in GEODETIC[:2] if name in columns]
+    return np.asarray(np.all(place, axis=0) if len(place) == 2 else np.zeros(0, dtype=bool))
 
 
 def _read_rows(stream: Stream, required: Sequence[str]) -> Stream:

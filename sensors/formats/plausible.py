@@ -14,7 +14,7 @@ from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.units import UNITS
 from sinan.sensors.geomagnetism import earth_field, inclination
-from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
 from sinan.sensors.rotation import cross, quaternion_exp, quaternion_multiply, rotate
 
 #: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
@@ -57,6 +57,9 @@ _FEWEST = 10
 #: Share of the turn of a direction that the rates explain: below it the scale between the two says nothing.
 _EXPLAINED = 0.5
 _DEGREE = np.pi / 180.0
+#: Ways of this time [s] are longer than places scatter; the share of them that velocities of one unit explain, and how
+#: near their scale is to that of the unit [1]: km/h, kn and m/s are 1.8 and more apart.
+_WAY, _ALL_EXPLAINED, _SAME = 2.0, 0.9, 0.2
 
 
 def check_units(recording: Recording) -> None:
@@ -74,6 +77,8 @@ def check_units(recording: Recording) -> None:
     if imu is not None:
         _check_time(recording, imu)
         _check_gyro(recording, imu)
+    if (gps := recording.streams.get("gps")) is not None:
+        _check_speed(recording, gps)
     baro = recording.streams.get("baro")
     if baro is not None and "pressure" in baro:
         _check_pressure(recording, baro)
@@ -121,6 +126,23 @@ def _check_time(recording: Recording, imu: Stream) -> None:
         meant = ", or us as ms" if unit == "ms" else ""
         found = f"a median step of {step:.4g} s between samples: time looks like {unit} read as s{meant}"
         raise InputError(recording.where, found, "seconds, after the conversion of a map", "stream imu")
+
+
+def _check_speed(recording: Recording, gps: Stream) -> None:
+    """Velocities, integrated, are the way; fitted by one scale, that of another unit is told where it explains all."""
+    if len(gps) < _FEWEST or not gps.has(VELOCITY) or not gps.has(POSITION):
+        return
+    t, v, p = gps.t, gps.array(VELOCITY[:2]), gps.array(POSITION[:2])
+    way = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * np.diff(t)[:, None] * (v[1:] + v[:-1]), axis=0)])
+    rows = np.unique(np.floor((t - t[0]) / _WAY), return_index=True)[1]  # the first of each
+    expected, seen = np.diff(way[rows], axis=0).ravel(), np.diff(p[rows], axis=0).ravel()
+    power, along = float(expected @ expected), float(expected @ seen)
+    if len(rows) < _FEWEST or not power > 0.0 or along**2 < _ALL_EXPLAINED * power * float(seen @ seen):
+        return
+    for unit, (factor, _) in UNITS["speed"].items():
+        if factor != 1.0 and along > 0.0 and abs(np.log(along / power / factor)) < _SAME:
+            found = f"velocities {power / along:.4g} times those of the places: look like {unit}"
+            raise InputError(recording.where, found, "m/s; a header, `vn [cm/s]`, or a map", "stream gps")
 
 
 def check_field(recording: Recording) -> None:

@@ -211,6 +211,45 @@ def test_sensors_that_are_there_and_not_read_are_said(tmp_path: Path, flight: Fl
     assert "gps: not read, without height" in open_log(place).notes
 
 
+def with_place(path: Path, flight: Flight, speed: float, before: int = 0) -> Path:
+    """A walk of 2 m/s to the north and 1 m/s to the east with a turn in it, its velocities in some unit."""
+    north, east = 2.0 * flight.t, 3.0 * np.sin(flight.t / 3.0)
+    place = [39.98 + np.degrees(north / 6_360_000.0), 116.34 + np.degrees(east / 4_890_000.0), 50.0 + 0 * flight.t]
+    for one in place:
+        one[:before] = 0.0
+    velocity = [0 * flight.t + 2.0 / speed, np.cos(flight.t / 3.0) / speed, 0 * flight.t]
+    return write(path, ["t", *NAMES, "lat", "lon", "alt", "vn", "ve", "vd"],
+                 [flight.t, *axes(flight), *place, *velocity])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("unit", "speed"), [("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3), ("km/h", 1 / 3.6), ("kn", 1852 / 3600)]
+)
+def test_velocities_that_are_not_those_of_the_places(tmp_path: Path, flight: Flight, unit: str, speed: float) -> None:
+    path = with_place(tmp_path / "log.csv", flight, speed)
+    if unit == "m/s":
+        assert open_log(path).streams["gps"]["vel_north"][0] == 2.0
+        return
+    with pytest.raises(InputError, match=f"those of the places: look like {unit}; expected m/s"):
+        open_log(path)
+
+
+def test_velocities_of_a_body_that_stays_say_nothing(tmp_path: Path, flight: Flight) -> None:
+    rng = np.random.default_rng(1)
+    count = len(flight.t)
+    place = [39.98 + 2e-6 * rng.normal(size=count), 116.34 + 2e-6 * rng.normal(size=count), 50.0 + 0 * flight.t]
+    names = ["t", *NAMES, "lat", "lon", "alt", "vn", "ve", "vd"]
+    path = write(tmp_path / "log.csv", names, [flight.t, *axes(flight), *place, *10.0 * rng.normal(size=(3, count))])
+    assert len(open_log(path).streams["gps"]) == count
+
+
+def test_places_before_the_first_fix_are_zero(tmp_path: Path, flight: Flight) -> None:
+    recording = open_log(with_place(tmp_path / "log.csv", flight, 1.0, before=100))
+    assert recording.origin == pytest.approx((39.980036, 116.34, 50.0), abs=1e-4)
+    assert len(recording.streams["gps"]) == 1400
+    assert "gps: 100 rows left out: latitude and longitude are zero, no fix" in recording.notes
+
+
 # --- MATLAB files --------------------------------------------------------------------------------------------
 
 
@@ -261,10 +300,12 @@ def test_variables_without_a_time_need_one(tmp_path: Path, flight: Flight) -> No
         ("12:00:01.123 -> 0.1,0.2\n" * 9, "lines of a serial monitor"),
         ("ax: 0.1, ay: 0.2, az: 1.0\n" * 9, "a name in every cell"),
         ("5231,0.1,0.2,1.0,0.1,0.2,0.3\n" * 9, "7 numbers a line and no names"),
+        ("t,ax (m/s\u00b2)\n0,1\n".encode("latin-1"), "not UTF-8 (`t,ax (m/s\u00b2)`)"),
+        ("t,ax,ay,az\n0,1,2,3\n".encode("utf-16"), "UTF-16, not UTF-8"),
     ],
 )
-def test_a_text_that_needs_more_says_what(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "log.txt").write_text(text)
+def test_a_text_that_needs_more_says_what(tmp_path: Path, text: str | bytes, message: str) -> None:
+    (tmp_path / "log.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError) as caught:
         open_log(tmp_path / "log.txt")
     assert message in str(caught.value)
