@@ -240,10 +240,10 @@ def seen_in(path: Path) -> str:
     """
     try:
         with text_lines(_text(path, FileOptions())(), path) as lines:
-            heads = [lines.readline() for _ in range(2)]
-        first, second = (line.decode("utf-8-sig").strip() for line in heads)
+            written = [lines.readline() for _ in range(2)]
+        first, second = (line.decode("utf-8-sig").strip() for line in written)
     except UnicodeDecodeError:
-        return _encoded(heads[0])
+        return _encoded(written[0])
     except (InputError, OSError):
         return ""
     if not first or not all(letter.isprintable() or letter == "\t" for letter in first + second):
