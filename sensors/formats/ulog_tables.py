@@ -111,10 +111,11 @@ def holds_topics(path: Path) -> bool:
     """Whether a path is a folder of tables of topics, or one of them whose log has an IMU."""
     if path.is_dir():
         return any(_has_clock(file) for _, file in _known_in(path))
-    found = _FILE.fullmatch(path.name)
-    if found is None or not _has_clock(path):
+    own = [log for log in _logs_in(_folder_of(path)) if log and path.name.startswith(f"{log}_")]
+    if not (own or _FILE.fullmatch(path.name)) or not _has_clock(path):
         return False
-    return any(topic in _INERTIAL for topic in _tables_of(path, _log_of(path)))
+    tables = _tables_of(path, _log_of(path))
+    return path in tables.values() and any(topic in _INERTIAL for topic in tables)
 
 
 def _has_clock(file: Path) -> bool:

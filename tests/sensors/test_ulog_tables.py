@@ -94,10 +94,11 @@ def test_facts_are_those_of_the_log_but_for_what_no_table_has(tmp_path: Path) ->
     ]
 
 
-@pytest.mark.parametrize("name", ["sensor_combined_0", "sensor_mag_1"])
+@pytest.mark.parametrize("name", ["sensor_combined_0", "sensor_mag_1", "cpuload_0"])
 def test_one_table_stands_for_its_log(tmp_path: Path, name: str) -> None:
     log = two_of_each(tmp_path / "flight.ulg")
     folder = tables_of(log, tmp_path / "tables")
+    (folder / "flight_cpuload_0.csv").write_text("timestamp,load\n1000000,0.5\n")
     assert_same(open_log(folder / f"flight_{name}.csv"), open_log(log))
 
 
