@@ -368,7 +368,7 @@ def _result(views: tuple[View, ...], entry: Form, camera: Intrinsics, poses: Seq
     residual = tuple(_residuals(views, camera, poses))
     J, given = np.concatenate(projected), 2 * sum(map(len, views))
     sigma = float(np.sqrt(sum(float(np.sum(r**2)) for r in residual) / (given - len(entry.names) - 6 * len(views))))
-    _, sentences, _, _ = undetermined_directions(J, entry.names, entry.plausible)
+    _, sentences, _ = undetermined_directions(J, entry.names, entry.plausible)
     covariance = covariance_of(J, entry.plausible, sigma)
     return CameraFit(entry, camera, tuple(poses), views, covariance, sentences, residual, sigma)
 

@@ -118,7 +118,7 @@ def from_poses(q_nb: FloatArray, seen: Sequence[Pose], p_n: FloatArray | None = 
         names = (*names, *(f"lever arm {a}" for a in "xyz"), *(f"target {a}" for a in ("north", "east", "down")))
         plausible = np.append(plausible, np.full(6, _ARM))
         values, arm = np.concatenate([values, unknowns.l_b, unknowns.p_t]), unknowns.l_b
-    _, sentences, _, _ = undetermined_directions(J, names, plausible)
+    _, sentences, _ = undetermined_directions(J, names, plausible)
     covariance = covariance_of(J, plausible, 1.0)
     return Mounting(unknowns.C_bc, arm, np.nan, names, covariance, sentences, sizes, values)
 
@@ -313,7 +313,7 @@ def from_rates(
     names = (*(f"rotation {a}" for a in "xyz"), "delay", *(f"gyro bias {a}" for a in "xyz"))
     plausible = np.array([_TURN] * 3 + [_DELAY] + [_BIAS] * 3)
     white = whiten(J)
-    _, sentences, _, _ = undetermined_directions(white, names, plausible)
+    _, sentences, _ = undetermined_directions(white, names, plausible)
     found = {"rotation": sigma, "rate": density}
     values = np.append(delay, bias)
     covariance = covariance_of(white, plausible, 1.0)

@@ -288,7 +288,7 @@ class _Problem:
             raise InputError("wand", f"{int(np.sum(there))} coordinates of markers", f"{1 - dof} more at least")
         sigma = float(np.sqrt(np.sum(r[there] ** 2) / dof))
         J = np.concatenate(projected)
-        _, sentences, _, _ = undetermined_directions(J, names, plausible)
+        _, sentences, _ = undetermined_directions(J, names, plausible)
         rms = np.array([np.sqrt(2.0 * np.mean(r[:, j][there[:, j]] ** 2)) for j in range(count)])
         return WandFit(
             state.cameras, state.R, state.T, state.A, state.u, tuple(names), covariance_of(J, plausible, sigma),

@@ -28,7 +28,6 @@ class LeastSquaresFit:
     covariance : (parameters, parameters); infinite variance along directions that the data do not determine
     singular_values : (parameters,) of the Jacobian with its columns scaled by the plausible sizes, largest first
     undetermined : a sentence for each direction that the data do not determine
-    null_space : (parameters, directions) those directions, in units of the plausible sizes
     residual : (n,) at the solution
     sse_before, sse : sum of squared residuals at the start and at the solution
     sigma : standard deviation of one residual that the covariance is based on; NaN, and so is the covariance, where it
@@ -39,7 +38,6 @@ class LeastSquaresFit:
     covariance: FloatArray
     singular_values: FloatArray
     undetermined: tuple[str, ...]
-    null_space: FloatArray
     residual: FloatArray
     sse_before: float
     sse: float
@@ -102,27 +100,26 @@ def solve(
     r, J = result.fun, np.asarray(result.jac)
     sse = float(r @ r)
     J = np.asarray(np.linalg.qr(J, mode="r"))  # the same singular values and normal equations in a few rows
-    values, sentences, null_space, rank = undetermined_directions(J, names, plausible)
+    values, sentences, rank = undetermined_directions(J, names, plausible)
     if sigma is None:
         sigma = float(np.sqrt(sse / (len(r) - rank))) if len(r) > rank else np.nan
     before = float(np.sum(residual(start) ** 2)) if sse_before is None else sse_before
     covariance = covariance_of(J, plausible, sigma)
-    return LeastSquaresFit(result.x, covariance, values, sentences, null_space, r, before, sse, sigma)
+    return LeastSquaresFit(result.x, covariance, values, sentences, r, before, sse, sigma)
 
 
 def undetermined_directions(
     J: FloatArray, names: Sequence[str], plausible: FloatArray
-) -> tuple[FloatArray, tuple[str, ...], FloatArray, int]:
-    """Singular values of the scaled Jacobian, a sentence and a vector for each null direction, and the rank.
+) -> tuple[FloatArray, tuple[str, ...], int]:
+    """Singular values of the scaled Jacobian, a sentence for each null direction, and the rank.
 
     J diag(plausible) = U S V';  a column of V whose singular value is rounding names parameters that can be changed
     together without any change of the residuals.
     """
     values, vt = _scaled_svd(J, plausible)
     null = values <= _RANK_TOLERANCE * max(values[0], np.finfo(float).tiny)
-    null_space = _readable_basis(vt[null].T)
-    sentences = tuple(_sentence(v, names) for v in null_space.T)
-    return values, sentences, null_space, int(np.sum(~null))
+    sentences = tuple(_sentence(v, names) for v in _readable_basis(vt[null].T).T)
+    return values, sentences, int(np.sum(~null))
 
 
 def covariance_of(J: FloatArray, plausible: FloatArray, sigma: float) -> FloatArray:

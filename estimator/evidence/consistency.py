@@ -1,4 +1,4 @@
-"""Whether the filter's own covariance tells the truth: NEES, NIS, whiteness, and what the innovations follow.
+"""Whether the filter's own covariance tells the truth: NEES and NIS.
 
 Every statistic comes with the interval in which it lies, by chance alone, with a stated probability.
 """
@@ -85,43 +85,3 @@ def block_dof(layout: StateLayout, translation: bool = True) -> Mapping[str, int
     """Degrees of freedom of each entry of `nees_by_block`."""
     names = [name for name in layout.names if translation or name not in ("position", "velocity")]
     return {"overall": sum(size_of(n) for n in names), **{BLOCK_NAMES[n]: size_of(n) for n in names}}
-
-
-def coverage(error: FloatArray, sigma: FloatArray) -> Mapping[str, float]:
-    """Share of components within 1, 2 and 3 sigma; 0.683, 0.954, 0.997 if all is well."""
-    ratio = np.abs(error) / sigma
-    return {str(k): float(np.mean(ratio <= k)) for k in (1, 2, 3)}
-
-
-@dataclass(frozen=True)
-class Whiteness:
-    """Autocorrelation of the whitened innovations of one component.
-
-    Attributes
-    ----------
-    correlation : (lags,) at lags 1, 2, ...
-    bound : two-sided bound of one correlation under whiteness, at `LEVEL`
-    statistic, p_value : Ljung and Box's, chi-square with as many degrees of freedom as lags
-    """
-
-    correlation: FloatArray
-    bound: float
-    statistic: float
-    p_value: float
-
-
-def autocorrelation(white: FloatArray, lags: int = 20) -> Whiteness:
-    """Ljung-Box test of one component (k,). Source: G. M. Ljung, G. E. P. Box, Biometrika 65(2), 1978, eq. 3."""
-    from scipy.special import chdtrc, ndtri
-
-    k = len(white)
-    lags = min(lags, max(1, k // 4))
-    if k < 8:
-        return Whiteness(np.full(lags, np.nan), float("nan"), float("nan"), float("nan"))
-    e = white - np.mean(white)
-    size = max(1, 1 << int(np.ceil(np.log2(2 * k))))
-    spectrum = np.fft.rfft(e, size)
-    covariance = np.fft.irfft(spectrum * spectrum.conj(), size)[: lags + 1]
-    r = covariance[1:] / covariance[0]
-    statistic = float(k * (k + 2) * np.sum(r**2 / (k - np.arange(1, lags + 1))))
-    return Whiteness(r, float(ndtri(0.5 * (1 + LEVEL)) / np.sqrt(k)), statistic, float(chdtrc(lags, statistic)))

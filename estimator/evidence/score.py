@@ -351,25 +351,6 @@ def squared_correlation(evidence: Evidence, first: str, second: str, given: Sequ
     return float(np.clip(np.linalg.norm(wi.T @ L[np.ix_(i, j)] @ wj, 2) ** 2, 0.0, 1.0))
 
 
-def overlap(evidence: Evidence, of: str, beta: FloatArray, by: str, given: Sequence[str] = ()) -> float:
-    """Share of the evidence for `of` at `beta` that the candidate `by` would take up: 1 if it explains the same.
-
-    beta' Lambda_ij Lambda_jj^-1 Lambda_ji beta / (beta' Lambda_ii beta)
-    """
-    together = [name for name in given if name not in (of, by)]
-    L = evidence.total_information
-    i, j = evidence.columns(of), evidence.columns(by)
-    if together:
-        g = evidence.columns(*together)
-        L = L - L[:, g] @ np.linalg.pinv(L[np.ix_(g, g)], rcond=1e-12, hermitian=True) @ L[g, :]
-    whole = float(beta @ L[np.ix_(i, i)] @ beta)
-    if whole <= 0.0:
-        return 0.0
-    wj = _whitener(L[np.ix_(j, j)], evidence.plausible[j])
-    taken = wj.T @ L[np.ix_(j, i)] @ beta
-    return float(np.clip(taken @ taken / whole, 0.0, 1.0))
-
-
 def predicted_lambda(evidence: Evidence, name: str, beta: FloatArray, others: Sequence[str] = ()) -> float:
     """beta' Lambda beta of one effect with `others` projected out: what could be found beforehand."""
     information, _ = project_out(evidence, name, others)

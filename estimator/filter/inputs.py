@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -88,7 +87,6 @@ class RunOutputs:
     x_imu: FloatArray
     var_imu: FloatArray
     stride: int
-    extra: dict[str, Any] = field(default_factory=dict)
 
 
 def prepare(

@@ -45,7 +45,7 @@ class Location:
     effects : modelled effects, by name
     delay : (n,) sum of the modelled effects [m]
     variance : (n,) [m^2]
-    elevation, azimuth : (n,) [rad]
+    elevation : (n,) [rad]
     integrity : tests and protection levels
     excluded : (n,) rows above the mask that a test took out
     """
@@ -58,7 +58,6 @@ class Location:
     delay: FloatArray
     variance: FloatArray
     elevation: FloatArray
-    azimuth: FloatArray
     integrity: Integrity
     excluded: BoolArray
 
@@ -122,7 +121,6 @@ def locate(
         delay,
         weight,
         elevation,
-        motion.covariates["azimuth"],
         checks,
         above & ~used,
     )

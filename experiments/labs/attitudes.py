@@ -47,7 +47,7 @@ def determined(truth: FloatArray, noise: float) -> tuple[FloatArray, tuple[str, 
     U, size, V_T = np.linalg.svd(J * plausible, full_matrices=False)
     size[size < noise / norm * plausible[0] / OPEN] = 0.0  # what is known worse than `OPEN` is not known
     J = (U * size) @ V_T / plausible
-    _, sentences, _, _ = undetermined_directions(J, names, plausible)
+    _, sentences, _ = undetermined_directions(J, names, plausible)
     return np.sqrt(np.diag(covariance_of(J, plausible, noise / norm))), sentences
 
 
