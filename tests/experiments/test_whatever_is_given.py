@@ -131,6 +131,7 @@ VALUES = {
     "lab student": "lab begin magnetometer --out OUT",
     "lab secret": "lab begin magnetometer --student a --out OUT --secret short",
     "effects name": "effects nothing",
+    "schema name": "schema nothing",
 }
 #: Numbers that are none: of commands that take no word.
 NUMBERS = {
