@@ -25,12 +25,14 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import InStep
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs
+from sinan.estimator.filter.layout import Q_NB
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
 from sinan.sensors.registry import sensor, sensors, where
+from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
@@ -54,9 +56,12 @@ MOST = 20
 OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m].
 SAME_ZERO = 0.5
-#: Step of the differences that give the slope by a time, in its spread: 1 ms of a GPS's lateness, half of what a minute
-#: tells it to; with ten times that log L ends 8 lower, and the lateness 3 ms off (`tests/calibration/test_levels.py`).
+#: Step of the differences that give the slope by a time constant and by the jitter of stamps, in their spreads: of a
+#: second derivative of 100 they make an error of a half.
 STEP = 0.01
+#: Steps of the search for a lateness, in those of the IMU, and of the first one in its spread; rounds of times and
+#: sizes.
+WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 4
 #: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
 PARTS = 64
 
@@ -278,6 +283,7 @@ class Problem:
 
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
+        self._step = float(np.median(np.diff(recording.streams["imu"].t)))
         self._readings = Readings.of(first.flight(recording))
         self.runs = 0
 
@@ -293,34 +299,75 @@ class Problem:
         return self._readings.inputs(levels.flight(self.recording))
 
     def value(self, theta: FloatArray) -> float:
-        """Log-posterior by a forward pass alone."""
+        """Log-posterior by a forward pass alone; of what cannot be, minus infinity."""
         self.runs += 1
-        journal = run(self.inputs(self.levels(theta)), "numba", 0)
+        try:
+            journal = run(self.inputs(self.levels(theta)), "numba", 0)
+        except InputError:
+            return -np.inf
         return journal.log_likelihood - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
-        """Log-posterior and its gradient."""
+        """Log-posterior and its gradient, of which times have no part."""
         self.runs += 3
         levels = self.levels(theta)
         inputs = self.inputs(levels)
         scores = level_scores(inputs)
-        gradient = np.sum(self._slopes(theta, levels, inputs, scores), axis=0)
+        gradient = np.sum(self._slopes(theta, levels, inputs, scores, times=False), axis=0)
         return float(np.sum(densities(inputs, scores))) - 0.5 * float(theta @ theta), gradient - theta
 
-    def _slopes(self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores) -> FloatArray:
-        """(parts, sizes) gradient of the log-likelihood of each part."""
+    def _slopes(
+        self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores, times: bool = True
+    ) -> FloatArray:
+        """(parts, sizes) gradient of the log-likelihood of each part; by a time over one step of the IMU to each side,
+        or left out.
+        """
         found = np.zeros((len(scores.first_reading), len(self.sizes)))
+        here = densities(inputs, scores)
         for i, size in enumerate(self.sizes):
-            if size.key == "colour_time" or size.sensor in ("latency", "stamps"):
-                shifted = theta.copy()
-                shifted[i] += STEP
-                other = run(self.inputs(self.levels(shifted)), "numba", 0)
-                here = densities(inputs, scores)  # a reading that comes before the start is no slope
-                gained = np.where(other.accepted & (here != 0.0), other.log_density - here, 0.0)
-                found[:, i] = sums_from(gained, scores.first_reading) / STEP
+            if size.linear:
+                if times:
+                    step = self._step / size.spread
+                    later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
+                    found[:, i] = (later - sooner) / (2.0 * step)
+            elif size.key == "colour_time" or size.sensor == "stamps":
+                found[:, i] = self._gained(theta, i, STEP, inputs, here, scores) / STEP
             else:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)
         return found
+
+    def _gained(
+        self, theta: FloatArray, i: int, step: float, inputs: RunInputs, here: FloatArray, scores: LevelScores
+    ) -> FloatArray:
+        """(parts,) what log L of each part gains by a step of one theta; readings of two streams may change places."""
+        moved, gained = theta.copy(), np.zeros(len(here))
+        moved[i] += step
+        other = run(self.inputs(self.levels(moved)), "numba", 0)
+        mine, its = (np.lexsort((one.index, one.sensor)) for one in (inputs.events, other))
+        both = other.accepted[its] & (here[mine] != 0.0)  # not what is before the start in one of them
+        gained[mine] = np.where(both, other.log_density[its] - here[mine], 0.0)
+        return sums_from(gained, scores.first_reading)
+
+    def timed(self, theta: FloatArray) -> FloatArray:
+        """Theta with the likeliest lateness of each stream.
+
+        Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
+        for a period: a comb, in which a slope leads to the next tooth. So whole steps are compared, long ones first.
+        """
+        best, value = theta, self.value(theta)
+        for i, size in enumerate(self.sizes):
+            if not size.linear:
+                continue
+            whole = max(1, round(FIRST_MOVE * size.spread / self._step))
+            moves = [*(whole >> k for k in range(whole.bit_length())), *WITHIN]
+            for move, sign in product(moves, (1.0, -1.0)):
+                while True:
+                    other = best.copy()
+                    other[i] += sign * move * self._step / size.spread
+                    if not size.bounds[0] <= other[i] <= size.bounds[1] or (gained := self.value(other)) <= value:
+                        break
+                    best, value = other, gained
+        return best
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
         """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior.
@@ -336,24 +383,36 @@ class Problem:
         return np.sqrt(np.diag(np.linalg.inv(each.T @ each + np.eye(len(theta)))))
 
     def maximise(self, theta: FloatArray, most: int = 25) -> tuple[FloatArray, float]:
-        """Quasi-Newton; the best point that was seen."""
+        """Times as they are, all else by quasi-Newton; the best point that was seen."""
         from scipy.optimize import minimize
 
         best: list[object] = [-np.inf, theta]
+        free = np.array([not size.linear for size in self.sizes])
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
+            whole = theta.copy()
+            whole[free] = x
             try:
-                value, gradient = self.value_and_gradient(x)
+                value, gradient = self.value_and_gradient(whole)
             except InputError:
                 return 1e12, np.zeros(len(x))
             if value > best[0]:  # type: ignore[operator]
-                best[:] = [value, x.copy()]
-            return -value, -gradient
+                best[:] = [value, whole]
+            return -value, -gradient[free]
 
-        bounds = [size.bounds for size in self.sizes]
+        bounds = [size.bounds for size in self.sizes if not size.linear]
         options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
-        minimize(negative, theta, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        minimize(negative, theta[free], jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
+
+    def likeliest(self, theta: FloatArray, most: int) -> tuple[FloatArray, float]:
+        """Times and all else in turns, until no time moves."""
+        for round_ in range(ROUNDS):
+            timed = self.timed(theta)
+            if round_ and np.array_equal(timed, theta):
+                break
+            theta, value = self.maximise(timed, most)
+        return theta, value
 
 
 def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:
@@ -410,12 +469,14 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
 
 
 def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
-    """What the first covariance contributes: tr(d P0 / d log size  1/2 (r0 r0' - N0))."""
+    """What the first state and its covariance contribute."""
     if size.key == "bias_walk":
         return 0.0
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
-    _, P = first_state(other)
-    return float(np.sum((P - inputs.P) * scores.start) / np.log(1.01))
+    x, P = first_state(other)
+    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(inputs.x[Q_NB]), x[Q_NB]))
+    moved = np.concatenate([(x - inputs.x)[:6], turn, (x - inputs.x)[10:]])
+    return float((np.sum((P - inputs.P) * scores.start) + moved @ scores.start_x) / np.log(1.01))
 
 
 def fit_levels(
@@ -490,7 +551,7 @@ def _evidence(levels: Levels) -> float:
 
 def _likeliest(problem: Problem, start: FloatArray, most: int) -> Levels:
     """The likeliest sizes of a problem, the others as they are at first."""
-    theta, value = problem.maximise(start, most)
+    theta, value = problem.likeliest(start, most)
     sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), problem.sizes, strict=True))
     return replace(problem.levels(theta), found=problem.sizes, sigmas=sigmas, log_posterior=value)
 

@@ -1,13 +1,16 @@
 """Exact derivatives of the likelihood by every level of noise, from one forward and one backward pass.
 
-With the disturbance smoother's r and N (`estimator.filter.smoother_numba`), and D, u the same of a reading,
+The filter's recursions are differentiated backwards. With r = d log L / dx and G = d log L / dP after a reading of
+weight w, M = S / w = L L', y = L^-1 nu, K = P H' M^-1, its part of log L being -1/2 log |S| - 1/2 rho(nu' S^-1 nu),
 
-    d log L / d q = 1/2 (r r' - N)     of the process noise q of a step
-    d log L / d R = 1/2 (u u' - D)     u = S^-1 nu - K' r,  D = S^-1 + K' N K
-    d log L / d P0 = 1/2 (r0 r0' - N0)
+    g = d log L / d log w = r' K nu - tr(G K M K')           the correction that it makes
+    c = rho' / w + 2 g / w / (tail + NIS)                    1 where w is; rho' = w under Student's law
+    d log L / d nu = K' r - c M^-1 nu                        and r <- r - H' d log L / d nu
+    d log L / d S = L^-T (-1/2 + c/2 y y' - sym(y (K L)' r) + L' K' G K L) L^-1 / w
 
-(Fisher's identity; S. J. Koopman and N. Shephard, Biometrika 79(4), 1992, 823). The model is taken as linear about the
-filter's own estimates. A reading of less weight counts with the covariance that it had, S over its weight.
+which is d log L / d R, too; G takes what P does in S, in P H' and by itself. A step has r <- Phi' r, G <- Phi' G Phi, and
+d log L / d Q = G. For a normal law G is 1/2 (r r' - N), N the covariance of r: Fisher's identity (S. J. Koopman and N.
+Shephard, Biometrika 79(4), 1992, 823). The model is taken as linear about the filter's own estimates.
 """
 
 from __future__ import annotations
@@ -38,6 +41,7 @@ class LevelScores:
     bias_of_part : (parts, n) by the logarithm of walk^2 of each bias or colour, its time constant fixed
     first_interval, first_reading : (parts,) of each part
     start : (n, n) by the first covariance, of all stretches together
+    start_x : (n,) by the first state of the first stretch
     """
 
     loglik: FloatArray
@@ -50,6 +54,7 @@ class LevelScores:
     first_interval: IntArray
     first_reading: IntArray
     start: FloatArray
+    start_x: FloatArray
 
     @property
     def bias(self) -> FloatArray:
@@ -70,21 +75,23 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
     found = LevelScores(
         np.zeros(K), np.zeros(K), np.ones(K), np.zeros(len(inputs.events.z)), np.zeros(N - 1), np.zeros(N - 1),
         np.zeros((len(parts), n)), np.array([part.i0 for part in parts]), first_reading, np.zeros((n, n)),
+        np.zeros(n),
     )  # fmt: skip
-    r, information = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
+    r, G = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
     for number in reversed(range(len(parts))):
         part = parts[number]
-        _backward(part.inputs, number, int(inputs.events.row[first_reading[number]]), r, information, found)
+        _backward(part.inputs, number, int(inputs.events.row[first_reading[number]]), r, G, found)
         if part.begins:  # later readings say nothing of what was before
-            found.start[:] += 0.5 * (np.outer(r[:n], r[:n]) - information[:n, :n])
-            r[:], information[:] = 0.0, 0.0
+            found.start[:] += G[:n, :n]
+            found.start_x[:] = r[:n]
+            r[:], G[:] = 0.0, 0.0
     return found
 
 
 def _backward(
-    part: RunInputs, number: int, row0: int, r: FloatArray, information: FloatArray, found: LevelScores
+    part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatArray, found: LevelScores
 ) -> None:
-    """Carry r and the information to the start of a part, in place, and write down what it says."""
+    """Carry r and G to the start of a part, in place, and write down what they say."""
     from sinan.estimator.filter.smoother_numba import By, backward_scores
 
     i0, k0 = int(found.first_interval[number]), int(found.first_reading[number])
@@ -93,7 +100,8 @@ def _backward(
     K, intervals = len(part.events), slice(i0, i0 + len(part.imu) - 1)
     used, bias = outputs.status == ACCEPTED, np.zeros(CAPACITY)
     by = By(found.r[row0 : row0 + int(row[-1])], found.q_accel[intervals], found.q_gyro[intervals], bias)
-    backward_scores(trail, row, engine.written, used, engine.world, r, information, by)
+    tail = np.array([part.model.tail_of(name) or 0.0 for name in part.events.sensors])[part.events.sensor]
+    backward_scores(trail, row, engine.written, used, tail, engine.world, r, G, by)
     found.bias_of_part[number] = bias[: found.bias_of_part.shape[1]]
     found.loglik[k0 : k0 + K] = np.where(used, outputs.loglik, 0.0)
     found.nis[k0 : k0 + K] = np.where(used, outputs.nis, 0.0)

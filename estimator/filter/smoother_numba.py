@@ -180,85 +180,85 @@ def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
 
 
 @njit(**_OPTIONS)
-def backward_scores(trail, row, out, used, world, r, N, by):
-    """`backward` with N, and what r and N say of every noise on the way; see `estimator.evidence.level_scores`.
+def backward_scores(trail, row, out, used, tail, world, r, G, by):
+    """Carry r, d log L / dx, and G, d log L / dP, from the end of the stretch to its start, and write down what they say
+    of every noise on the way; derived in `estimator.evidence.level_scores`.
 
-    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight.
+    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight; `tail` of each reading, 0: its law is normal.
     """
     steps, step_of_event, step_of_imu = trail.steps, trail.step_of_event, trail.step_of_imu
     U, H, turn = trail.U, trail.H, trail.turn
-    weight, walk2, states, translation = out.weight, world.walk2, world.states, world.translation
+    walk2, states, translation = world.walk2, world.states, world.translation
     J, phi, q = np.empty(9), np.ones(CAP), np.zeros(CAP)
     m_max = 1
     for k in range(len(step_of_event)):
         m_max = max(m_max, row[k + 1] - row[k])
-    L, G, y = np.zeros((m_max, m_max)), np.zeros((m_max, m_max)), np.zeros(m_max)
-    UN, UNU = np.zeros((m_max, CAP)), np.zeros((m_max, m_max))
+    y, Ur, Hy = np.zeros(m_max), np.zeros(m_max), np.zeros(CAP)
+    L, inverse, own = np.zeros((m_max, m_max)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
+    UG, UGU = np.zeros((m_max, CAP)), np.zeros((m_max, m_max))
     k, s, i = len(step_of_event) - 1, len(steps), len(step_of_imu) - 2
     while True:
         while k >= 0 and step_of_event[k] == s:
-            first, m = row[k] - row[0], row[k + 1] - row[k]
+            first, m, weight = row[k] - row[0], row[k + 1] - row[k], out.weight[k]
             if not used[k]:
                 k -= 1
                 continue
             _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
             _turned(J, r, True)
-            _turn_both(J, N, states)
-            scale = np.sqrt(weight[k])
+            _turn_both(J, G, states)
+            grown = 0.0  # d log L / d log weight
             for a in range(m):
-                y[a] = scale * out.white[first + a]
+                y[a], Ur[a] = np.sqrt(weight) * out.white[first + a], 0.0
                 for j in range(states):
-                    y[a] -= U[first + a, j] * r[j]
-                for j in range(states):
-                    value = 0.0
+                    Ur[a] += U[first + a, j] * r[j]
+                    UG[a, j] = 0.0
                     for n in range(states):
-                        value += U[first + a, n] * N[n, j]
-                    UN[a, j] = value
+                        UG[a, j] += U[first + a, n] * G[n, j]
+                for b in range(m):
+                    UGU[a, b] = 0.0
+                    for j in range(states):
+                        UGU[a, b] += UG[a, j] * U[first + b, j]
+                grown += Ur[a] * y[a] - UGU[a, a]
+            share = 1.0  # -2 d log L / d NIS, over the weight
+            if weight < 1.0:
+                share = (weight if tail[k] > 0.0 else 1.0) + 2.0 * grown / (tail[k] + out.nis[k])
+                share /= weight
             for a in range(m):
                 for b in range(m):
-                    value = 1.0 if a == b else 0.0
-                    for j in range(states):
-                        value += UN[a, j] * U[first + b, j]
-                    UNU[a, b] = value
-            for a in range(m):  # L L' = S / weight, G = L^-1
-                for b in range(a + 1):
-                    value = out.S[out.S_row[k] + a * m + b] / weight[k]
-                    for n in range(b):
-                        value -= L[a, n] * L[b, n]
-                    L[a, b] = np.sqrt(value) if a == b else value / L[b, b]
-                for b in range(a + 1):
-                    value = 1.0 if a == b else 0.0
-                    for n in range(b, a):
-                        value -= L[a, n] * G[n, b]
-                    G[a, b] = value / L[a, a]
-            for j in range(m):  # u = G' y, D = G' (1 + U N U') G
-                u, d = 0.0, 0.0
+                    own[a, b] = 0.5 * (share * y[a] * y[b] - Ur[a] * y[b] - y[a] * Ur[b])
+                own[a, a] -= 0.5
+            _inverse_factor(m, weight, out.S, out.S_row[k], L, inverse)
+            for j in range(m):
+                value = 0.0
                 for a in range(j, m):
-                    u += G[a, j] * y[a]
                     for b in range(j, m):
-                        d += G[a, j] * UNU[a, b] * G[b, j]
-                by.r[first + j] = 0.5 * (u * u - d) / weight[k]
-            for a in range(m):
-                for j in range(states):
-                    r[j] += H[first + a, j] * y[a]
-            for a in range(m):  # N <- (1 - H'U) N (1 - U'H) + H'H, one side after the other: what cancels does so once
+                        value += inverse[a, j] * (own[a, b] + UGU[a, b]) * inverse[b, j]
+                by.r[first + j] = value / weight
+            for a in range(m):  # G <- (1 - H'U) G (1 - U'H), one side after the other: what cancels does so once
                 for j in range(states):
                     for n in range(states):
-                        N[j, n] -= UN[a, j] * H[first + a, n]
+                        G[j, n] -= UG[a, j] * H[first + a, n]
             for a in range(m):
                 for n in range(states):
                     value = 0.0
                     for j in range(states):
-                        value += U[first + a, j] * N[j, n]
-                    UN[a, n] = H[first + a, n] - value
+                        value += U[first + a, j] * G[j, n]
+                    for b in range(m):
+                        value -= (own[a, b] + (1.0 - weight) * UGU[a, b]) / weight * H[first + b, n]
+                    UG[a, n] = value
+            Hy[:] = 0.0
             for a in range(m):
                 for j in range(states):
+                    Hy[j] += H[first + a, j] * y[a]
                     for n in range(states):
-                        N[j, n] += H[first + a, j] * UN[a, n]
+                        G[j, n] -= H[first + a, j] * UG[a, n]
             for j in range(states):
-                for n in range(j):
-                    N[j, n] = 0.5 * (N[j, n] + N[n, j])
-                    N[n, j] = N[j, n]
+                for n in range(j + 1):
+                    G[j, n] = 0.5 * (G[j, n] + G[n, j] + r[j] * Hy[n] + Hy[j] * r[n])
+                    G[n, j] = G[j, n]
+            for a in range(m):
+                for j in range(states):
+                    r[j] += H[first + a, j] * (share * y[a] - Ur[a])
             k -= 1
         if s == 0:
             return
@@ -268,24 +268,37 @@ def backward_scores(trail, row, out, used, world, r, N, by):
         h = steps[s, 55]
         _decay_over(h, states, world, phi, q)
         for j in range(3):
-            by.q_gyro[i] += 0.5 * h * (r[6 + j] * r[6 + j] - N[6 + j, 6 + j])
+            by.q_gyro[i] += h * G[6 + j, 6 + j]
             if translation:
-                v = r[3 + j] * r[3 + j] - N[3 + j, 3 + j]
-                p = r[j] * r[3 + j] - N[j, 3 + j]
-                w = r[j] * r[j] - N[j, j]
-                by.q_accel[i] += 0.5 * h * (v + h * p + h * h / 3.0 * w)
+                by.q_accel[i] += h * (G[3 + j, 3 + j] + h * G[j, 3 + j] + h * h / 3.0 * G[j, j])
         for j in range(9, 15):
-            by.bias[j] += 0.5 * walk2[j] * h * (r[j] * r[j] - N[j, j])
+            by.bias[j] += walk2[j] * h * G[j, j]
         for j in range(15, states):
-            by.bias[j] += 0.5 * q[j] * (r[j] * r[j] - N[j, j])
+            by.bias[j] += q[j] * G[j, j]
         _transposed_step(steps[s], r, phi)
         for j in range(states):
-            _transposed_step(steps[s], N[j], phi)
+            _transposed_step(steps[s], G[j], phi)
         for j in range(states):
             for n in range(j):
-                N[j, n], N[n, j] = N[n, j], N[j, n]
+                G[j, n], G[n, j] = G[n, j], G[j, n]
         for j in range(states):
-            _transposed_step(steps[s], N[j], phi)
+            _transposed_step(steps[s], G[j], phi)
+
+
+@njit(**_OPTIONS)
+def _inverse_factor(m, weight, S, at, L, inverse):
+    """L with L L' = S / weight, and its inverse."""
+    for a in range(m):
+        for b in range(a + 1):
+            value = S[at + a * m + b] / weight
+            for n in range(b):
+                value -= L[a, n] * L[b, n]
+            L[a, b] = np.sqrt(value) if a == b else value / L[b, b]
+        for b in range(a + 1):
+            value = 1.0 if a == b else 0.0
+            for n in range(b, a):
+                value -= L[a, n] * inverse[n, b]
+            inverse[a, b] = value / L[a, a]
 
 
 @njit(**_OPTIONS)
