@@ -129,7 +129,10 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     kinds = {"average": 1.0 - INSTANT, "instant": INSTANT}
     if are_samples_declared(recording):
         kinds = {recording.spec("accel").imu_samples: 1.0}
-    found = {kind: fit_levels(recording, believed.m_n, believed.covariance, believed.iron, kind) for kind in kinds}
+    found, near = dict[str, Levels](), None
+    for kind in kinds:
+        near = fit_levels(recording, believed.m_n, believed.covariance, believed.iron, kind, near)
+        found[kind] = near
 
     def log_posterior(kind: str) -> float:
         levels, odds = found[kind], float(np.log(kinds[kind]))

@@ -50,8 +50,8 @@ CALIBRATED = 16.0 / 490.0
 AS_IT_COMES = 300.0 / 490.0
 #: Noise below this, in SI units, is that of numbers which nobody has measured.
 NO_NOISE = 1e-15
-#: Iterations of the search: it gains less than a tenth of log L in each from there on.
-MOST = 20
+#: Iterations of the search at most, what one gains at least of log L, and a round of it.
+MOST, GAINED, SETTLED = 20, 0.05, 1.0
 #: Sizes that are no key of a sensor's specs.
 OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m].
@@ -61,7 +61,7 @@ SAME_ZERO = 0.5
 STEP = 0.01
 #: Steps of the search for a lateness, in those of the IMU, and of the first one in its spread; rounds of times and
 #: sizes.
-WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 4
+WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 6
 #: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
 PARTS = 64
 
@@ -88,6 +88,11 @@ class Size:
     def at(self, theta: float) -> float:
         """The size at so many spreads from its median."""
         return self.median + self.spread * theta if self.linear else self.median * float(np.exp(self.spread * theta))
+
+    def theta(self, value: float) -> float:
+        """So many spreads from the median is a size, within the bounds."""
+        off = value - self.median if self.linear else float(np.log(value / self.median))
+        return float(np.clip(off / self.spread, *self.bounds))
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -370,48 +375,56 @@ class Problem:
         return best
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
-        """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior.
+        """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""
+        return np.sqrt(np.diag(np.linalg.inv(self._information(theta))))
 
-        The information of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc.
-        Meas. 3(4), 1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
+    def _information(self, theta: FloatArray, times: bool = True) -> FloatArray:
+        """(sizes, sizes) of log and prior.
+
+        That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
+        1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
         """
         levels = self.levels(theta)
         inputs = self.inputs(levels)
         scores = level_scores(inputs, max(2, len(inputs.imu) // PARTS))
-        each = self._slopes(theta, levels, inputs, scores)
+        each = self._slopes(theta, levels, inputs, scores, times)
         each -= np.mean(each, axis=0)
-        return np.sqrt(np.diag(np.linalg.inv(each.T @ each + np.eye(len(theta)))))
+        return each.T @ each + np.eye(len(theta))
 
-    def maximise(self, theta: FloatArray, most: int = 25) -> tuple[FloatArray, float]:
-        """Times as they are, all else by quasi-Newton; the best point that was seen."""
+    def maximise(self, theta: FloatArray, most: int = MOST) -> tuple[FloatArray, float]:
+        """Times as they are, all else by quasi-Newton, in units of what the log tells; the best point that was seen."""
         from scipy.optimize import minimize
 
         best: list[object] = [-np.inf, theta]
         free = np.array([not size.linear for size in self.sizes])
+        unit = np.diag(self._information(theta, times=False))[free] ** -0.5
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
             whole = theta.copy()
-            whole[free] = x
+            whole[free] = unit * x
             try:
                 value, gradient = self.value_and_gradient(whole)
             except InputError:
                 return 1e12, np.zeros(len(x))
             if value > best[0]:  # type: ignore[operator]
                 best[:] = [value, whole]
-            return -value, -gradient[free]
+            return -value, -unit * gradient[free]
 
-        bounds = [size.bounds for size in self.sizes if not size.linear]
-        options = {"maxiter": most, "maxfun": 2 * most, "ftol": 1e-5}
-        minimize(negative, theta[free], jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        bounds = np.array([size.bounds for size in self.sizes])[free] / unit[:, None]
+        options = {"maxiter": most, "maxfun": 2 * most, "ftol": GAINED / max(1.0, abs(self.value(theta)))}
+        minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
-    def likeliest(self, theta: FloatArray, most: int) -> tuple[FloatArray, float]:
-        """Times and all else in turns, until no time moves."""
-        for round_ in range(ROUNDS):
+    def likeliest(self, theta: FloatArray) -> tuple[FloatArray, float]:
+        """Times and all else in turns, until no time moves and nothing is gained."""
+        value, settled = -np.inf, False
+        for _ in range(ROUNDS):
             timed = self.timed(theta)
-            if round_ and np.array_equal(timed, theta):
+            if settled and np.array_equal(timed, theta):
                 break
-            theta, value = self.maximise(timed, most)
+            before = value
+            theta, value = self.maximise(timed)
+            settled = value < before + SETTLED
         return theta, value
 
 
@@ -485,7 +498,7 @@ def fit_levels(
     field: FloatArray | None = None,
     iron: float = CALIBRATED,
     imu_samples: str = "instant",
-    most: int = MOST,
+    near: Levels | None = None,
 ) -> Levels:
     """The likeliest sizes of what a flight does not declare.
 
@@ -493,14 +506,17 @@ def fit_levels(
     ----------
     m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
     iron, imu_samples : see `sizes_of`, `first_levels`
-    most : iterations
+    near : where the search begins; default: the medians
     """
     sizes = sizes_of(recording, iron)
     first = first_levels(recording, sizes, m_n, field, imu_samples)
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]
-    return _likeliest(Problem(recording, sizes, first), np.zeros(len(sizes)), most) if sizes else first
+    if not sizes:
+        return first
+    start = np.array([0.0 if near is None else size.theta(near.value(size)) for size in sizes])
+    return _likeliest(Problem(recording, sizes, first), start)
 
 
 #: How far declared white noise of a receiver is off, in the logarithm: a choice, half as much again at one sigma. Else
@@ -538,7 +554,7 @@ def with_slow_gps(recording: Recording) -> Levels:
     without = Problem(recording, (), plain).value(np.zeros(0))
     found = [(without, plain)]
     for one, begin in ((Problem(recording, white, plain), np.zeros(len(white))), (problem, start)):
-        levels = _likeliest(one, begin, MOST)
+        levels = _likeliest(one, begin)
         found.append((_evidence(levels), levels))
     return max(found, key=lambda one: one[0])[1]
 
@@ -549,9 +565,9 @@ def _evidence(levels: Levels) -> float:
     return levels.log_posterior + float(sum(narrower))
 
 
-def _likeliest(problem: Problem, start: FloatArray, most: int) -> Levels:
+def _likeliest(problem: Problem, start: FloatArray) -> Levels:
     """The likeliest sizes of a problem, the others as they are at first."""
-    theta, value = problem.likeliest(start, most)
+    theta, value = problem.likeliest(start)
     sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), problem.sizes, strict=True))
     return replace(problem.levels(theta), found=problem.sizes, sigmas=sigmas, log_posterior=value)
 

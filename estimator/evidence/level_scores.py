@@ -88,9 +88,7 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
     return found
 
 
-def _backward(
-    part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatArray, found: LevelScores
-) -> None:
+def _backward(part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatArray, found: LevelScores) -> None:
     """Carry r and G to the start of a part, in place, and write down what they say."""
     from sinan.estimator.filter.smoother_numba import By, backward_scores
 
