@@ -50,6 +50,8 @@ nothing declared. The untouched minute is the control, and what a log has that i
   (`sensors/effects/streams.py`).
 - **gain**: growth of 2 log L of that minute when the very effect is put into the model, about its lambda if the noise
   is what the levels say.
+- **reference**: what the reports of the same controls called detectable while white noise was all that the model had
+  (`detectable.json`, made with the commit 2687d4c).
 - Where the control names the effect too, its beta has to be nearer to that with what was put in than to the control's.
 - Supply current and temperature are as logged, or drawn where a log has none, in control and minute alike.
 - Intervals of 95 % (Clopper-Pearson).
