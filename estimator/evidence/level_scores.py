@@ -8,9 +8,9 @@ weight w, M = S / w = L L', y = L^-1 nu, K = P H' M^-1, its part of log L being 
     d log L / d nu = K' r - c M^-1 nu                        and r <- r - H' d log L / d nu
     d log L / d S = L^-T (-1/2 + c/2 y y' - sym(y (K L)' r) + L' K' G K L) L^-1 / w
 
-which is d log L / d R, too; G takes what P does in S, in P H' and by itself. A step has r <- Phi' r, G <- Phi' G Phi, and
-d log L / d Q = G. For a normal law G is 1/2 (r r' - N), N the covariance of r: Fisher's identity (S. J. Koopman and N.
-Shephard, Biometrika 79(4), 1992, 823). The model is taken as linear about the filter's own estimates.
+which is d log L / d R, too; G takes what P does in S, in P H' and by itself. A step has r <- Phi' r, G <- Phi' G Phi,
+and d log L / d Q = G. For a normal law G is 1/2 (r r' - N), N the covariance of r: Fisher's identity (S. J. Koopman and
+N. Shephard, Biometrika 79(4), 1992, 823). The model is taken as linear about the filter's own estimates.
 """
 
 from __future__ import annotations

@@ -181,8 +181,8 @@ def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
 
 @njit(**_OPTIONS)
 def backward_scores(trail, row, out, used, tail, world, r, G, by):
-    """Carry r, d log L / dx, and G, d log L / dP, from the end of the stretch to its start, and write down what they say
-    of every noise on the way; derived in `estimator.evidence.level_scores`.
+    """Carry r, d log L / dx, and G, d log L / dP, from the end of the stretch to its start, and write down what they
+    say of every noise on the way; derived in `estimator.evidence.level_scores`.
 
     H here is L^-1 H and U = L^-1 H P, with L L' = S / weight; `tail` of each reading, 0: its law is normal.
     """

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
-from sinan.calibration.levels.fit import TAIL, Problem, Size, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.fit import TAIL, Problem, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
