@@ -1,10 +1,10 @@
-"""Position and clock from pseudoranges: weighted least squares over all epochs at once.
+"""Position and clock from pseudoranges: Bancroft's closed form, weighted least squares over all epochs at once.
 
 Everything works on rows (one pseudorange each, sorted by epoch) that are laid out as a rectangle of epochs and slots,
 so that no loop runs over the epochs. Ranges here are pseudoranges plus c times the satellite clock, with the modelled
 delays taken off: what remains is distance plus the receiver's clock.
 
-Sources: B. Hofmann-Wellenhof et al., GNSS (2008), ch. 7;
+Sources: S. Bancroft, IEEE Trans. AES 21 (1985) 56; B. Hofmann-Wellenhof et al., GNSS (2008), ch. 7;
 W. Baarda, NGC Publications on Geodesy 2-5 (1968), for the w-test and the minimal detectable bias.
 """
 
@@ -16,10 +16,83 @@ import numpy as np
 
 from sinan.estimator.positioning.small_systems import cholesky, inverse, substitute
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.errors import InputError
 
 EARTH_RADIUS = 6371.0e3  # m, mean radius R_1 of GRS 80 (Moritz, Journal of Geodesy 74, 2000) to a kilometre
 CONVERGED = 1e-4  # m: the last step's error is the square of this over the distance
 MOST_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Roots:
+    """Both solutions of Bancroft's equation.
+
+    Attributes
+    ----------
+    position : (2, 3) ECEF [m], the chosen one first
+    clock : (2,) receiver clock times c [m]
+    misfit : (2,) RMS of range minus distance minus clock [m]
+    reason : why the first one was chosen
+    """
+
+    position: FloatArray
+    clock: FloatArray
+    misfit: FloatArray
+    reason: str
+
+
+def bancroft(satellite_e: FloatArray, ranges: FloatArray) -> Roots:
+    """Solve four (or, in least squares, more) pseudorange equations in closed form.
+
+    With the Lorentz product <u, v> = u1 v1 + u2 v2 + u3 v3 - u4 v4, a_i = (p_i, rho_i) and r = (p, b), squaring
+    rho_i - b = |p_i - p| gives <a_i, a_i> / 2 - <a_i, r> + <r, r> / 2 = 0. So r = M B^+ (L 1 + alpha) with
+    L = <r, r> / 2, M = diag(1, 1, 1, -1), and L from a quadratic equation: two roots. Squaring has made rho - b = -|d|
+    a solution too, so the root must fit the unsquared equations; where both do (satellites on one side of a receiver in
+    space), the one nearer the Earth's surface is taken.
+
+    Parameters
+    ----------
+    satellite_e : (n, 3), n >= 4, ECEF [m]
+    ranges : (n,) pseudoranges with the satellite clock and all delays taken off [m]
+
+    Raises
+    ------
+    InputError : fewer than four satellites, their positions do not determine a solution, or no real one exists
+    """
+    if len(ranges) < 4:
+        raise InputError("bancroft", f"{len(ranges)} satellites", "at least four")
+    scale = 1e7  # m, so that all numbers are near one
+    B = np.column_stack([satellite_e, ranges]) / scale
+    M = np.array([1.0, 1.0, 1.0, -1.0])
+    alpha = 0.5 * np.sum(B**2 * M, axis=1)
+    if np.linalg.matrix_rank(B, tol=1e-9) < 4:
+        raise InputError("bancroft", "satellites and ranges that lie in one hyperplane", "four independent satellites")
+    inverse = np.linalg.pinv(B)
+    u, v = inverse @ np.ones(len(B)), inverse @ alpha
+    a, b, c = np.sum(u * u * M), np.sum(u * v * M) - 1.0, np.sum(v * v * M)
+    discriminant = b**2 - a * c
+    if discriminant < 0.0:
+        raise InputError("bancroft", "ranges that no point satisfies", "pseudoranges of one instant")
+    q = -(b + np.copysign(np.sqrt(discriminant), b))
+    solutions = [M * (L * u + v) * scale for L in (q / a if a != 0.0 else np.inf, c / q if q != 0.0 else 0.0)]
+    position = np.array([solution[:3] for solution in solutions])
+    clock = np.array([solution[3] for solution in solutions])
+    return choose_root(satellite_e, ranges, position, clock)
+
+
+def choose_root(satellite_e: FloatArray, ranges: FloatArray, position: FloatArray, clock: FloatArray) -> Roots:
+    """Put the root first that solves the unsquared equations, or the one nearer the Earth's surface if both do."""
+    distance = np.linalg.norm(satellite_e[None] - position[:, None], axis=2)
+    misfit = np.sqrt(np.mean((ranges - clock[:, None] - distance) ** 2, axis=1))
+    misfit = np.where(np.isfinite(misfit), misfit, np.inf)
+    height = np.abs(np.linalg.norm(position, axis=1) - EARTH_RADIUS)
+    fits = misfit <= 10.0 * np.min(misfit) + 1.0
+    if fits.all():
+        first, reason = int(np.argmin(height)), "both roots fit; taken is the one nearer the Earth's surface"
+    else:
+        first, reason = int(np.argmin(misfit)), "only this root fits; the other one belongs to ranges of reversed sign"
+    order = [first, 1 - first]
+    return Roots(position[order], clock[order], misfit[order], reason)
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import locate
-from sinan.estimator.positioning.point_positioning import solve
+from sinan.estimator.positioning.point_positioning import bancroft, solve
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
+from sinan.sensors.errors import InputError
 from tests.estimator import gnss_simulation as simulation
 
 MILLIMETRE = 1e-3
@@ -42,6 +43,32 @@ def ranges_of(satellites: FloatArray) -> FloatArray:
 
 def one_epoch(satellites: FloatArray, ranges: FloatArray, **options: object):  # type: ignore[no-untyped-def]
     return solve(satellites, ranges, np.zeros(len(ranges), dtype=np.int64), 1, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_bancroft_finds_the_receiver(count: int) -> None:
+    roots = bancroft(EIGHT[:count], ranges_of(EIGHT[:count]))
+    np.testing.assert_allclose(roots.position[0], simulation.RECEIVER, atol=MILLIMETRE)
+    assert roots.clock[0] == pytest.approx(CLOCK, abs=MILLIMETRE)
+
+
+def test_bancroft_gives_the_other_root_and_why_not() -> None:
+    roots = bancroft(EIGHT[:4], ranges_of(EIGHT[:4]))
+    assert roots.misfit[0] < MILLIMETRE
+    other = np.linalg.norm(EIGHT[:4] - roots.position[1], axis=1)
+    solves_squared = np.abs(np.abs(ranges_of(EIGHT[:4]) - roots.clock[1]) - other)
+    assert solves_squared.max() < 10.0 * MILLIMETRE
+    assert "root" in roots.reason
+
+
+def test_bancroft_needs_four() -> None:
+    with pytest.raises(InputError, match="at least four"):
+        bancroft(EIGHT[:3], ranges_of(EIGHT[:3]))
+
+
+def test_bancroft_refuses_one_satellite_four_times() -> None:
+    with pytest.raises(InputError, match="hyperplane"):
+        bancroft(EIGHT[[0, 0, 0, 0]], ranges_of(EIGHT[[0, 0, 0, 0]]))
 
 
 def test_from_the_centre_of_the_earth() -> None:
