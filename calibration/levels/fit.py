@@ -290,7 +290,6 @@ class Problem:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
         self._step = float(np.median(np.diff(recording.streams["imu"].t)))
         self._readings = Readings.of(first.flight(recording))
-        self.runs = 0
 
     def levels(self, theta: FloatArray) -> Levels:
         """Sizes at theta."""
@@ -305,7 +304,6 @@ class Problem:
 
     def value(self, theta: FloatArray) -> float:
         """Log-posterior by a forward pass alone; of what cannot be, minus infinity."""
-        self.runs += 1
         try:
             journal = run(self.inputs(self.levels(theta)), "numba", 0)
         except InputError:
@@ -314,21 +312,25 @@ class Problem:
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
         """Log-posterior and its gradient, of which times have no part."""
-        self.runs += 3
+        value, each = self._of_parts(theta, times=False)
+        return value, np.sum(each, axis=0) - theta
+
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
+        """Log-posterior, and (parts, sizes) the gradients of log L of so many parts, 0: as few as there are."""
         levels = self.levels(theta)
         inputs = self.inputs(levels)
-        scores = level_scores(inputs)
-        gradient = np.sum(self._slopes(theta, levels, inputs, scores, times=False), axis=0)
-        return float(np.sum(densities(inputs, scores))) - 0.5 * float(theta @ theta), gradient - theta
+        scores = level_scores(inputs, max(2, len(inputs.imu) // parts) if parts else None)
+        here = densities(inputs, scores)
+        value = float(np.sum(here)) - 0.5 * float(theta @ theta)
+        return value, self._slopes(theta, levels, inputs, scores, here, times)
 
     def _slopes(
-        self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores, times: bool = True
+        self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores, here: FloatArray, times: bool
     ) -> FloatArray:
         """(parts, sizes) gradient of the log-likelihood of each part; by a time over one step of the IMU to each side,
         or left out.
         """
         found = np.zeros((len(scores.first_reading), len(self.sizes)))
-        here = densities(inputs, scores)
         for i, size in enumerate(self.sizes):
             if size.linear:
                 if times:
@@ -359,37 +361,42 @@ class Problem:
         Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
         for a period: a comb, in which a slope leads to the next tooth. So whole steps are compared, long ones first.
         """
-        best, value = theta, self.value(theta)
-        for i, size in enumerate(self.sizes):
-            if not size.linear:
-                continue
+        times = [i for i, size in enumerate(self.sizes) if size.linear]
+        best, value = theta, self.value(theta) if times else 0.0
+        for i in times:
+            size = self.sizes[i]
             whole = max(1, round(FIRST_MOVE * size.spread / self._step))
-            moves = [*(whole >> k for k in range(whole.bit_length())), *WITHIN]
-            for move, sign in product(moves, (1.0, -1.0)):
-                while True:
-                    other = best.copy()
-                    other[i] += sign * move * self._step / size.spread
-                    if not size.bounds[0] <= other[i] <= size.bounds[1] or (gained := self.value(other)) <= value:
-                        break
-                    best, value = other, gained
+            for move in (*(whole >> k for k in range(whole.bit_length())), *WITHIN):
+                for sign in (1.0, -1.0):
+                    before = value
+                    best, value = self._climbed(best, value, i, sign * move * self._step / size.spread)
+                    if value > before:
+                        break  # behind it is where it came from
         return best
+
+    def _climbed(self, theta: FloatArray, value: float, i: int, step: float) -> tuple[FloatArray, float]:
+        """Theta and its value after as many steps of one of it as gain."""
+        low, high = self.sizes[i].bounds
+        while True:
+            other = theta.copy()
+            other[i] += step
+            if not low <= other[i] <= high or (gained := self.value(other)) <= value:
+                return theta, value
+            theta, value = other, gained
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
         """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""
-        return np.sqrt(np.diag(np.linalg.inv(self._information(theta))))
+        return np.sqrt(np.diag(np.linalg.inv(self._information(theta)[1])))
 
-    def _information(self, theta: FloatArray, times: bool = True) -> FloatArray:
-        """(sizes, sizes) of log and prior.
+    def _information(self, theta: FloatArray, times: bool = True) -> tuple[float, FloatArray]:
+        """Log-posterior, and (sizes, sizes) the information of log and prior.
 
         That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
         1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
         """
-        levels = self.levels(theta)
-        inputs = self.inputs(levels)
-        scores = level_scores(inputs, max(2, len(inputs.imu) // PARTS))
-        each = self._slopes(theta, levels, inputs, scores, times)
+        value, each = self._of_parts(theta, PARTS, times)
         each -= np.mean(each, axis=0)
-        return each.T @ each + np.eye(len(theta))
+        return value, each.T @ each + np.eye(len(theta))
 
     def maximise(self, theta: FloatArray, most: int = MOST) -> tuple[FloatArray, float]:
         """Times as they are, all else by quasi-Newton, in units of what the log tells; the best point that was seen."""
@@ -397,7 +404,8 @@ class Problem:
 
         best: list[object] = [-np.inf, theta]
         free = np.array([not size.linear for size in self.sizes])
-        unit = np.diag(self._information(theta, times=False))[free] ** -0.5
+        first, information = self._information(theta, times=False)
+        unit = np.diag(information)[free] ** -0.5
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
             whole = theta.copy()
@@ -411,7 +419,7 @@ class Problem:
             return -value, -unit * gradient[free]
 
         bounds = np.array([size.bounds for size in self.sizes])[free] / unit[:, None]
-        options = {"maxiter": most, "maxfun": 2 * most, "ftol": GAINED / max(1.0, abs(self.value(theta)))}
+        options = {"maxiter": most, "maxfun": 2 * most, "ftol": GAINED / max(1.0, abs(first))}
         minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 

@@ -120,10 +120,26 @@ class Said:
             self.information[name] = value.decode("utf-8", "replace").rstrip("\0")
 
 
-class Topics(Mapping[str, FloatArray]):
+class Fields(Mapping[str, FloatArray]):
     """All fields of a log by `topic.field`, each (n,); a further instance k of a topic is `topic#k.field`.
 
     A column is made when it is asked for.
+    """
+
+    _names: Mapping[str, tuple[str, str]]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+class Topics(Fields):
+    """Those of a ULog.
 
     Parameters
     ----------
@@ -153,15 +169,6 @@ class Topics(Mapping[str, FloatArray]):
     def topics(self) -> tuple[str, ...]:
         """The topics that have a reading."""
         return tuple(sorted(self._topics))
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._names
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
 
 
 def read_topics(path: Path) -> Topics:

@@ -7,14 +7,14 @@ A file is called `LOG_TOPIC_K.csv`, K counts the instances of its topic from 0. 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.columns import content_of, table_of
 from sinan.sensors.formats.text_table import NOT_A_NUMBER, TextTable
-from sinan.sensors.formats.ulog_messages import Said, Topics, read_topics
+from sinan.sensors.formats.ulog_messages import Fields, Said, Topics, read_topics
 
 _INERTIAL = ("sensor_combined", "vehicle_imu", "sensor_gyro", "vehicle_angular_velocity")
 #: Topics by which files are known to be of PX4, and where the log's own name ends.
@@ -31,8 +31,8 @@ _CLOCK = "timestamp"
 _LONGEST_HEADER = 2**16
 
 
-class TopicTables(Mapping[str, FloatArray]):
-    """All fields of a log by `topic.field`, each (n,), as `Topics` has them; a file is read when one is asked for.
+class TopicTables(Fields):
+    """Those of tables; a file is read when one of its fields is asked for.
 
     Parameters
     ----------
@@ -79,15 +79,6 @@ class TopicTables(Mapping[str, FloatArray]):
     def topics(self) -> tuple[str, ...]:
         """The topics that have a reading."""
         return tuple(self._tables)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._names
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
 
 
 def topics_of(path: Path) -> Topics | TopicTables:
