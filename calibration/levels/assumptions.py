@@ -54,6 +54,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         subject, quantity, unit = _words(recording, size)
         sigma, source = (known[key], FOUND) if key in known else (size.spread, CLASS)
         rows.append(Assumption(subject, quantity, levels.value(size), unit, sigma, not size.linear, source))
+    rows += _of_the_last_digit(recording, levels)
     if levels.bounds is not None:
         for quantity, value, unit in (
             ("distance from its place (1 sigma)", levels.bounds.place, "m"),
@@ -66,6 +67,22 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
     return tuple(rows)
+
+
+#: A last digit is listed from this part of the white noise on: what is less changes the sum by a part in 20 000.
+WORTH_A_ROW = 0.01
+
+
+def _of_the_last_digit(recording: Recording, levels: Levels) -> list[Assumption]:
+    """Step of the numbers of each sensor, of the component whose is largest; of a receiver, of its places."""
+    rows = []
+    for name, variance in levels.rounding.items():
+        white, places = levels.specs[name].noise_std, variance[:3] if name == "gps" else variance
+        rounded = float(np.sqrt(np.max(places)))
+        if white is not None and rounded > WORTH_A_ROW * white:
+            step, unit = rounded * np.sqrt(12.0), _words(recording, Size(name, "noise_std", white, 1.0))[2]
+            rows.append(Assumption(name, "last digit of the coarsest component", step, unit, None, True, "log"))
+    return rows
 
 
 def as_rows(assumptions: Sequence[Assumption]) -> list[dict[str, Any]]:

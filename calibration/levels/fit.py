@@ -16,7 +16,15 @@ from itertools import product
 import numpy as np
 
 from sinan.calibration.levels.declared_effects import Readings
-from sinan.calibration.levels.noise_start import datum, height_sensors, imu_density, reading_noise, readings_of
+from sinan.calibration.levels.noise_start import (
+    aiding_sensors,
+    datum,
+    height_sensors,
+    imu_density,
+    reading_noise,
+    readings_of,
+    rounding_of,
+)
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.effect_forms import declared_terms
@@ -110,7 +118,7 @@ class Levels:
     in_step : noise of the IMU that goes with the motion
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
-    tail, stamp_std : see `FlightModel`
+    tail, stamp_std, rounding : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
@@ -123,6 +131,7 @@ class Levels:
     field: FloatArray | None
     tail: float | None
     stamp_std: float
+    rounding: Mapping[str, FloatArray]
     latency: Mapping[str, float] = default(default_factory=dict)
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
@@ -132,7 +141,8 @@ class Levels:
         """A recording with the model that these sizes make."""
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
-            field=self.field, tail=self.tail, stamp_std=self.stamp_std, gate_level=None, latency=self.latency,
+            field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, gate_level=None,
+            latency=self.latency,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -226,7 +236,8 @@ def _white(recording: Recording, name: str, key: str = "noise_std") -> float:
     InputError : it is not declared, and nothing shows it
     """
     values = readings_of(recording, name, key)
-    noise = reading_noise(values)
+    rounding = rounding_of(recording, name)
+    noise = reading_noise(values, rounding[3:] if key == "velocity_noise_std" else rounding[: values.shape[1]])
     if noise < NO_NOISE and getattr(recording.spec(name), key) is None:
         found = "1 reading" if len(values) == 1 else f"{len(values)} readings without any noise"
         wanted = f"{key} declared, or readings to find it in"
@@ -277,6 +288,7 @@ def first_levels(
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
+        {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)

@@ -11,13 +11,10 @@ from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording
 from sinan.sensors.registry import sensor, where
+from sinan.sensors.rounding import rounding_of_places, rounding_variance
 
 #: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
 LEAST_STILL = 1.0
-#: Readings that repeat their neighbour tell the resolution, not the noise; rounding makes noise of a step over
-#: sqrt(12). What counts as no step, over the spread of a column, and how often readings then repeat.
-ROUNDING = 1.0 / np.sqrt(12.0)
-SAME, OFTEN = 1e-3, 0.05
 #: Median of the magnitude of a standard normal: the 75 % point, norm.ppf(0.75).
 MEDIAN_NORMAL = 0.6745
 
@@ -68,7 +65,7 @@ def imu_density(recording: Recording, names: tuple[str, ...] = ACCEL) -> float:
     if imu.t[stop - 1] - imu.t[start] >= LEAST_STILL:
         values = values[start:stop]
     density = float(np.sqrt(np.mean([white_density(column, rate) ** 2 for column in values.T])))
-    return max(density, resolution(imu.array(names)) * ROUNDING / np.sqrt(rate))
+    return max(density, float(np.sqrt(np.max(rounding_variance(imu.array(names))) / rate)))
 
 
 def longest_still(recording: Recording) -> tuple[int, int]:
@@ -78,38 +75,36 @@ def longest_still(recording: Recording) -> tuple[int, int]:
     return max(runs_of(still), key=lambda run: run[1] - run[0], default=(0, 1))
 
 
-def reading_noise(values: FloatArray) -> float:
+def reading_noise(values: FloatArray, rounding: FloatArray) -> float:
     """Standard deviation of the white noise of one reading, of the columns together; deaf to smooth motion and jumps.
 
     Third differences of white noise have 20 times its variance and of a parabola none; their median magnitude does not
-    see outliers. Not below the noise of rounding.
+    see outliers. Columns whose differences are no larger than rounding makes them say nothing; where all are so, it is
+    taken for what the finest rounding makes: a converter's last digit is chosen so.
 
     Parameters
     ----------
     values : (n, columns)
+    rounding : (columns,) variance of the error of rounding
     """
-    floor = resolution(values) * ROUNDING
     if len(values) < 8:
-        return max(float(np.sqrt(np.mean(np.var(values, axis=0)))), floor)
-    third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
-    spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
-    spread = np.where(spread > 0.0, spread, np.std(third, axis=0))
-    return max(float(np.sqrt(np.mean(spread**2))), floor)
+        found = np.var(values, axis=0)
+    else:
+        third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
+        spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
+        found = np.where(spread > 0.0, spread, np.std(third, axis=0)) ** 2
+    told = found > rounding
+    white = float(np.mean((found - rounding)[told])) if np.any(told) else 0.0
+    return float(np.sqrt(max(white, np.min(rounding))))
 
 
-def resolution(values: FloatArray) -> float:
-    """Smallest step between readings, of the column whose is largest; tiny where readings hardly ever repeat.
-
-    The tenth percentile of the steps; what is below `SAME` of the column's spread is none (rounding in the last digit
-    of a float, or the turn of the grid from degrees to metres).
-    """
-    coarse = [float(np.finfo(float).tiny)]
-    for column in values.T if len(values) > 1 else ():
-        step = np.abs(np.diff(column))
-        moved = step > SAME * max(float(np.std(column)), coarse[0])
-        if np.mean(~moved) > OFTEN and np.any(moved):  # noise finer than the step repeats readings
-            coarse.append(float(np.percentile(step[moved], 10)))
-    return max(coarse)
+def rounding_of(recording: Recording, name: str) -> FloatArray:
+    """(m,) variance of the error of rounding of each component of a sensor's readings, of a receiver's velocity too."""
+    if not gives_place(name):
+        return rounding_variance(readings_of(recording, name))
+    stream = recording.streams[name]
+    place = rounding_of_places(position_of(recording, name), recording.origin)
+    return np.concatenate([place, rounding_variance(stream.array(VELOCITY))]) if stream.has(VELOCITY) else place
 
 
 def datum(recording: Recording, name: str) -> float:

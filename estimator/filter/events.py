@@ -149,6 +149,8 @@ def variances(flight: Flight, name: str) -> FloatArray:
         rate = np.linalg.norm(imu.array(GYRO), axis=1)
         w = np.interp(streams["mag"].t, imu.t, rate)
         r += 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n))[:, None] ** 2
+    if name in model.rounding:
+        r += model.rounding[name][: r.shape[1]]
     return r
 
 

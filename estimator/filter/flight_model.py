@@ -81,6 +81,7 @@ class FlightModel:
     in_step : noise of the IMU that goes with the motion
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
+    rounding : by sensor, variance of each component's error of rounding, besides the white noise
     tail : degrees of freedom of the Student law of every innovation; None: normal
     relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
     withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
@@ -106,6 +107,7 @@ class FlightModel:
     in_step: InStep = InStep()
     field: FloatArray | None = None
     stamp_std: float = 0.0
+    rounding: Mapping[str, FloatArray] = default(default_factory=dict)
     tail: float | None = None
     relinearise: bool = False
     withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
@@ -180,6 +182,7 @@ class Beliefs(TypedDict, total=False):
     robust_level: float | None
     in_step: InStep
     stamp_std: float
+    rounding: Mapping[str, FloatArray]
     tail: float | None
     relinearise: bool
 

@@ -59,6 +59,13 @@ def ned_columns(lla: FloatArray, origin: Origin) -> dict[str, FloatArray]:
     return {name: np.asarray(values, dtype=np.float64) for name, values in zip(POSITION, ned, strict=True)}
 
 
+def geodetic_columns(ned: FloatArray, origin: Origin) -> FloatArray:
+    """(n, 3) latitude, longitude [deg] and height [m] (WGS-84) of places (n, 3) in NED [m]."""
+    import pymap3d
+
+    return np.column_stack(pymap3d.ned2geodetic(*ned.T, *origin, deg=True))
+
+
 def _check_degrees(where: Path | str, name: str, lla: FloatArray) -> None:
     for column, limit, values in (("latitude", 90.0, lla[:, 0]), ("longitude", 360.0, lla[:, 1])):
         bad = np.flatnonzero(np.abs(values) > limit)

@@ -9,7 +9,7 @@ import pytest
 
 from sinan.calibration.levels.fit import sizes_of
 from sinan.calibration.levels.heading import with_heading
-from sinan.calibration.levels.noise_start import reading_noise, resolution, within_imu
+from sinan.calibration.levels.noise_start import reading_noise, within_imu
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.events import height_of
 from sinan.estimator.filter.flight import Flight
@@ -20,6 +20,7 @@ from sinan.sensors.atmosphere import pressure_from_height
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import MAG, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
+from sinan.sensors.rounding import rounding_variance
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import between
 
@@ -45,13 +46,25 @@ def test_third_differences_see_noise_not_motion() -> None:
     rng, t = np.random.default_rng(2), np.arange(4000) * 0.1
     values = 20.0 * np.sin(0.2 * t)[:, None] + 0.3 * rng.standard_normal((4000, 1))
     values[::500] += 50.0
-    assert reading_noise(values) == pytest.approx(0.3, rel=0.08)
+    assert reading_noise(values, np.zeros(1)) == pytest.approx(0.3, rel=0.08)
 
 
-def test_rounding_is_the_least_noise() -> None:
-    values = np.round(np.cumsum(np.random.default_rng(3).standard_normal(2000)) * 0.01, 1)[:, None]
-    assert resolution(values) == pytest.approx(0.1)
-    assert reading_noise(values) >= 0.99 * 0.1 / np.sqrt(12.0)
+def test_rounding_is_the_least_noise_and_what_is_above_it_the_instrument() -> None:
+    rng = np.random.default_rng(3)
+    fine = np.round(np.cumsum(rng.standard_normal(2000)) * 0.01, 1)[:, None]
+    assert reading_noise(fine, rounding_variance(fine)) == pytest.approx(0.1 / np.sqrt(12.0))
+    noisy = np.round(0.3 * rng.standard_normal((4000, 2)) / [0.01, 0.5]) * [0.01, 0.5]
+    assert reading_noise(noisy, rounding_variance(noisy)) == pytest.approx(0.3, rel=0.1)
+
+
+def test_white_noise_is_found_beside_a_longitude_of_few_digits(flight: tuple[Recording, Stream]) -> None:
+    recording = flight[0]
+    gps, white = recording.streams["gps"], recording.spec("gps").noise_std
+    assert white is not None
+    printed = {**gps.columns, "east": np.round(gps["east"] / 0.88) * 0.88}
+    levels = prepared(bare(recording.replace(streams={**recording.streams, "gps": Stream(gps.t, printed)}))).levels
+    assert np.sqrt(levels.rounding["gps"][:3]) == pytest.approx([0.0, 0.88 / np.sqrt(12.0), 0.0], abs=0.02 * white)
+    assert levels.specs["gps"].noise_std == pytest.approx(white, rel=0.35)
 
 
 def test_a_scan_of_the_laser_has_the_noise_of_a_beam(flight: tuple[Recording, Stream]) -> None:
