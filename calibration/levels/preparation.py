@@ -10,6 +10,7 @@ from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
+from sinan.calibration.levels.instants import at_regular_instants
 from sinan.calibration.levels.noise_start import within_imu
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model
@@ -80,6 +81,9 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     notes = outside_notes(recording, within)
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)
+        notes += said
+    if any(size.sensor == "gps" for size in sizes):
+        within, said = at_regular_instants(within)
         notes += said
     headed = with_heading(within, first_levels(within, sizes, None, None).specs)
     believed = beforehand(headed)
