@@ -21,17 +21,21 @@ def regular_instants(t: FloatArray) -> FloatArray:
     The period is the slope of stamps by their number, gaps counted; how late an instant is logged is the running median
     of what is left. A stamp far from them stays.
     """
+    from scipy.ndimage import median_filter
+
     if len(t) <= 2 * NEIGHBOURS:
         return t
-    number = np.cumsum(np.append(0.0, np.maximum(1.0, np.round(np.diff(t) / np.median(np.diff(t))))))
-    period = float(np.polyfit(number, t, 1)[0])
-    number = np.cumsum(np.append(0.0, np.maximum(1.0, np.round(np.diff(t) / period))))
-    late = t - number * period
-    about = np.lib.stride_tricks.sliding_window_view(np.pad(late, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1)
-    regular = number * period + np.median(about, axis=1)
+    period = float(np.polyfit(_numbers(t, float(np.median(np.diff(t)))), t, 1)[0])
+    on_time = _numbers(t, period) * period
+    regular = on_time + median_filter(t - on_time, size=2 * NEIGHBOURS + 1, mode="mirror")
     scatter = np.abs(t - regular) / period
     found = np.where(scatter < NEAR, regular, t)
     return t if float(np.quantile(scatter, 0.75)) > REGULAR or np.any(np.diff(found) <= 0.0) else found
+
+
+def _numbers(t: FloatArray, period: float) -> FloatArray:
+    """(n,) periods from the first stamp to each; no two stamps have the same."""
+    return np.cumsum(np.append(0.0, np.maximum(1.0, np.round(np.diff(t) / period))))
 
 
 def at_regular_instants(recording: Recording) -> tuple[Recording, list[str]]:
