@@ -55,6 +55,10 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         sigma, source = (known[key], FOUND) if key in known else (size.spread, CLASS)
         rows.append(Assumption(subject, quantity, levels.value(size), unit, sigma, not size.linear, source))
     rows += _of_the_last_digit(recording, levels)
+    for upset in levels.upsets:
+        for quantity, value, unit in (("attitude", upset.attitude, "rad"), ("velocity", upset.velocity, "m/s")):
+            what = f"{quantity} open again at {upset.t:.1f} s (1 sigma)"
+            rows.append(Assumption("motion", what, value, unit, None, True, "log: likeliest of those tried"))
     if levels.bounds is not None:
         for quantity, value, unit in (
             ("distance from its place (1 sigma)", levels.bounds.place, "m"),

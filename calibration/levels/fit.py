@@ -30,7 +30,7 @@ from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import InStep
+from sinan.estimator.filter.flight_model import InStep, Upset
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.layout import Q_NB
@@ -118,7 +118,7 @@ class Levels:
     in_step : noise of the IMU that goes with the motion
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
-    tail, stamp_std, rounding : see `FlightModel`
+    tail, stamp_std, rounding, upsets : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
@@ -132,6 +132,7 @@ class Levels:
     tail: float | None
     stamp_std: float
     rounding: Mapping[str, FloatArray]
+    upsets: tuple[Upset, ...] = ()
     latency: Mapping[str, float] = default(default_factory=dict)
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
@@ -141,8 +142,8 @@ class Levels:
         """A recording with the model that these sizes make."""
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
-            field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, gate_level=None,
-            latency=self.latency,
+            field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, upsets=self.upsets,
+            gate_level=None, latency=self.latency,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:

@@ -12,6 +12,7 @@ from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, siz
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.instants import at_regular_instants
 from sinan.calibration.levels.noise_start import within_imu
+from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
@@ -89,7 +90,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     believed = beforehand(headed)
     sizes = sizes_of(within, believed.iron)
     notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
-    levels = fitted(headed, believed)
+    levels = with_upsets(headed, fitted(headed, believed))
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
@@ -159,6 +160,9 @@ def level_notes(levels: Levels) -> list[str]:
     for sensor, late in levels.latency.items():
         when = "late" if late >= 0.0 else "early"
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, by the likelihood")
+    for upset in levels.upsets:
+        opened = f"attitude by {upset.attitude:g} rad, velocity by {upset.velocity:g} m/s"
+        lines.append(f"upset at {upset.t:.1f} s: {opened} (1 sigma) less known than before; fixes in a row were doubted")
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(

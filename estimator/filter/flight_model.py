@@ -60,6 +60,21 @@ class InStep:
 
 
 @dataclass(frozen=True)
+class Upset:
+    """An instant at which the motion is open again.
+
+    Attributes
+    ----------
+    t : s
+    attitude, velocity : 1-sigma about and along each axis, besides what the noise of the IMU makes [rad], [m/s]
+    """
+
+    t: float
+    attitude: float
+    velocity: float
+
+
+@dataclass(frozen=True)
 class FlightModel:
     """Layout, sensor models with their noise, environment, and how doubtful readings are treated.
 
@@ -82,6 +97,7 @@ class FlightModel:
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
     rounding : by sensor, variance of each component's error of rounding, besides the white noise
+    upsets : instants at which the motion is open again
     tail : degrees of freedom of the Student law of every innovation; None: normal
     relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
     withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
@@ -108,6 +124,7 @@ class FlightModel:
     field: FloatArray | None = None
     stamp_std: float = 0.0
     rounding: Mapping[str, FloatArray] = default(default_factory=dict)
+    upsets: tuple[Upset, ...] = ()
     tail: float | None = None
     relinearise: bool = False
     withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
@@ -183,6 +200,7 @@ class Beliefs(TypedDict, total=False):
     in_step: InStep
     stamp_std: float
     rounding: Mapping[str, FloatArray]
+    upsets: tuple[Upset, ...]
     tail: float | None
     relinearise: bool
 
@@ -210,7 +228,7 @@ def flight_model(
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
-    beliefs : latency, gate_level, robust_level, in_step, stamp_std, tail, relinearise: see `FlightModel`
+    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, upsets, tail, relinearise: see `FlightModel`
 
     Raises
     ------

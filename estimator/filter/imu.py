@@ -22,7 +22,7 @@ import numpy as np
 
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import FlightModel, InStep
+from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.recording import ACCEL, GYRO
 
@@ -101,7 +101,19 @@ def imu_table(flight: Flight) -> ImuTable:
         notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), action))
     table = ImuTable(t, u, q_accel, q_gyro, row, tuple(notes), (0, *(k + 1 for k in ends)))
     bridged = t[[k for k in unseen if k not in ends]]
-    return _filled(_without_short_stretches(table), bridged, nominal)
+    return _upset(_filled(_without_short_stretches(table), bridged, nominal), flight.model.upsets)
+
+
+def _upset(table: ImuTable, upsets: Sequence[Upset]) -> ImuTable:
+    """The table with what the motion is open by at some instants, in the intervals that these are in."""
+    if not upsets:
+        return table
+    t, q_accel, q_gyro = table.t, table.q_accel.copy(), table.q_gyro.copy()
+    for one in upsets:
+        k = int(np.clip(np.searchsorted(t, one.t, side="right") - 1, 0, len(t) - 2))
+        q_accel[k] += one.velocity**2 / (t[k + 1] - t[k])
+        q_gyro[k] += one.attitude**2 / (t[k + 1] - t[k])
+    return replace(table, q_accel=q_accel, q_gyro=q_gyro)
 
 
 def _measured(t: FloatArray, u: FloatArray) -> tuple[BoolArray, FloatArray, list[Note]]:

@@ -1,0 +1,103 @@
+"""A filter that loses its way for an instant finds back; a receiver that jumps is no reason for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
+from sinan.calibration.levels.upsets import with_upsets
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import Q_NB
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import POSITION, Recording, Stream
+from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
+from tests.estimator.analytic_flight import fly
+
+#: When the gyroscope reads a turn that is none [s], and how large it is [rad].
+SHOCK, TURN = 30.0, 1.0
+
+
+@pytest.fixture(scope="module")
+def flown() -> tuple[Recording, FloatArray]:
+    """A minute without any declared noise, whose heading shows in accelerations alone; and the true quaternions."""
+    recording, truth = fly(21, duration=60.0, sensors=("gps", "baro"))
+    return recording.replace(sensors={}), truth[:, Q_NB]
+
+
+@pytest.fixture(scope="module")
+def calm(flown: tuple[Recording, FloatArray]) -> Recording:
+    """The minute."""
+    return flown[0]
+
+
+def with_column(recording: Recording, stream: str, name: str, add: np.ndarray) -> Recording:
+    """With something added to a column."""
+    one = recording.streams[stream]
+    streams = {**recording.streams, stream: Stream(one.t, {**one.columns, name: one[name] + add})}
+    return recording.replace(streams=streams)
+
+
+@pytest.fixture(scope="module")
+def shaken(calm: Recording) -> Recording:
+    """The same with a turn about the vertical axis that the gyroscope reads for a tenth of a second."""
+    t = calm.streams["imu"].t
+    pulse = ((t >= SHOCK) & (t < SHOCK + 0.1)).astype(float)
+    return with_column(calm, "imu", "gyro_z", pulse * TURN / (np.sum(pulse) * float(np.median(np.diff(t)))))
+
+
+def levels_of(recording: Recording) -> Levels:
+    """All sizes at their medians."""
+    return first_levels(recording, sizes_of(recording), None, None)
+
+
+def attitude_error(recording: Recording, levels: Levels, q: FloatArray, since: float) -> float:
+    """RMS from a time on [rad], against true quaternions."""
+    journal = run(prepare(levels.flight(recording)), "numba")
+    off = quaternion_log(quaternion_multiply(quaternion_conjugate(q), journal.imu_x[:, Q_NB]))
+    return float(np.sqrt(np.mean(np.sum(off[journal.imu_t > since] ** 2, axis=1))))
+
+
+def test_a_shock_is_found_and_the_attitude_with_it(
+    shaken: Recording, flown: tuple[Recording, FloatArray]
+) -> None:
+    levels = levels_of(shaken)
+    found = with_upsets(shaken, levels)
+    assert len(found.upsets) == 1
+    assert found.upsets[0].t == pytest.approx(SHOCK, abs=1.0)
+    assert found.upsets[0].attitude >= 0.3
+    before, after = (attitude_error(shaken, one, flown[1], SHOCK + 5.0) for one in (levels, found))
+    assert after < 0.3 * before
+
+
+def test_a_calm_log_and_a_receiver_that_jumps_have_none(calm: Recording) -> None:
+    t = calm.streams["gps"].t
+    jumped = with_column(calm, "gps", POSITION[0], 30.0 * (t > SHOCK))
+    gone = with_column(calm, "gps", POSITION[1], 30.0 * ((t > SHOCK) & (t < SHOCK + 8.0)))
+    for recording in (calm, jumped, gone):
+        levels = levels_of(recording)
+        assert with_upsets(recording, levels) is levels
+
+
+def test_what_declares_its_noise_or_measures_no_place_is_left_alone(shaken: Recording) -> None:
+    levels = levels_of(shaken)
+    assert with_upsets(shaken, replace(levels, tail=None)).upsets == ()
+    streams = {name: stream for name, stream in shaken.streams.items() if name != "gps"}
+    unplaced = shaken.replace(streams=streams)
+    assert with_upsets(unplaced, levels_of(unplaced)).upsets == ()
+
+
+def test_an_upset_adds_its_variances_to_the_interval_that_it_is_in(shaken: Recording) -> None:
+    plain = imu_table(levels_of(shaken).flight(shaken))
+    table = imu_table(with_upsets(shaken, levels_of(shaken)).flight(shaken))
+    (upset,) = with_upsets(shaken, levels_of(shaken)).upsets
+    h = np.diff(table.t)
+    for added, size in ((table.q_gyro - plain.q_gyro, upset.attitude), (table.q_accel - plain.q_accel, upset.velocity)):
+        k = np.flatnonzero(added) if size else np.searchsorted(table.t, [upset.t], side="right") - 1
+        assert len(k) == 1
+        assert table.t[k[0]] <= upset.t < table.t[k[0] + 1]
+        assert added[k[0]] * h[k[0]] == pytest.approx(size**2)
