@@ -1,4 +1,4 @@
-"""Moments at which a filter loses its way: a shock beyond the IMU's range, iron that swings a compass round for a while.
+"""Moments at which a filter loses its way: a shock beyond the IMU's range, iron that swings a compass for a while.
 
 The model knows the noise of an IMU and the colour of a compass at any moment alike. What is worse for an instant leaves
 a filter that is sure of a wrong attitude; from then on its positions err by more than it can believe, and it takes the
@@ -41,7 +41,14 @@ MOST = 6
 
 @dataclass(frozen=True)
 class _Doubted:
-    """Fixes in a row that are doubted more than believed: rows of the events, from the one before the first on."""
+    """Fixes in a row that are doubted more than believed.
+
+    Attributes
+    ----------
+    rows : of the events, from the one before the first on
+    t : of the first [s]
+    lost : sum of the logarithms of what their weights lack
+    """
 
     rows: tuple[int, ...]
     t: float
@@ -86,8 +93,9 @@ def _most_doubted(journal: Journal, asked: Collection[float]) -> _Doubted | None
     """The run of doubted fixes, of those that were not asked yet, that costs most of the likelihood."""
     mine = np.flatnonzero((journal.sensor == journal.sensors.index("gps")) & journal.accepted)
     weight = 1.0 / journal.model.spread("gps", journal.nis[mine])
+    lost = -np.log(weight)
     runs = [
-        _Doubted(tuple(mine[max(a - 1, 0) : b].tolist()), float(journal.t[mine[a]]), float(-np.sum(np.log(weight[a:b]))))
+        _Doubted(tuple(mine[max(a - 1, 0) : b].tolist()), float(journal.t[mine[a]]), float(np.sum(lost[a:b])))
         for a, b in runs_of(weight < 0.5)
         if b - a > 1
     ]

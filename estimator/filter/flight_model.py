@@ -228,7 +228,8 @@ def flight_model(
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
-    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, upsets, tail, relinearise: see `FlightModel`
+    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, upsets, tail, relinearise: see
+        `FlightModel`
 
     Raises
     ------
