@@ -62,9 +62,7 @@ def attitude_error(recording: Recording, levels: Levels, q: FloatArray, since: f
     return float(np.sqrt(np.mean(np.sum(off[journal.imu_t > since] ** 2, axis=1))))
 
 
-def test_a_shock_is_found_and_the_attitude_with_it(
-    shaken: Recording, flown: tuple[Recording, FloatArray]
-) -> None:
+def test_a_shock_is_found_and_the_attitude_with_it(shaken: Recording, flown: tuple[Recording, FloatArray]) -> None:
     levels = levels_of(shaken)
     found = with_upsets(shaken, levels)
     assert len(found.upsets) == 1
