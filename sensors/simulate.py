@@ -226,7 +226,7 @@ def _declared(scenario: Scenario, name: str) -> SensorSpec:
         return instrument.spec
     place = np.array(instrument.place)
     if scenario.origin is not None:
-        from pymap3d import ned2geodetic
+        from sinan.sensors.formats.geodetic import geodetic_columns
 
-        place = np.array(ned2geodetic(*instrument.place, *scenario.origin), dtype=np.float64)
+        place = geodetic_columns(np.asarray(instrument.place, dtype=np.float64)[None, :], scenario.origin)[0]
     return replace(instrument.spec, base_position=place)

@@ -35,7 +35,7 @@ FIRST = (0.3, 3.0)
 INSTANTS, FINER = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0), (-3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0)
 #: So many fixes belong to each instant that is tried, about the best.
 APART = 0.5
-#: Runs of doubted fixes that are looked at, those first that cost most: bound of work.
+#: Runs of doubted fixes that are looked at, those first that cost most: bound of work (`test_upsets`).
 MOST = 6
 
 

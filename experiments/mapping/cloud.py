@@ -135,10 +135,10 @@ def east_north_up(p_n: FloatArray, origin: tuple[float, float, float] | None) ->
     east_north = p_n[:, [1, 0]]
     if origin is None:
         return np.column_stack([east_north, -p_n[:, 2]])
-    from pymap3d import ned2geodetic
+    from sinan.sensors.formats.geodetic import geodetic_columns
 
-    _, _, height = ned2geodetic(*p_n.T, *origin)
-    return np.column_stack([east_north * WGS84_A / (WGS84_A + origin[2]), np.asarray(height)])
+    height = geodetic_columns(p_n, origin)[:, 2]
+    return np.column_stack([east_north * WGS84_A / (WGS84_A + origin[2]), height])
 
 
 def write_las(path: Path, cloud: Cloud, ground: BoolArray, origin: tuple[float, float, float] | None) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.calibration.levels import upsets
 from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.engine import run
@@ -87,6 +88,16 @@ def test_what_declares_its_noise_or_measures_no_place_is_left_alone(shaken: Reco
     streams = {name: stream for name, stream in shaken.streams.items() if name != "gps"}
     unplaced = shaken.replace(streams=streams)
     assert with_upsets(unplaced, levels_of(unplaced)).upsets == ()
+
+
+@pytest.mark.parametrize("most", [upsets.MOST // 2, 2 * upsets.MOST])
+def test_half_and_twice_as_many_runs_looked_at_give_the_same(
+    shaken: Recording, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    levels = levels_of(shaken)
+    expected = with_upsets(shaken, levels).upsets
+    monkeypatch.setattr(upsets, "MOST", most)
+    assert with_upsets(shaken, levels).upsets == expected
 
 
 def test_an_upset_adds_its_variances_to_the_interval_that_it_is_in(shaken: Recording) -> None:
