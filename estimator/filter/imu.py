@@ -24,7 +24,7 @@ from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stu
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
-from sinan.sensors.recording import ACCEL, GYRO
+from sinan.sensors.recording import ACCEL, GYRO, Stream
 
 #: An interval longer than this many nominal ones is a gap: what happened inside is not known.
 GAP = 2.5
@@ -81,17 +81,46 @@ class ImuTable:
         return i == len(self) - 1 or i + 1 in self.starts
 
 
-def imu_table(flight: Flight) -> ImuTable:
-    """The table of a flight: frozen stretches taken out, gaps filled by interpolation with honest noise."""
-    stream, nominal = flight.recording.streams["imu"], 1.0 / flight.model.rate
-    t, u = stream.t, stream.array((*ACCEL, *GYRO))
-    keep, excess, notes = _measured(t, u)
-    row = np.flatnonzero(keep)
-    t, u, excess = t[row], u[row] + excess[row], excess[row]
+@dataclass(frozen=True)
+class ImuSamples:
+    """What an IMU measured, whatever its noise: the samples of a table before gaps are bridged.
+
+    Attributes
+    ----------
+    t, u, row : as in `ImuTable`
+    excess : (n, 6) what saturated samples lack, which is in `u`
+    notes : frozen and saturated stretches
+    """
+
+    t: FloatArray
+    u: FloatArray
+    row: IntArray
+    excess: FloatArray
+    notes: tuple[Note, ...]
+
+    @classmethod
+    def of(cls, stream: Stream) -> ImuSamples:
+        """Of the stream `imu`, frozen stretches taken out."""
+        t, u = stream.t, stream.array((*ACCEL, *GYRO))
+        keep, excess, notes = _measured(t, u)
+        row = np.flatnonzero(keep)
+        return cls(t[row], u[row] + excess[row], row, excess[row], tuple(notes))
+
+
+def imu_table(flight: Flight, samples: ImuSamples | None = None) -> ImuTable:
+    """The table of a flight: frozen stretches taken out, gaps filled by interpolation with honest noise.
+
+    Parameters
+    ----------
+    samples : of its IMU, where they are known
+    """
+    nominal = 1.0 / flight.model.rate
+    samples = ImuSamples.of(flight.recording.streams["imu"]) if samples is None else samples
+    t, u, notes = samples.t, samples.u, list(samples.notes)
     h = np.diff(t)
     unseen = {int(k): unseen_motion(t, u, float(h[k]), nominal) for k in np.flatnonzero(h > GAP * nominal)}
     ends = [k for k, (_, turn) in unseen.items() if t[k + 1] in flight.recording.breaks or turn > UNBRIDGED**2]
-    q_accel, q_gyro = _noise(t, u, excess, flight.model, ends)
+    q_accel, q_gyro = _noise(t, u, samples.excess, flight.model, ends)
     for k, (velocity, turn) in unseen.items():
         action = "nothing bridges it: a new stretch begins"
         if k not in ends:
@@ -99,7 +128,7 @@ def imu_table(flight: Flight) -> ImuTable:
             q_accel[k] = max(q_accel[k], velocity / h[k])
             q_gyro[k] = max(q_gyro[k], turn / h[k])
         notes.append(Note("imu", "gap", float(t[k]), float(t[k + 1]), action))
-    table = ImuTable(t, u, q_accel, q_gyro, row, tuple(notes), (0, *(k + 1 for k in ends)))
+    table = ImuTable(t, u, q_accel, q_gyro, samples.row, tuple(notes), (0, *(k + 1 for k in ends)))
     bridged = t[[k for k in unseen if k not in ends]]
     return _upset(_filled(_without_short_stretches(table), bridged, nominal), flight.model.upsets)
 
