@@ -26,9 +26,10 @@ from sinan.calibration.levels.noise_start import (
     rounding_of,
 )
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
-from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.alignment import ALIGNING, first_state
 from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import stamp_variances
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import InStep, Upset
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
@@ -64,9 +65,6 @@ MOST, GAINED, SETTLED = 20, 0.05, 1.0
 OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m].
 SAME_ZERO = 0.5
-#: Step of the differences that give the slope by a time constant and by the jitter of stamps, in their spreads: of a
-#: second derivative of 100 they make an error of a half.
-STEP = 0.01
 #: Steps of the search for a lateness, in those of the IMU, and of the first one in its spread; rounds of times and
 #: sizes.
 WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 6
@@ -350,8 +348,6 @@ class Problem:
                     step = self._step / size.spread
                     later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
                     found[:, i] = (later - sooner) / (2.0 * step)
-            elif size.key == "colour_time" or size.sensor == "stamps":
-                found[:, i] = self._gained(theta, i, STEP, inputs, here, scores) / STEP
             else:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)
         return found
@@ -483,29 +479,37 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
             return sums_from(scores.q_accel * in_step_accel(imu.t, u, only), first)
         factor = 2.0 if size.key == "rate" else 1.0
         return factor * sums_from(scores.q_gyro * in_step_gyro(imu.t, u, only), first)
-    if size.sensor == "bounds" or size.key in _ROWS:
-        name = size.key if size.sensor == "bounds" else size.sensor
+    if size.sensor in ("bounds", "stamps") or size.key in _ROWS:
+        name = size.sensor if size.key in _ROWS else size.key
         if name not in events.sensors:
             return np.zeros(len(first))
         k = np.flatnonzero(events.sensor == events.sensors.index(name))
         width = model.sensors[name].size
         columns = np.arange(width)[_ROWS.get(size.key, slice(None))] if name == "gps" else np.arange(width)
+        grown = stamp_variances(inputs.flight)[events.index[k]] if size.sensor == "stamps" else levels.value(size) ** 2
         of_reading = np.zeros(len(events))
-        of_reading[k] = np.sum(scores.r[events.row[k][:, None] + columns], axis=1)
-        return 2.0 * levels.value(size) ** 2 * sums_from(of_reading, scores.first_reading)
+        of_reading[k] = grown * np.sum(scores.r[events.row[k][:, None] + columns], axis=1)
+        return 2.0 * sums_from(of_reading, scores.first_reading)
+    if size.key == "colour_time":
+        blocks = [block for block in (f"c_{size.sensor}", f"c_{size.sensor}_velocity") if layout.has(block)]
+        each = [np.sum(scores.time_of_part[:, layout.slice(block)], axis=1) for block in blocks]
+        return np.sum(each, axis=0) if each else np.zeros(len(first))
     kinds = {"colour_std": "c_", "velocity_colour_std": "c_", "bias_std": "b_", "bias_walk": "b_"}
     block = kinds[size.key] + size.sensor
     block += "_velocity" if size.key == "velocity_colour_std" else ""
     if not layout.has(block):
         return np.zeros(len(first))
     walks = 2.0 * np.sum(scores.bias_of_part[:, layout.slice(block)], axis=1) if size.key != "bias_std" else 0.0
-    return walks + np.eye(len(first))[0] * _slope_of_start(inputs, scores, levels, size)
+    start = 0.0 if size.key == "bias_walk" else _slope_of_start(inputs, scores, levels, size, layout.slice(block))
+    return walks + np.eye(len(first))[0] * start
 
 
-def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -> float:
-    """What the first state and its covariance contribute."""
-    if size.key == "bias_walk":
-        return 0.0
+def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size, block: slice) -> float:
+    """What the first state and its covariance contribute: where the first attitude is found from the sensor by a
+    difference, else by the block itself.
+    """
+    if size.sensor not in ALIGNING:
+        return 2.0 * levels.value(size) ** 2 * float(np.trace(scores.start[block, block]))
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
     x, P = first_state(other)
     turn = quaternion_log(quaternion_multiply(quaternion_conjugate(inputs.x[Q_NB]), x[Q_NB]))

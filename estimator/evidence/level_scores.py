@@ -9,7 +9,12 @@ weight w, M = S / w = L L', y = L^-1 nu, K = P H' M^-1, its part of log L being 
     d log L / d S = L^-T (-1/2 + c/2 y y' - sym(y (K L)' r) + L' K' G K L) L^-1 / w
 
 which is d log L / d R, too; G takes what P does in S, in P H' and by itself. A step has r <- Phi' r, G <- Phi' G Phi,
-and d log L / d Q = G. For a normal law G is 1/2 (r r' - N), N the covariance of r: Fisher's identity (S. J. Koopman and
+and d log L / d Q = G. Of a first-order process of standard deviation s and time constant tau, phi = exp(-h / tau) and
+q = s^2 (1 - phi^2), so that with x and P after the step
+
+    d log L / d log tau = sum over steps of  h / tau (r_i x_i + 2 (G P)_ii - 2 s^2 G_ii)
+
+For a normal law G is 1/2 (r r' - N), N the covariance of r: Fisher's identity (S. J. Koopman and
 N. Shephard, Biometrika 79(4), 1992, 823). The model is taken as linear about the filter's own estimates.
 """
 
@@ -39,6 +44,7 @@ class LevelScores:
     r : (rows,) by the variance of each component of each reading
     q_accel, q_gyro : (N - 1,) by the variance rates of the IMU's intervals, of the three axes together
     bias_of_part : (parts, n) by the logarithm of walk^2 of each bias or colour, its time constant fixed
+    time_of_part : (parts, n) by the logarithm of the time constant of each colour, its standard deviation fixed
     first_interval, first_reading : (parts,) of each part
     start : (n, n) by the first covariance, of all stretches together
     start_x : (n,) by the first state of the first stretch
@@ -51,6 +57,7 @@ class LevelScores:
     q_accel: FloatArray
     q_gyro: FloatArray
     bias_of_part: FloatArray
+    time_of_part: FloatArray
     first_interval: IntArray
     first_reading: IntArray
     start: FloatArray
@@ -74,7 +81,7 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
     first_reading = K - np.cumsum([len(part.inputs.events) for part in reversed(parts)])[::-1]
     found = LevelScores(
         np.zeros(K), np.zeros(K), np.ones(K), np.zeros(len(inputs.events.z)), np.zeros(N - 1), np.zeros(N - 1),
-        np.zeros((len(parts), n)), np.array([part.i0 for part in parts]), first_reading, np.zeros((n, n)),
+        np.zeros((len(parts), n)), np.zeros((len(parts), n)), np.array([part.i0 for part in parts]), first_reading, np.zeros((n, n)),
         np.zeros(n),
     )  # fmt: skip
     r, G = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
@@ -93,14 +100,15 @@ def _backward(part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatAr
     from sinan.estimator.filter.smoother_numba import By, backward_scores
 
     i0, k0 = int(found.first_interval[number]), int(found.first_reading[number])
-    engine, trail = recorded(part, 0)
+    engine, trail = recorded(part, 0, times=True)
     outputs, row = engine.outputs, part.events.row
     K, intervals = len(part.events), slice(i0, i0 + len(part.imu) - 1)
-    used, bias = outputs.status == ACCEPTED, np.zeros(CAPACITY)
-    by = By(found.r[row0 : row0 + int(row[-1])], found.q_accel[intervals], found.q_gyro[intervals], bias)
+    used, bias, time = outputs.status == ACCEPTED, np.zeros(CAPACITY), np.zeros(CAPACITY)
+    by = By(found.r[row0 : row0 + int(row[-1])], found.q_accel[intervals], found.q_gyro[intervals], bias, time)
     tail = np.array([part.model.tail_of(name) or 0.0 for name in part.events.sensors])[part.events.sensor]
     backward_scores(trail, row, engine.written, used, tail, engine.world, r, G, by)
-    found.bias_of_part[number] = bias[: found.bias_of_part.shape[1]]
+    n = found.bias_of_part.shape[1]
+    found.bias_of_part[number], found.time_of_part[number] = bias[:n], time[:n]
     found.loglik[k0 : k0 + K] = np.where(used, outputs.loglik, 0.0)
     found.nis[k0 : k0 + K] = np.where(used, outputs.nis, 0.0)
     found.weight[k0 : k0 + K] = outputs.weight

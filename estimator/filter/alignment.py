@@ -35,6 +35,8 @@ from sinan.sensors.rotation import (
 #: Over which the first specific force and field are averaged [s]: meanwhile a rate that is off by 0.01 rad/s turns them
 #: by 5 mrad about the middle, as much as an accelerometer that is off by 0.05 m/s^2 tilts.
 WINDOW = 1.0
+#: Sensors whose bias and colour the first attitude depends on.
+ALIGNING = ("accel", "gyro", "mag")
 WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
 AT_REST = 4.0  # times the noise: what a sensor at rest may scatter or stand off zero
 UNKNOWN_ATTITUDE = np.pi / np.sqrt(3.0)  # rad, of a heading that nothing shows: uniform over the circle

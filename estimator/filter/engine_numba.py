@@ -138,7 +138,9 @@ class Written(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """What going backwards needs: steps (s, 58), steps before each reading and sample, L^-1 H P, L^-1 H, the turns."""
+    """What going backwards needs: steps (s, 58), steps before each reading and sample, L^-1 H P, L^-1 H, the turns; and
+    after each step (s, coloured, CAP + 1) the states that have a time constant and their rows of P.
+    """
 
     kept: bool
     steps: FloatArray
@@ -147,6 +149,8 @@ class Trail(NamedTuple):
     U: FloatArray
     H: FloatArray
     turn: FloatArray
+    coloured: IntArray
+    after: FloatArray
 
 
 class Whitened(NamedTuple):
@@ -158,7 +162,9 @@ class Whitened(NamedTuple):
 
 
 _NO_ROWS, _NOWHERE = np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
-NO_TRAIL = Trail(False, _NO_ROWS, _NOWHERE, _NOWHERE, _NO_ROWS, _NO_ROWS, _NO_ROWS)
+NO_TRAIL = Trail(
+    False, _NO_ROWS, _NOWHERE, _NOWHERE, _NO_ROWS, _NO_ROWS, _NO_ROWS, _NOWHERE[:0], np.zeros((1, 1, CAP + 1))
+)
 NO_WHITENED = Whitened(_NO_ROWS, np.zeros(1), _NOWHERE)
 
 
@@ -913,6 +919,15 @@ def _keep_step(trail, n, c, h, q_accel, q_gyro):
 
 
 @njit(**_INLINE)
+def _keep_coloured(trail, n, x, P):
+    for c in range(len(trail.coloured)):
+        i = trail.coloured[c]
+        trail.after[n, c, 0] = x[i + 1]
+        for j in range(CAP):
+            trail.after[n, c, j + 1] = P[0, CAP * i + j]
+
+
+@njit(**_INLINE)
 def _write_state(x, P, row, x_out, var_out):
     for j in range(CAP + 1):
         x_out[row, j] = x[j]
@@ -1024,6 +1039,7 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
             _predict(P, c, top, h, imu.q_accel[i] if world.translation else 0.0, imu.q_gyro[i], world, phi, q)
             if trail.kept:
                 _keep_step(trail, n_steps, c, h, imu.q_accel[i], imu.q_gyro[i])
+                _keep_coloured(trail, n_steps, x, P)
                 n_steps += 1
             clock[0] = t_next
         if not to_event:

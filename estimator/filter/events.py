@@ -137,21 +137,24 @@ def stamps(flight: Flight, name: str) -> FloatArray:
 
 
 def variances(flight: Flight, name: str) -> FloatArray:
-    """(k, m) variances of the white noise of each reading of one sensor.
-
-    A magnetometer whose stamps are uncertain by s reads, besides, the field of another instant: (s |w| |m|)^2 / 2 on an
-    axis on average, w from the gyroscope.
-    """
-    model, streams = flight.model, flight.recording.streams
+    """(k, m) variances of the white noise of each reading of one sensor, of a magnetometer also `stamp_variances`."""
+    model = flight.model
     r = np.tile(np.diag(model.sensors[name].R), (len(stamps(flight, name)), 1))
     if name == "mag" and model.stamp_std > 0.0:
-        imu = streams["imu"]
-        rate = np.linalg.norm(imu.array(GYRO), axis=1)
-        w = np.interp(streams["mag"].t, imu.t, rate)
-        r += 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n))[:, None] ** 2
+        r += stamp_variances(flight)[:, None]
     if name in model.rounding:
         r += model.rounding[name][: r.shape[1]]
     return r
+
+
+def stamp_variances(flight: Flight) -> FloatArray:
+    """(k,) what a magnetometer whose stamps are uncertain by s reads besides, of the field of another instant:
+    (s |w| |m|)^2 / 2 on an axis on average, w from the gyroscope.
+    """
+    model, streams = flight.model, flight.recording.streams
+    imu = streams["imu"]
+    w = np.interp(streams["mag"].t, imu.t, np.linalg.norm(imu.array(GYRO), axis=1))
+    return 0.5 * (model.stamp_std * w * np.linalg.norm(model.m_n)) ** 2
 
 
 def with_variances(events: Events, flight: Flight) -> Events:

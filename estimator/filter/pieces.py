@@ -88,13 +88,19 @@ def part_of(inputs: RunInputs, i0: int, i1: int, x: FloatArray, P: FloatArray) -
     return replace(inputs, imu=table, events=_events_between(events, k0, k1), x=x, P=P, later=())
 
 
-def recorded(part: RunInputs, stride: int) -> tuple[CompiledRun, Trail]:
-    """A part run forwards, and what going through it backwards needs: all steps, where readings and samples are."""
+def recorded(part: RunInputs, stride: int, times: bool = False) -> tuple[CompiledRun, Trail]:
+    """A part run forwards, and what going through it backwards needs: all steps, where readings and samples are.
+
+    Parameters
+    ----------
+    times : whether it is asked for time constants, too
+    """
     from sinan.estimator.filter.compiled import CompiledRun
     from sinan.estimator.filter.engine_numba import Trail
 
     engine = CompiledRun(part, outputs_for(part, stride))
     K, samples, rows = len(part.events), len(part.imu), int(part.events.row[-1])
+    coloured = np.flatnonzero(engine.world.rate) if times else np.zeros(0, dtype=np.int64)
     trail = Trail(
         kept=True,
         steps=np.zeros((K + samples, 58)),
@@ -103,6 +109,8 @@ def recorded(part: RunInputs, stride: int) -> tuple[CompiledRun, Trail]:
         U=np.zeros((max(rows, 1), CAPACITY)),
         H=np.zeros((max(rows, 1), CAPACITY)),
         turn=np.zeros((max(K, 1), 3)),
+        coloured=coloured,
+        after=np.zeros((K + samples if len(coloured) else 1, len(coloured), CAPACITY + 1)),
     )
     engine.chunk(0, samples - 1, trail)
     steps = max(int(trail.step_of_imu[-1]), int(trail.step_of_event.max()))

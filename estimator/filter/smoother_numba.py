@@ -17,12 +17,15 @@ _OPTIONS = options()
 
 
 class By(NamedTuple):
-    """Derivatives of the likelihood by the noise of each component, of each interval of the IMU, of each bias."""
+    """Derivatives of the likelihood by the noise of each component, of each interval of the IMU, of each bias, and by
+    the time constant of each.
+    """
 
     r: FloatArray
     q_accel: FloatArray
     q_gyro: FloatArray
     bias: FloatArray
+    time: FloatArray
 
 
 @njit(**_OPTIONS)
@@ -275,6 +278,12 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
             by.bias[j] += walk2[j] * h * G[j, j]
         for j in range(15, states):
             by.bias[j] += q[j] * G[j, j]
+        for c in range(len(trail.coloured)):
+            j = trail.coloured[c]
+            value = -0.5 * walk2[j] / world.rate[j] * G[j, j]
+            for n in range(states):
+                value += G[j, n] * trail.after[s, c, n + 1]
+            by.time[j] += h * world.rate[j] * (r[j] * trail.after[s, c, 0] + 2.0 * value)
         _transposed_step(steps[s], r, phi)
         for j in range(states):
             _transposed_step(steps[s], G[j], phi)

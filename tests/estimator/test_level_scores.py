@@ -108,6 +108,16 @@ def test_biases_and_colour(
     assert found == pytest.approx(by_difference(recording, sensor, key), rel=AGREEMENT, abs=OF_ONE)
 
 
+@pytest.mark.parametrize(("sensor", "blocks"), [("gps", ("c_gps", "c_gps_velocity")), ("baro", ("c_baro",))])
+def test_time_constants(
+    recording: Recording, scored: tuple[RunInputs, LevelScores], sensor: str, blocks: tuple[str, ...]
+) -> None:
+    inputs, scores = scored
+    time = np.sum(scores.time_of_part, axis=0)
+    found = sum(float(np.sum(time[inputs.model.layout.slice(block)])) for block in blocks)
+    assert found == pytest.approx(by_difference(recording, sensor, "colour_time"), rel=AGREEMENT, abs=OF_ONE)
+
+
 def test_a_magnetometer_but_for_its_curvature(recording: Recording, scored: tuple[RunInputs, LevelScores]) -> None:
     expected = by_difference(recording, "mag", "noise_std")
     assert of_rows(*scored, "mag", slice(None)) == pytest.approx(expected, rel=CURVED, abs=OF_ONE)
