@@ -81,8 +81,8 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
     first_reading = K - np.cumsum([len(part.inputs.events) for part in reversed(parts)])[::-1]
     found = LevelScores(
         np.zeros(K), np.zeros(K), np.ones(K), np.zeros(len(inputs.events.z)), np.zeros(N - 1), np.zeros(N - 1),
-        np.zeros((len(parts), n)), np.zeros((len(parts), n)), np.array([part.i0 for part in parts]), first_reading, np.zeros((n, n)),
-        np.zeros(n),
+        np.zeros((len(parts), n)), np.zeros((len(parts), n)), np.array([part.i0 for part in parts]), first_reading,
+        np.zeros((n, n)), np.zeros(n),
     )  # fmt: skip
     r, G = np.zeros(CAPACITY), np.zeros((CAPACITY, CAPACITY))
     for number in reversed(range(len(parts))):
