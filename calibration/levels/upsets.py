@@ -81,7 +81,7 @@ def with_upsets(recording: Recording, levels: Levels) -> Levels:
         if doubted is None:
             break
         asked.add(doubted.t)
-        value, other = _likeliest_upset(levels, doubted.t, step, of)
+        value, other = _likeliest_upset(levels, doubted.t, step, (journal.t_start, journal.t_end), of)
         prior = float(np.log(RATE * step * APART / (len(ATTITUDE) * len(VELOCITY))))
         rivals = [journal.log_likelihood - prior, *map(log_likelihood, _jumps(inputs, journal, doubted))]
         if value > max(rivals):
@@ -102,8 +102,10 @@ def _most_doubted(journal: Journal, asked: Collection[float]) -> _Doubted | None
     return max((one for one in runs if one.t not in asked), key=lambda one: one.lost, default=None)
 
 
-def _likeliest_upset(levels: Levels, about: float, step: float, of: Callable[[Levels], float]) -> tuple[float, Levels]:
-    """Log-likelihood with the likeliest upset about an instant, and the levels with it."""
+def _likeliest_upset(
+    levels: Levels, about: float, step: float, within: tuple[float, float], of: Callable[[Levels], float]
+) -> tuple[float, Levels]:
+    """Log-likelihood with the likeliest upset about an instant, within the IMU's time, and the levels with it."""
 
     def tried(upset: Upset) -> tuple[float, Levels]:
         other = replace(levels, upsets=tuple(sorted((*levels.upsets, upset), key=lambda one: one.t)))
@@ -111,7 +113,8 @@ def _likeliest_upset(levels: Levels, about: float, step: float, of: Callable[[Le
 
     upset = Upset(about, *FIRST)
     for fixes in (INSTANTS, FINER):
-        upset = max((replace(upset, t=upset.t + step * k) for k in fixes), key=lambda one: tried(one)[0])
+        each = [replace(upset, t=upset.t + step * k) for k in fixes]
+        upset = max((one for one in each if within[0] < one.t < within[1]), key=lambda one: tried(one)[0])
     for key, sizes in (("velocity", VELOCITY), ("attitude", ATTITUDE)):
         upset = max((replace(upset, **{key: size}) for size in sizes), key=lambda one: tried(one)[0])
     return tried(upset)
