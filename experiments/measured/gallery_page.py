@@ -116,7 +116,7 @@ def section(one: Finding) -> list[str]:
     lines += [f"- {effect_line(effect)}" for effect in document["effects"]]
     lines.append(f"- held out: {held_out(one)}{_interval(one)}")
     lines += [f"- {twin_words(twin)}" for twin in document["twins"]]
-    if document["effects"]:
+    if document["effects"] and document["error"]["same_names_on_fitting_part"] is not None:
         same = "the same" if document["error"]["same_names_on_fitting_part"] else "other"
         lines.append(f"- the fitting part alone chooses {same} effects")
     lines += [

@@ -488,7 +488,7 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     """What could not be seen, and why."""
     page.heading("What remains")
     error = document["error"]
-    if document["effects"]:
+    if document["effects"] and error["same_names_on_fitting_part"] is not None:
         same = "the same" if error["same_names_on_fitting_part"] else "other"
         page.text(f"Fitted to one part of the data alone, the search chooses {same} effects.")
     for name in document["rolled_back"]:

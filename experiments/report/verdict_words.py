@@ -322,7 +322,7 @@ def lead(document: Mapping[str, Any]) -> str:
         sentences.append(f"The {worse} grows: treat the named effects with caution.")
     if document["verdict"] == "unexplained" and document["remaining"]:
         sentences.append('Something remains that no effect of the catalogue explains: see "What remains".')
-    if document["effects"] and not document["error"]["same_names_on_fitting_part"]:
+    if document["effects"] and document["error"]["same_names_on_fitting_part"] is False:
         sentences.append(
             "Fitted to one part of the data alone, the search chooses other effects: treat the names with caution."
         )

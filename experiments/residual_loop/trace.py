@@ -96,8 +96,12 @@ def _borne_out(
 
 def _is_confirmed(
     source: Source, selection: Selection, suspects: Sequence[tuple[Term, Statistic]], alpha: float
-) -> bool:
-    """Whether the fitting part alone chooses the same names; so where no effect changes a mean."""
+) -> bool | None:
+    """Whether the fitting part alone chooses the same names; so where no effect changes a mean. None where withheld
+    readings of all parts are the proof, each predicted without the part that it is in.
+    """
+    if source.is_predicting:
+        return None
     if not any(finding.term.in_mean for finding in selection.findings):
         return True
     given = {term: s.beta for term, s in suspects}

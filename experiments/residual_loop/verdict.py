@@ -96,7 +96,7 @@ class Verdict:
     effects : that pass their test on all data, in order of discovery
     proof : errors before and after, of the model with those that are reported
     same_names : whether the fitting part alone chooses the same names; where no effect changes a mean, nothing is to be
-        confirmed
+        confirmed; None: not asked
     twins : where the first has rivals, itself and each of them
     rolled_back : effects that passed the test but that the held-out part speaks against
     remaining : what the model that is reported leaves
@@ -106,7 +106,7 @@ class Verdict:
 
     effects: tuple[Named, ...]
     proof: Proof
-    same_names: bool
+    same_names: bool | None
     twins: tuple[Twin, ...]
     rolled_back: tuple[str, ...]
     remaining: tuple[Remaining, ...]
@@ -279,7 +279,7 @@ def joint(verdicts: Sequence[Verdict]) -> Verdict:
     return Verdict(
         tuple(effects),
         first.proof.with_nis_of([one.proof for one in verdicts]),
-        all(one.same_names for one in verdicts),
+        all(said) if (said := [one.same_names for one in verdicts if one.same_names is not None]) else None,
         first.twins,
         tuple(name for one in verdicts for name in one.rolled_back),
         tuple(item for one in verdicts for item in one.remaining),
