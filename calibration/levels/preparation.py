@@ -161,8 +161,8 @@ def level_notes(levels: Levels) -> list[str]:
         when = "late" if late >= 0.0 else "early"
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, by the likelihood")
     for upset in levels.upsets:
-        opened = f"attitude by {upset.attitude:g} rad, velocity by {upset.velocity:g} m/s"
-        lines.append(f"upset at {upset.t:.1f} s: {opened} (1 sigma) less known: fixes in a row were doubted")
+        grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
+        lines.append(f"upset at {upset.t:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(

@@ -35,7 +35,10 @@ FIRST = (0.3, 3.0)
 INSTANTS, FINER = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0), (-3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0)
 #: So many fixes belong to each instant that is tried, about the best.
 APART = 0.5
-#: Runs of doubted fixes that are looked at, those first that cost most: bound of work (`test_upsets`).
+#: Fixes that tell the time between fixes, and that two of them are in a row.
+LEAST = 3
+#: Runs of doubted fixes that are looked at, those first that cost most: bound of work (`test_upsets`, of a log with one
+#: upset); a log that has more keeps six.
 MOST = 6
 
 
@@ -56,14 +59,18 @@ class _Doubted:
 
 
 def with_upsets(recording: Recording, levels: Levels) -> Levels:
-    """Levels with the upsets that make a log likelier; as they are where no place is measured or noise is declared.
+    """Levels with the upsets that make a log likelier; where no place is measured, or all noise is declared, as they
+    are.
 
-    Neglects that other sizes of noise follow from them.
+    Neglects that other sizes of noise follow from them, and receivers that err otherwise than by a jump: where one
+    drifts, or its velocity is wrong for seconds, upsets are found that are none.
     """
     if "gps" not in recording.streams or levels.tail is None:
         return levels
+    if len(recording.streams["gps"]) < LEAST:
+        return levels
     readings = Readings.of(levels.flight(recording))
-    step, asked = float(np.median(np.diff(recording.streams["gps"].t, append=np.inf))), set[float]()
+    step, asked = float(np.median(np.diff(recording.streams["gps"].t))), set[float]()
 
     def log_likelihood(inputs: RunInputs) -> float:
         try:

@@ -134,12 +134,14 @@ def imu_table(flight: Flight, samples: ImuSamples | None = None) -> ImuTable:
 
 
 def _upset(table: ImuTable, upsets: Sequence[Upset]) -> ImuTable:
-    """The table with what the motion is open by at some instants, in the intervals that these are in."""
+    """The table with what the motion is open by at some instants, in the intervals that these are in, if any."""
     if not upsets:
         return table
     t, q_accel, q_gyro = table.t, table.q_accel.copy(), table.q_gyro.copy()
     for one in upsets:
-        k = int(np.clip(np.searchsorted(t, one.t, side="right") - 1, 0, len(t) - 2))
+        k = int(np.searchsorted(t, one.t, side="right")) - 1
+        if not 0 <= k < len(t) - 1:
+            continue
         q_accel[k] += one.velocity**2 / (t[k + 1] - t[k])
         q_gyro[k] += one.attitude**2 / (t[k + 1] - t[k])
     return replace(table, q_accel=q_accel, q_gyro=q_gyro)

@@ -11,11 +11,12 @@ from sinan.calibration.levels import upsets
 from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.flight_model import Upset
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import POSITION, Recording, Stream
+from sinan.sensors.recording import POSITION, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.estimator.analytic_flight import fly
 
@@ -80,6 +81,26 @@ def test_a_calm_log_and_a_receiver_that_jumps_have_none(calm: Recording) -> None
     for recording in (calm, jumped, gone):
         levels = levels_of(recording)
         assert with_upsets(recording, levels) is levels
+
+
+def test_two_fixes_tell_no_time_between_fixes(calm: Recording) -> None:
+    gps = calm.streams["gps"]
+    few = calm.replace(
+        sensors={"gps": SensorSpec(noise_std=0.5, velocity_noise_std=0.1, bias_std=0.0, bias_walk=0.0)},
+        streams={
+            **calm.streams,
+            "gps": with_column(calm, "gps", POSITION[0], 300.0 * (gps.t > gps.t[0])).streams["gps"].rows(slice(0, 2)),
+        },
+    )
+    assert with_upsets(few, levels_of(few)).upsets == ()
+
+
+def test_an_upset_outside_a_table_is_in_none_of_its_intervals(calm: Recording) -> None:
+    levels = levels_of(calm)
+    plain = imu_table(levels.flight(calm))
+    table = imu_table(replace(levels, upsets=(Upset(-30.0, 1.0, 1.0), Upset(1000.0, 1.0, 1.0))).flight(calm))
+    assert np.array_equal(table.q_gyro, plain.q_gyro)
+    assert np.array_equal(table.q_accel, plain.q_accel)
 
 
 def test_what_declares_its_noise_or_measures_no_place_is_left_alone(shaken: Recording) -> None:
