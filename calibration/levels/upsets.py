@@ -3,29 +3,33 @@
 The model knows the noise of an IMU and the colour of a compass at any moment alike. What is worse for an instant leaves
 a filter that is sure of a wrong attitude; from then on its positions err by more than it can believe, and it takes the
 fixes for the outliers. So the motion may be upset: at an instant attitude and velocity are open again, by sizes that
-are sought. When and by how much is a hypothesis about the log. Upsets are a Poisson process; where fixes in a row are
-doubted, one is in the model if it makes the log likelier than none does, and likelier than that the receiver jumped,
-which is an effect (`gps.step`, `gps.transient`) for a trace to find.
+are sought. When and by how much is a hypothesis about the log. Its rival is a lapse of the receiver, whose error walks
+for a while: it jumps, drifts, or tells a velocity that is none, and is no matter of the motion. Both are Poisson
+processes; where fixes in a row are doubted, an upset is in the model if it makes the log likelier than a lapse does,
+and than neither.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.fit import Levels
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.flight_model import Upset
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
-from sinan.sensors.arrays import runs_of
+from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording
 
-#: Upsets of a vehicle [1/s]: a choice, one in an hour; ten times as many are worth 2.3 of log L.
+#: Upsets of a vehicle, and lapses of a receiver [1/s]: a choice, one in an hour; ten times as many are worth 2.3 of
+#: log L.
 RATE = 1.0 / 3600.0
 #: Sizes that are tried: of the attitude [rad] and of the velocity [m/s]; a log tells nothing finer of one instant.
 ATTITUDE, VELOCITY = (0.1, 0.3, 1.0), (0.0, 1.0, 3.0, 10.0)
@@ -35,6 +39,12 @@ FIRST = (0.3, 3.0)
 INSTANTS, FINER = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0), (-3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0)
 #: So many fixes belong to each instant that is tried, about the best.
 APART = 0.5
+#: A fix is doubted where its noise is taken for so many times the nominal one: it counts less than what is known.
+DOUBTED = 2.0
+#: Steps of a receiver that errs, in units of its white noise: a choice, to a hundred times it.
+STEPS = 2.0 ** np.arange(8)
+#: Upsets that are sought about one run of doubted fixes: bound of work (`test_upsets`, a turn of 1.8 rad).
+IN_A_ROW = 3
 #: Fixes that tell the time between fixes, and that two of them are in a row.
 LEAST = 3
 #: Runs of doubted fixes that are looked at, those first that cost most: bound of work (`test_upsets`, of a log with one
@@ -43,100 +53,170 @@ MOST = 6
 
 
 @dataclass(frozen=True)
-class _Doubted:
-    """Fixes in a row that are doubted more than believed.
+class _Lapse:
+    """Fixes in a row that tell nothing of the motion, since the receiver errs.
 
     Attributes
     ----------
-    rows : of the events, from the one before the first on
-    t : of the first [s]
-    lost : sum of the logarithms of what their weights lack
+    rows : (k,) of the events
+    off : (3,) by how much the positions of all later fixes are off [m]
     """
 
-    rows: tuple[int, ...]
-    t: float
-    lost: float
+    rows: IntArray
+    off: FloatArray
+
+
+@dataclass(frozen=True)
+class _Log:
+    """What a filter runs on at any levels, but for the lapses of the receiver that were found.
+
+    Attributes
+    ----------
+    step : between fixes [s]
+    """
+
+    recording: Recording
+    readings: Readings
+    step: float
+    lapses: tuple[_Lapse, ...] = ()
+
+    def inputs(self, levels: Levels) -> RunInputs:
+        """Of a run."""
+        return _with_lapses(self.readings.inputs(levels.flight(self.recording)), self.lapses)
+
+    def run(self, levels: Levels) -> Journal | None:
+        """A run; None where no state follows from these levels."""
+        try:
+            return run(self.inputs(levels), "numba", 0)
+        except InputError:
+            return None
 
 
 def with_upsets(recording: Recording, levels: Levels) -> Levels:
     """Levels with the upsets that make a log likelier; where no place is measured, or all noise is declared, as they
     are.
 
-    Neglects that other sizes of noise follow from them, and receivers that err otherwise than by a jump: where one
-    drifts, or its velocity is wrong for seconds, upsets are found that are none.
+    Neglects that other sizes of noise follow from them. A lapse of the receiver that is likelier than upsets is in the
+    model while further ones are sought, not in the levels.
     """
-    if "gps" not in recording.streams or levels.tail is None:
+    if "gps" not in recording.streams or levels.tail is None or len(recording.streams["gps"]) < LEAST:
         return levels
-    if len(recording.streams["gps"]) < LEAST:
-        return levels
-    readings = Readings.of(levels.flight(recording))
-    step, asked = float(np.median(np.diff(recording.streams["gps"].t))), set[float]()
-
-    def log_likelihood(inputs: RunInputs) -> float:
-        try:
-            return run(inputs, "numba", 0).log_likelihood
-        except InputError:  # no state follows from that
-            return -np.inf
-
-    def of(one: Levels) -> float:
-        return log_likelihood(readings.inputs(one.flight(recording)))
-
+    step = float(np.median(np.diff(recording.streams["gps"].t)))
+    log, refused = _Log(recording, Readings.of(levels.flight(recording)), step), list[IntArray]()
     for _ in range(MOST):
-        inputs = readings.inputs(levels.flight(recording))
+        inputs = log.inputs(levels)
         journal = run(inputs, "numba", 0)
-        doubted = _most_doubted(journal, asked)
-        if doubted is None:
+        rows = _most_doubted(journal, refused)
+        if not len(rows):
             break
-        asked.add(doubted.t)
-        value, other = _likeliest_upset(levels, doubted.t, step, (journal.t_start, journal.t_end), of)
-        prior = float(np.log(RATE * step * APART / (len(ATTITUDE) * len(VELOCITY))))
-        rivals = [journal.log_likelihood - prior, *map(log_likelihood, _jumps(inputs, journal, doubted))]
-        if value > max(rivals):
+        erred, lapse = _likeliest_lapse(inputs, rows)
+        erred += float(np.log(RATE * step))
+        upset, other = _likeliest_upsets(log, levels, journal, refused, erred)
+        if max(upset, erred) <= journal.log_likelihood:
+            refused.append(rows)
+        elif upset > erred:
             levels = other
+        else:
+            log = replace(log, lapses=(*log.lapses, lapse))
     return levels
 
 
-def _most_doubted(journal: Journal, asked: Collection[float]) -> _Doubted | None:
-    """The run of doubted fixes, of those that were not asked yet, that costs most of the likelihood."""
+def _most_doubted(journal: Journal, refused: Sequence[IntArray]) -> IntArray:
+    """(k,) events of the fixes in a row that are doubted most, by what their weights lack in all; none: no two."""
     mine = np.flatnonzero((journal.sensor == journal.sensors.index("gps")) & journal.accepted)
-    weight = 1.0 / journal.model.spread("gps", journal.nis[mine])
-    lost = -np.log(weight)
-    runs = [
-        _Doubted(tuple(mine[max(a - 1, 0) : b].tolist()), float(journal.t[mine[a]]), float(np.sum(lost[a:b])))
-        for a, b in runs_of(weight < 0.5)
-        if b - a > 1
-    ]
-    return max((one for one in runs if one.t not in asked), key=lambda one: one.lost, default=None)
-
-
-def _likeliest_upset(
-    levels: Levels, about: float, step: float, within: tuple[float, float], of: Callable[[Levels], float]
-) -> tuple[float, Levels]:
-    """Log-likelihood with the likeliest upset about an instant, within the IMU's time, and the levels with it."""
-
-    def tried(upset: Upset) -> tuple[float, Levels]:
-        other = replace(levels, upsets=tuple(sorted((*levels.upsets, upset), key=lambda one: one.t)))
-        return of(other), other
-
-    upset = Upset(about, *FIRST)
-    for fixes in (INSTANTS, FINER):
-        each = [replace(upset, t=upset.t + step * k) for k in fixes]
-        upset = max((one for one in each if within[0] < one.t < within[1]), key=lambda one: tried(one)[0])
-    for key, sizes in (("velocity", VELOCITY), ("attitude", ATTITUDE)):
-        upset = max((replace(upset, **{key: size}) for size in sizes), key=lambda one: tried(one)[0])
-    return tried(upset)
-
-
-def _jumps(inputs: RunInputs, journal: Journal, doubted: _Doubted) -> list[RunInputs]:
-    """The same readings without a jump of the receiver's, that begins with one of the first doubted fixes: it is what
-    that fix is off by, and is over with the last doubted one or stays.
-    """
-    events, stream, found = inputs.events, journal.stream("gps"), []
-    later = np.flatnonzero((events.sensor == journal.sensors.index("gps")) & journal.accepted)
-    for first in doubted.rows[:3]:
-        off = stream.nu[stream.index == events.index[first]][0, :3]
-        for last in (doubted.rows[-1], later[-1]):
-            z = events.z.copy()
-            z[events.row[later[(later >= first) & (later <= last)]][:, None] + np.arange(3)] -= off
-            found.append(replace(inputs, events=replace(events, z=z)))
+    doubt = np.log(journal.model.spread("gps", journal.nis[mine])) - np.log(DOUBTED)
+    doubt[np.isin(mine, np.concatenate([*refused, np.zeros(0, dtype=np.int64)]))] = -np.inf
+    best, begin, total, found = 0.0, 0, 0.0, mine[:0]
+    for k, one in enumerate(doubt):
+        if total <= 0.0:
+            begin, total = k, 0.0
+        total += one
+        if total > best and k > begin:
+            best, found = total, mine[begin : k + 1]
     return found
+
+
+def _likeliest_upsets(
+    log: _Log, levels: Levels, journal: Journal, refused: Sequence[IntArray], rival: float
+) -> tuple[float, Levels]:
+    """Log-likelihood and prior with the likeliest upset of the fixes that are doubted most, and the levels with it.
+
+    A large turn is more than one opening of a linearised filter can tell; so where the upset is likelier than none but
+    not than a rival, another is sought behind it.
+    """
+    value = journal.log_likelihood
+    prior = float(np.log(RATE * log.step * APART / (len(ATTITUDE) * len(VELOCITY))))
+    for _ in range(IN_A_ROW):
+        rows = _most_doubted(journal, refused)
+        if not len(rows):
+            break
+        found, other = _likeliest_upset(log, levels, journal, float(journal.t[rows[0]]))
+        if found.log_likelihood + prior <= journal.log_likelihood:
+            break
+        value, levels, journal = value + found.log_likelihood + prior - journal.log_likelihood, other, found
+        if value > rival:
+            break
+    return value, levels
+
+
+def _likeliest_upset(log: _Log, levels: Levels, journal: Journal, about: float) -> tuple[Journal, Levels]:
+    """The run with the likeliest further upset about an instant, within the IMU's time, and the levels with it; the
+    first that is tried, where none of those gains.
+    """
+
+    def tried(upset: Upset) -> tuple[float, Journal, Levels]:
+        other = replace(levels, upsets=tuple(sorted((*levels.upsets, upset), key=lambda one: one.t)))
+        found = log.run(other)
+        return (-np.inf, journal, levels) if found is None else (found.log_likelihood, found, other)
+
+    def likeliest(upsets: Iterable[Upset]) -> tuple[Upset, tuple[float, Journal, Levels]]:
+        within = [one for one in upsets if journal.t_start < one.t < journal.t_end]
+        return max(((one, tried(one)) for one in within), key=lambda one: one[1][0])
+
+    upset, best = likeliest(Upset(about + log.step * k, *FIRST) for k in INSTANTS)
+    if best[0] > journal.log_likelihood:
+        upset, best = likeliest(replace(upset, t=upset.t + log.step * k) for k in FINER)
+        upset, best = likeliest(replace(upset, velocity=size) for size in VELOCITY)
+        upset, best = likeliest(replace(upset, attitude=size) for size in ATTITUDE)
+    return best[1:]
+
+
+def _likeliest_lapse(inputs: RunInputs, rows: IntArray) -> tuple[float, _Lapse]:
+    """Log-likelihood where the receiver erred in some fixes, its positions being right or as wrong as before after it.
+
+    What they are off by, against the motion that all other readings tell, walks: each component's steps from one to
+    the next are by Student's law, of the likeliest of some sizes.
+    """
+    events = inputs.events
+    back = _Lapse(rows, np.zeros(3))
+    journal = run(_with_lapses(inputs, [back]), "numba", 0)
+    stream = journal.stream("gps")
+    off = stream.nu[np.isin(stream.events, rows)]
+    white = np.sqrt(np.mean(events.r[events.row[rows][:, None] + np.arange(off.shape[1])], axis=0))
+    law, path = student_t(journal.model.tail_of("gps")), np.concatenate([np.zeros((1, len(white))), off])
+
+    def walked(path: FloatArray) -> float:
+        size = white * np.sqrt(2.0) * STEPS[:, None, None]
+        density = np.sum(law.logpdf(np.diff(path, axis=0) / size) - np.log(size), axis=1)
+        return float(np.sum(np.max(density, axis=0) - np.log(len(STEPS))))
+
+    stays = _Lapse(rows, off[-1, :3])
+    after = run(_with_lapses(inputs, [stays]), "numba", 0)
+    return max(
+        (journal.log_likelihood + walked(np.concatenate([path, path[:1]])), back),
+        (after.log_likelihood + walked(path), stays),
+        key=lambda one: one[0],
+    )
+
+
+def _with_lapses(inputs: RunInputs, lapses: Sequence[_Lapse]) -> RunInputs:
+    """The same without the fixes in which the receiver errs, and the later ones where the motion has them."""
+    if not lapses:
+        return inputs
+    events = inputs.events
+    status, z = events.status.copy(), events.z.copy()
+    fixes = np.flatnonzero(events.sensor == events.sensors.index("gps"))
+    for lapse in lapses:
+        status[lapse.rows] = WITHHELD
+        z[events.row[fixes[fixes > lapse.rows[-1]]][:, None] + np.arange(3)] -= lapse.off
+    return replace(inputs, events=replace(events, status=status, z=z))

@@ -16,8 +16,9 @@ from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import POSITION, Recording, SensorSpec, Stream
+from sinan.sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
+from tests.calibration.upset_study import SHOCKS, minutes
 from tests.estimator.analytic_flight import fly
 
 #: When the gyroscope reads a turn that is none [s], and how large it is [rad].
@@ -83,6 +84,30 @@ def test_a_calm_log_and_a_receiver_that_jumps_have_none(calm: Recording) -> None
         assert with_upsets(recording, levels) is levels
 
 
+def erring(recording: Recording, every: int, kind: str) -> Recording:
+    """One fix of `every`, of a receiver that drifts by 60 m and comes back, or tells a false velocity for 8 s."""
+    gps = recording.streams["gps"].rows(slice(None, None, every))
+    one = recording.replace(streams={**recording.streams, "gps": gps})
+    if kind == "drift":
+        return with_column(one, "gps", POSITION[0], np.interp(gps.t, [20.0, 30.0, 35.0, 45.0], [0.0, 60.0, 60.0, 0.0]))
+    return with_column(one, "gps", VELOCITY[0], 5.0 * ((gps.t > 30.0) & (gps.t < 38.0)))
+
+
+@pytest.mark.parametrize("kind", ["drift", "velocity"])
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_receiver_that_drifts_or_tells_a_false_velocity_is_no_upset(calm: Recording, every: int, kind: str) -> None:
+    recording = erring(calm, every, kind)
+    levels = levels_of(recording)
+    assert run(prepare(levels.flight(recording)), "numba", 0).nis_per_dof()["gps"] > 3.0
+    assert with_upsets(recording, levels) is levels
+
+
+def test_a_shock_is_found_beside_a_receiver_that_jumped_before(shaken: Recording) -> None:
+    t = shaken.streams["gps"].t
+    both = with_column(shaken, "gps", POSITION[1], 30.0 * ((t > 10.0) & (t < 16.0)))
+    assert [one.t for one in with_upsets(both, levels_of(both)).upsets] == [pytest.approx(SHOCK, abs=1.0)]
+
+
 def test_two_fixes_tell_no_time_between_fixes(calm: Recording) -> None:
     gps = calm.streams["gps"]
     few = calm.replace(
@@ -131,3 +156,21 @@ def test_an_upset_adds_its_variances_to_the_interval_that_it_is_in(shaken: Recor
         assert len(k) == 1
         assert table.t[k[0]] <= upset.t < table.t[k[0] + 1]
         assert added[k[0]] * h[k[0]] == pytest.approx(size**2)
+
+
+def test_a_turn_of_more_than_one_opening_can_tell(calm: Recording, flown: tuple[Recording, FloatArray]) -> None:
+    t = calm.streams["imu"].t
+    pulse = ((t >= SHOCK) & (t < SHOCK + 0.1)).astype(float)
+    rolled = with_column(calm, "imu", "gyro_x", pulse * 1.83 / (np.sum(pulse) * float(np.median(np.diff(t)))))
+    levels = levels_of(rolled)
+    found = with_upsets(rolled, levels)
+    before, after = (attitude_error(rolled, one, flown[1], SHOCK + 5.0) for one in (levels, found))
+    assert after < 0.3 * before
+
+
+def test_upsets_are_told_from_a_receiver_that_errs() -> None:
+    """Of minutes that had no part in the rule; `python -m tests.calibration.upset_study` has more of them."""
+    drawn = list(minutes(20, np.random.default_rng(5)))
+    found = [(one.kind in SHOCKS, bool(with_upsets(one.recording, one.levels).upsets)) for one in drawn]
+    assert all(upset for shock, upset in found if shock)
+    assert sum(upset for shock, upset in found if not shock) <= 0.15 * len(found)
