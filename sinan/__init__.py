@@ -5,7 +5,7 @@
     >>> axes = result.plot_biases()
 
 `sinan.__all__` is the public interface: names in it keep their meaning from one version to the next. Each name is
-loaded when it is first used.
+loaded when it is first used. `sinan.__version__` is the version installed.
 """
 
 from importlib import import_module
@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from sinan.sensors.recording import Recording as Recording
     from sinan.sensors.sonar import Sonar as Sonar
 
+    __version__: str
+
 #: Where each name of the face is: module, and the name there where it is another.
 _FACE: dict[str, tuple[str, str]] = {
     "read": ("experiments.answers.recordings", "read"),
@@ -96,6 +98,10 @@ __all__ = [*_FACE]
 
 def __getattr__(name: str) -> object:
     """A name of the face, loaded when it is first asked for."""
+    if name == "__version__":
+        from sinan.experiments.report.made import sinan_version
+
+        return sinan_version()
     if name not in _FACE:
         from difflib import get_close_matches
 
@@ -110,4 +116,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_FACE})
+    return sorted({*globals(), *_FACE, "__version__"})

@@ -14,7 +14,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("sinan", "sensors", "estimator", "calibration", "experiments")
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = SETTINGS["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 OURS = re.compile(r"sinan-nav\[[\w,]+\]")
 FLOOR = re.compile(r"([\w-]+)>=(\d+(?:\.\d+)*)")
@@ -69,3 +70,10 @@ def test_every_library_that_is_imported_is_named() -> None:
 def test_python_itself_has_a_floor() -> None:
     assert PROJECT["requires-python"] == ">=3.11"
     assert "python3.11" in (ROOT / ".ci" / "lowest").read_text()
+
+
+def test_a_build_without_a_tag_sorts_before_the_release_that_comes_next() -> None:
+    """Which is the first that the changelog has; a fallback of 0.1.0 alone made builds of 0.1.1.dev, after it."""
+    heading = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert heading is not None
+    assert SETTINGS["tool"]["setuptools_scm"]["fallback_version"] == f"{heading[1]}.dev0"

@@ -15,11 +15,11 @@ _BLOCK = 1 << 20  # bytes read at a time
 
 
 def sinan_version() -> str:
-    """The version installed; of a folder that was never installed, none."""
+    """The version installed; of a folder that was never installed, `0+unknown`, which sorts before every release."""
     try:
         return version("sinan-nav")
     except PackageNotFoundError:
-        return "(not installed)"
+        return "0+unknown"
 
 
 def command() -> str:

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,6 +18,7 @@ from matplotlib import pyplot
 
 import sinan
 from sinan.experiments.answers.asked import Answer
+from sinan.experiments.report import made
 from sinan.sensors.effects import own
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import write_recording
@@ -67,6 +69,18 @@ def test_types_and_names_of_the_face_are_those_that_are_loaded() -> None:
     assert seen.pop("testing") == ("", "testing")
     assert seen == {name: place for name, place in sinan._FACE.items() if name != "testing"}
     assert set(sinan.__all__) <= set(dir(sinan))
+
+
+def test_the_version_is_that_installed_and_loads_as_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "import sys, sinan; print(sinan.__version__, not {'numpy', 'matplotlib'} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert run.stdout.split() == [version("sinan-nav"), "True"]
+
+    def nothing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(made, "version", nothing)
+    assert sinan.__version__ == "0+unknown"
 
 
 def test_a_name_that_is_not_there_says_which_is() -> None:
