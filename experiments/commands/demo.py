@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
+from sinan.experiments.answers.asked import Asked
+from sinan.experiments.answers.traces import document_of
 from sinan.experiments.calibrate import as_json, calibrate_triad
 from sinan.experiments.report.calibration_words import summary, warnings_of
 from sinan.experiments.report.files import write_json
 from sinan.experiments.report.page import png
 from sinan.experiments.report.trace_page import trace_figures, trace_page
 from sinan.experiments.report.trace_words import parameter_rows
-from sinan.experiments.report.verdict_words import Log, trace_summary, worded
+from sinan.experiments.report.verdict_words import trace_summary
 from sinan.experiments.report.words import trace_call
 from sinan.experiments.residual_loop.open_source import pose_source, triad_readings
-from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.review.drawing import drawn
 from sinan.experiments.review.of_answers import review_of_trace
-from sinan.experiments.review.unseen import not_seen
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.errors import InputError
@@ -73,10 +73,9 @@ def demonstrate(
     say(summary("mag", {**as_json("mag", calibration), **said}))
     source = pose_source(recording, "mag")
     traced = Traced.alone(source, trace(source))
-    document = worded(report(traced), log=Log(log))
+    document = document_of(recording, traced, Asked(input=log))
     say("\nIts residual, traced:")
     say(trace_summary(document))
-    document["not_seen"] = not_seen(recording, document)
     trace_page(out / f"{name}.html", traced, document, hidden, drawn(review_of_trace(recording, traced, document)))
     for figure, (drawing, _) in trace_figures(traced, document).items():
         write_bytes(out / f"{name}_{figure}.png", png(drawing))

@@ -132,7 +132,16 @@ def load_dataset(name: str) -> Dataset:
     """
     if name not in dataset_names():
         raise InputError(name, "no such data set", "one of " + ", ".join(dataset_names()))
-    table = load_toml(HERE / name / "dataset.toml")
+    return dataset_of(load_toml(HERE / name / "dataset.toml"), name)
+
+
+def dataset_of(table: Table, name: str) -> Dataset:
+    """The data set that a `dataset.toml` describes.
+
+    Raises
+    ------
+    InputError : names the key, what was found, what was expected
+    """
     files, maps = table.table("files"), table.table("maps")
     dataset = Dataset(
         name=name,

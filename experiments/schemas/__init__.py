@@ -1,4 +1,4 @@
-"""JSON Schemas (draft 2020-12) of what the commands write as JSON and of the TOML files that are read."""
+"""JSON Schemas (draft 2020-12) of what the commands write as JSON and of the files that are read."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ def titles() -> dict[str, str]:
     """The schemas by name, and of what they are."""
     from sinan.experiments.schemas.inputs import READ
     from sinan.experiments.schemas.outputs import sections
+    from sinan.experiments.schemas.outputs import title as title_of
 
-    written = {name: f"what `sinan {name.replace('-', ' ', 1)}` writes as JSON" for name in sections()}
-    return written | {name: title for name, (title, _) in READ.items()}
+    return {name: title_of(name) for name in sections()} | {name: title for name, (title, _) in READ.items()}
 
 
 def schema(name: str) -> dict[str, Any]:
@@ -23,11 +23,11 @@ def schema(name: str) -> dict[str, Any]:
     ------
     InputError : no such schema
     """
-    from sinan.experiments.schemas.inputs import READ
+    from sinan.experiments.schemas.inputs import READ, described
     from sinan.experiments.schemas.outputs import document
     from sinan.sensors.errors import InputError
 
     if name not in titles():
         raise InputError(name, "no such schema", "one of " + ", ".join(titles()))
-    inner = READ[name][1]() if name in READ else document(name)
+    inner = described(READ[name][1]()) if name in READ else document(name)
     return {"$schema": DRAFT, "title": titles()[name], **inner}

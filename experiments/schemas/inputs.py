@@ -1,18 +1,24 @@
-"""JSON Schemas of the TOML files that are read: what their readers ask for.
+"""JSON Schemas of the files that are read: what their readers ask for.
 
 A `Table` notes every key that its reader asks for, with types and bounds, so that a reader that runs over a file with
 every table leaves the schema of all such files behind. What a reader checks besides (keys that exclude one another) is
-not in it.
+not in it. What keys mean is in the last table of `keys.md`, where they are in it.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from sinan.experiments.datasets.registry import dataset_of
 from sinan.experiments.gnss import simulated as ranges_of
 from sinan.experiments.scenarios import loader
+from sinan.experiments.schemas.outputs import FILES_READ, PAGE, rows
+from sinan.experiments.student_labs import TITLES
+from sinan.experiments.student_labs.lab import lab_of
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.header import SENSOR_KEYS
 from sinan.sensors.formats.map_file import map_of
@@ -76,6 +82,53 @@ def ranges() -> Schema:
     return table.schema
 
 
+def dataset() -> Schema:
+    """Of `dataset.toml`."""
+    table = Table("", {"files": {"*": {}}, "maps": {"*": ""}})
+    dataset_of(table, "")
+    return _any_name(table.schema)
+
+
+def lab_answer() -> Schema:
+    """Of the `answer.json` of a lab: the questions of all labs, each with as many numbers as one of them asks for."""
+    asked: Schema = {}
+    for lab in TITLES:
+        for question in lab_of(lab).questions:
+            said = {"description": f"of the lab `{lab}`", **_numbers(question.size)}
+            asked.setdefault(question.name, {"anyOf": []})["anyOf"].append(said)
+    return {"type": ["object"], "properties": asked}
+
+
+def _numbers(size: int) -> Schema:
+    return {
+        "type": ["array", "number"] if size == 1 else ["array"],
+        "items": {"type": "number"}, "minItems": size, "maxItems": size,
+    }  # fmt: skip
+
+
+def described(schema: Schema, path: str = "") -> Schema:
+    """The schema with what its keys mean."""
+    for name, inner in schema.get("properties", {}).items():
+        key = f"{path}.{name}" if path else name
+        if meaning := next((said for pattern, said in _meanings() if pattern.fullmatch(key)), ""):
+            inner["description"] = meaning
+        described(inner, key)
+    for inner in schema.get("anyOf", ()):
+        described(inner, path)
+    for inner in (schema.get("items"), schema.get("additionalProperties")):
+        if isinstance(inner, dict):
+            described(inner, f"{path}.*")
+    return schema
+
+
+@cache
+def _meanings() -> list[tuple[re.Pattern[str], str]]:
+    """The paths of keys, `*` for any name, with what they mean."""
+    text = PAGE.read_text(encoding="utf-8").split(FILES_READ)[1]
+    said = [(path, meaning) for paths, meaning in rows(text) for path in re.findall(r"`([^`]+)`", paths)]
+    return [(re.compile(re.escape(path).replace(r"\*", "[^.]+")), meaning) for path, meaning in said]
+
+
 def _any_name(schema: Schema) -> Schema:
     """Of tables by names that the file gives, each like the one called `*`."""
     properties = schema.get("properties", {})
@@ -100,4 +153,6 @@ READ: dict[str, tuple[str, Callable[[], Schema]]] = {
     "map.toml": ("how a log is read: `--map FILE`", log_map),
     "scenario.toml": ("a scenario of `sinan simulate`", scenario),
     "ranges.toml": ("a scenario of `sinan ranges`", ranges),
+    "dataset.toml": ("what is known of a data set: `dataset.toml`", dataset),
+    "answer.json": ("a student's answer, which `sinan lab check` reads", lab_answer),
 }

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 PAGE = Path(__file__).with_name("keys.md")
+#: The heading under which the keys of files that are read stand.
+FILES_READ = "\n## Files that are read\n"
 _TYPES = {
     "number": "number",
     "whole": "integer",
@@ -20,18 +22,33 @@ _TYPES = {
 
 
 @cache
-def sections() -> dict[str, str]:
-    """The tables of each document as they stand on the page, by its name."""
-    parts = re.split(r"^## `sinan ([^`]+)`$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+def sections() -> dict[str, tuple[str, str]]:
+    """The tables of each document as they stand on the page, by its name: the heading, and what is below it.
+
+    `sinan trace` is called trace, `index.json` of `sinan blind` is called blind-index.
+    """
+    parts = re.split(r"^## (`sinan .+`)$", PAGE.read_text(encoding="utf-8").split(FILES_READ)[0], flags=re.MULTILINE)
+    named = {"-".join(re.findall("[a-z]+", head.replace(".json", ""))[1:]): head for head in parts[1::2]}
     return {
-        name.replace(" ", "-"): text for name, text in zip(parts[1::2], parts[2::2], strict=True) if "| key" in text
+        name: (head, text) for (name, head), text in zip(named.items(), parts[2::2], strict=True) if "| key" in text
     }
+
+
+def title(name: str) -> str:
+    """What one document is."""
+    command, _, file = sections()[name][0].partition(": ")
+    return f"{file} of {command}" if file else f"what {command} writes as JSON"
+
+
+def rows(text: str) -> list[tuple[str, str]]:
+    """The keys of a table with their meaning."""
+    return re.findall(r"^\| (`.*`) \| (.*) \|$", text, re.MULTILINE)
 
 
 def document(name: str) -> dict[str, Any]:
     """The schema of one document."""
     schema = _object({})
-    for keys, meaning in re.findall(r"^\| (`.*`) \| (.*) \|$", sections()[name], re.MULTILINE):
+    for keys, meaning in rows(sections()[name][1]):
         said = [key.partition(": ") for key in re.findall(r"`([^`]+)`", keys)]
         for k, (path, _, _) in enumerate(said):
             _add(schema, path, next(kind for _, _, kind in said[k:] if kind), meaning)

@@ -47,6 +47,7 @@ from sinan.experiments.blind.rates import (
     text,
 )
 from sinan.sensors.errors import InputError
+from tests.experiments.conftest import require_fit
 
 SEED = 2
 #: Of 24 poses of seeds 1 and 2 one each fails: wrong readings that lie across the field, so that its norm does not show
@@ -220,7 +221,9 @@ def test_worlds_are_apart() -> None:
 
 def test_document_is_json_without_nan() -> None:
     document = as_json([FOUND, CLEAN, STRANGE])
-    assert json.loads(json.dumps(document, allow_nan=False))["rates"] == document["rates"]
+    read = json.loads(json.dumps(document, allow_nan=False))
+    assert read["rates"] == document["rates"]
+    require_fit("blind", read)
 
 
 def test_rates_in_words() -> None:

@@ -16,6 +16,7 @@ from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.commands.cli import _spread
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.errors import InputError
+from tests.experiments.conftest import require_fit
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -126,6 +127,10 @@ def test_demo_writes_pages_and_figures(tmp_path: Path) -> None:
     assert str(tmp_path / "out") in result.stdout
     assert (tmp_path / "out" / "simulated.html").stat().st_size > 50_000
     assert (tmp_path / "out" / "simulated_residuals.png").read_bytes().startswith(b"\x89PNG")
+    documents = [*(tmp_path / "out").glob("*.json")]
+    assert tmp_path / "out" / "simulated.json" in documents
+    for path in documents:
+        require_fit("trace", json.loads(path.read_text(encoding="utf-8")))
 
 
 @pytest.mark.parametrize(

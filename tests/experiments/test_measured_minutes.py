@@ -68,6 +68,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, Environment, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.vibration import vibration_power
 from sinan.sensors.window import between
+from tests.experiments.conftest import require_fit
 
 SEED, LENGTH = 3, 72.0
 #: What the log's own motion makes of an effect, over what it is: the share that its errors may spoil.
@@ -588,6 +589,7 @@ def test_command_writes_page_and_rates(one_log: list[str], tmp_path: Path, monke
     assert "4 draws of seed 0 from 1 logs" in (tmp_path / "page.md").read_text(encoding="utf-8")
     kept = json.loads((tmp_path / "out" / "rates.json").read_text(encoding="utf-8"))
     assert kept["detectable"]["0 a log"]["mag.scale"] == [0.01, 0.01, 0.01]
+    require_fit("blind-measured", kept)
 
 
 @pytest.mark.measured

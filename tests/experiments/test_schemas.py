@@ -15,14 +15,17 @@ from typer.testing import CliRunner
 
 from sinan.calibration.cameras.views import write_corners
 from sinan.experiments.autopilots.terms import Terms
+from sinan.experiments.blind.maker.make import make
 from sinan.experiments.commands.cli import app
 from sinan.experiments.schemas import schema, titles
+from sinan.experiments.student_labs.files import Kind, begin
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream
 from tests.calibration.test_camera import SIZE, simulated
 from tests.experiments.conftest import require_fit
 from tests.experiments.test_camera import BENT
+from tests.experiments.test_student_labs import solve
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -88,6 +91,44 @@ def test_a_fleet_and_its_reports_fit_their_schemas(recordings: dict[str, str], t
     traced = [{key: value for key, value in one.items() if key not in own} for one in reports if not one["why_not"]]
     assert len(traced) == 1
     require_fit("trace", traced[0])
+    for one in reports:
+        require_fit("batch-reports", one)
+    with pytest.raises(AssertionError, match="limit"):
+        require_fit("batch-reports", {**reports[0], "stopped_by": {"limit": "weight", "most": 1}})
+
+
+def test_what_a_simulation_hides_fits_its_schema(recordings: dict[str, str]) -> None:
+    for name in ("flight", "poses", "low"):
+        require_fit("simulate", json.loads(Path(recordings[name] + ".answer.json").read_text(encoding="utf-8")))
+
+
+def test_what_blind_recordings_hide_and_how_they_were_graded_fit_their_schemas(tmp_path: Path) -> None:
+    assert CliRunner().invoke(app, ["blind", str(tmp_path), "--runs", "1", "--seed", "2"]).exit_code == 0
+    make(tmp_path / "more", 4, 8, ["mag_poses", "gyro_turns"], "mixed", ["outside", "several"])
+    for folder in ("recordings", "more"):
+        require_fit("blind-index", json.loads((tmp_path / folder / "index.json").read_text(encoding="utf-8")))
+    answers = [*tmp_path.glob("*.answers/*/answer.json")]
+    assert len(answers) == 9
+    for path in answers:
+        require_fit("blind-answer", json.loads(path.read_text(encoding="utf-8")))
+    require_fit("blind", json.loads((tmp_path / "rates.json").read_text(encoding="utf-8")))
+
+
+def test_files_of_a_lab_fit_their_schemas(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin("gps", "1", tmp_path / "own", Kind(solved=True), key=tmp_path / "key.json")
+    solve("gps", tmp_path / "own", monkeypatch)
+    for name, path in (("answer.json", "own/answer.json"), ("lab-seals", "own/seals.json"), ("lab-key", "key.json")):
+        require_fit(name, json.loads((tmp_path / path).read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("name", ["recording.toml", "dataset.toml"])
+def test_every_key_of_a_file_says_what_it_means(name: str) -> None:
+    def silent(part: dict[str, Any], path: str = "") -> list[str]:
+        inner = part.get("properties", {})
+        here = [f"{path}{key}" for key, value in inner.items() if not value.get("description")]
+        return sum((silent(value, f"{path}{key}.") for key, value in inner.items()), here)
+
+    assert not silent(schema(name))
 
 
 def test_an_autopilots_parameters_fit_the_schema_of_a_trace() -> None:
@@ -103,13 +144,14 @@ def test_an_autopilots_parameters_fit_the_schema_of_a_trace() -> None:
     ("name", "pattern"),
     [
         ("map.toml", "experiments/datasets/*/*.toml"),
+        ("dataset.toml", "experiments/datasets/*/dataset.toml"),
         ("scenario.toml", "experiments/scenarios/*.toml"),
         ("scenario.toml", "experiments/mapping/*.toml"),
         ("ranges.toml", "experiments/gnss/scenarios/*.toml"),
     ],
 )
 def test_files_that_are_shipped_fit_their_schemas(name: str, pattern: str) -> None:
-    files = [path for path in DOCS.parent.glob(pattern) if path.name != "dataset.toml"]
+    files = [path for path in DOCS.parent.glob(pattern) if (path.name == "dataset.toml") == (name == "dataset.toml")]
     assert files
     for path in files:
         require_fit(name, as_json(path.read_text(encoding="utf-8")))
@@ -142,6 +184,8 @@ def test_recordings_and_the_examples_of_the_manual_fit_their_schemas(recordings:
         ("map.toml", {"kind": "flight", "streams": {"baro": {"time": {"column": "t", "unit": "min"}}}}),
         ("scenario.toml", {"like": "hover", "manoeuvre": [{"kind": "loop", "duration": 1.0}]}),
         ("ranges.toml", {"like": "static_p", "fault": [{"satelite": "G01"}]}),
+        ("dataset.toml", {"title": "a", "files": {"a.csv": {"byte": 3}}}),
+        ("answer.json", {"K": "large", "clock": [1.0, 2.0]}),
     ],
 )
 def test_what_a_reader_refuses_does_not_fit(name: str, wrong: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ def schema(
         str | None, typer.Argument(help="of a schema; without one, all are listed", metavar="[NAME]")
     ] = None,
 ) -> None:
-    """Print the JSON Schema of what a command writes with `--json`, or of a TOML file that is read."""
+    """Print the JSON Schema of what a command writes as JSON, or of a file that is read."""
     import json
 
     from sinan.experiments.schemas import schema, titles
