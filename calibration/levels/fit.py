@@ -34,14 +34,12 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import InStep, Upset
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
 from sinan.estimator.filter.inputs import RunInputs
-from sinan.estimator.filter.layout import Q_NB
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
 from sinan.sensors.registry import sensor, sensors, where
-from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
@@ -512,8 +510,7 @@ def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size
         return 2.0 * levels.value(size) ** 2 * float(np.trace(scores.start[block, block]))
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
     x, P = first_state(other)
-    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(inputs.x[Q_NB]), x[Q_NB]))
-    moved = np.concatenate([(x - inputs.x)[:6], turn, (x - inputs.x)[10:]])
+    moved = inputs.model.layout.difference(x, inputs.x)
     return float((np.sum((P - inputs.P) * scores.start) + moved @ scores.start_x) / np.log(1.01))
 
 

@@ -64,7 +64,7 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
     x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
     for name, block_beside in beside.items():
         if layout.has(name):
-            P[6:9, layout.slice(name)] = block_beside
+            P[DTHETA, layout.slice(name)] = block_beside
             P[layout.slice(name), DTHETA] = block_beside.T
     position, velocity = _first_position(flight, q), _first_velocity(flight)
     for name, declared, std, found in (

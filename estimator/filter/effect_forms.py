@@ -25,6 +25,7 @@ from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.imu import ImuTable, imu_table
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import DP, DTHETA, DV, PV
 from sinan.estimator.filter.smoother import estimated_motion, smooth, with_imu
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
@@ -387,6 +388,6 @@ def displaced(motion: Motion, errors: FloatArray) -> Motion:
     n = len(motion)
     if len(errors) > 1:
         motion = motion.rows(np.tile(np.arange(n), len(errors)))
-    d, turn = np.repeat(errors[:, :6], n, axis=0), np.repeat(quaternion_exp(errors[:, 6:]), n, axis=0)
+    d, turn = np.repeat(errors[:, PV], n, axis=0), np.repeat(quaternion_exp(errors[:, DTHETA]), n, axis=0)
     q = quaternion_multiply(motion.q_nb, turn)
-    return replace(motion, p_n=motion.p_n + d[:, :3], v_n=motion.v_n + d[:, 3:], q_nb=q, m_b=rotate_back(q, motion.m_n))
+    return replace(motion, p_n=motion.p_n + d[:, DP], v_n=motion.v_n + d[:, DV], q_nb=q, m_b=rotate_back(q, motion.m_n))

@@ -17,7 +17,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
 from sinan.estimator.filter.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD, is_form_only
 from sinan.estimator.filter.inputs import RunInputs, RunOutputs, bias_block, outputs_for, raise_for
-from sinan.estimator.filter.layout import D_BIASES, D_MOTION, DTHETA, P_N, Q_NB, V_N, X_BIASES
+from sinan.estimator.filter.layout import D_BIASES, D_MOTION, DTHETA, P_N, PV, Q_NB, V_N, X_BIASES
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
@@ -207,8 +207,8 @@ class ReadableFilter:
             if events.has_form[events.sensor[k]] == 2:  # linear about the reference: only the bias stays
                 z_pred = H[:, D_BIASES] @ x[X_BIASES]
                 H[:, D_MOTION] = 0.0
-            z_pred += D @ np.concatenate([x[:6] - ref[:6], turn])
-            H[:, :6] += D[:, :6]
+            z_pred += D @ np.concatenate([x[PV] - ref[PV], turn])
+            H[:, PV] += D[:, PV]
             H[:, DTHETA] += D[:, DTHETA] @ np.linalg.inv(right_jacobian(turn))
         return z_pred, H
 

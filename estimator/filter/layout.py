@@ -26,6 +26,7 @@ P_N, V_N, Q_NB, X_BIASES = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, Non
 B_ACCEL, B_GYRO, B_IMU = slice(10, 13), slice(13, 16), slice(10, 16)
 DP, DV, DTHETA, DB_ACCEL, DB_GYRO = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 D_MOTION, D_BIASES = slice(0, 9), slice(9, None)
+PV = slice(0, 6)  # position and velocity, in either
 #: Length of a row of the covariance inside the kernels, a multiple of a vector register: the most states of a filter.
 CAPACITY = 40
 
@@ -106,14 +107,14 @@ class StateLayout:
 
     def retract(self, x: FloatArray, dx: FloatArray) -> FloatArray:
         """x (+) dx: adds, and turns the attitude, q <- q * exp(dtheta_b); (..., n + 1), (..., n) -> (..., n + 1)."""
-        moved = np.concatenate([x[..., :6] + dx[..., :6], x[..., Q_NB], x[..., X_BIASES] + dx[..., D_BIASES]], axis=-1)
+        moved = np.concatenate([x[..., PV] + dx[..., PV], x[..., Q_NB], x[..., X_BIASES] + dx[..., D_BIASES]], axis=-1)
         moved[..., Q_NB] = quaternion_multiply(x[..., Q_NB], quaternion_exp(dx[..., DTHETA]))
         return moved
 
     def difference(self, x_true: FloatArray, x: FloatArray) -> FloatArray:
         """dx with x_true = x (+) dx; (..., n + 1) -> (..., n)."""
         turn = quaternion_multiply(quaternion_conjugate(x[..., Q_NB]), x_true[..., Q_NB])
-        parts = [x_true[..., :6] - x[..., :6], quaternion_log(turn), x_true[..., X_BIASES] - x[..., X_BIASES]]
+        parts = [x_true[..., PV] - x[..., PV], quaternion_log(turn), x_true[..., X_BIASES] - x[..., X_BIASES]]
         return np.concatenate(parts, axis=-1)
 
 

@@ -24,6 +24,7 @@ from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import read_corners
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.layout import PV
 from sinan.estimator.filter.relinearise import run_relinearised
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
@@ -159,7 +160,7 @@ def _coarse() -> Answer:
         initial=replace(recording.initial, quaternion=None, attitude_std=None),
     )
     journal = run_relinearised(Flight.of(blind), engine="numba", stride=0)
-    return Answer((), journal.x_end[:6], np.sqrt(journal.P_end.diagonal()[:6]))
+    return Answer((), journal.x_end[PV], np.sqrt(journal.P_end.diagonal()[PV]))
 
 
 def _outliers() -> Answer:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.estimator.filter.journal import Journal
-from sinan.estimator.filter.layout import D_BIASES, DTHETA
+from sinan.estimator.filter.layout import D_BIASES, DTHETA, PV
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
@@ -75,7 +75,7 @@ def difference(a: Journal, b: Journal) -> float:
 def nominal_sigma(var: FloatArray) -> FloatArray:
     """(k, n + 1) sigma of the nominal state from the variance of the error state: the quaternion has the attitude's."""
     s = np.sqrt(var)
-    return np.concatenate([s[:, :6], s[:, DTHETA].max(axis=1, keepdims=True).repeat(4, axis=1), s[:, D_BIASES]], axis=1)
+    return np.concatenate([s[:, PV], s[:, DTHETA].max(axis=1, keepdims=True).repeat(4, axis=1), s[:, D_BIASES]], axis=1)
 
 
 def shortened(recording: Recording, seconds: float) -> Recording:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sinan.estimator.filter.layout import P_N
 from sinan.experiments.report.figures import AFTER, BAND, BEFORE, blank, new_figure
 from sinan.experiments.report.words import SENSORS
 from sinan.sensors.recording import POSITION
@@ -36,8 +37,9 @@ def trajectory(t: FloatArray, x: FloatArray, truth: Stream | None = None) -> Fig
         p = truth.array(POSITION)[:: max(1, len(truth) // _MOST)]
         above.plot(p[:, 1], p[:, 0], color="black", lw=0.9, label="truth")
         height.plot(truth.t[:: max(1, len(truth) // _MOST)], -p[:, 2], color="black", lw=0.9, label="truth")
-    above.plot(x[::step, 1], x[::step, 0], color=AFTER, lw=1.2, label="estimate")
-    height.plot(t[::step], -x[::step, 2], color=AFTER, lw=1.2, label="estimate")
+    north, east, down = x[::step, P_N].T
+    above.plot(east, north, color=AFTER, lw=1.2, label="estimate")
+    height.plot(t[::step], -down, color=AFTER, lw=1.2, label="estimate")
     above.set_aspect("equal", adjustable="datalim")
     above.set_xlabel("east / m", fontsize=9)
     above.set_ylabel("north / m", fontsize=9)

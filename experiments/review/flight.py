@@ -9,6 +9,7 @@ import numpy as np
 
 from sinan.estimator.filter.events import GATED
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import P_N, Q_NB, V_N
 from sinan.experiments.reference import Mounted
 from sinan.experiments.report.words import SENSORS, reference_words
 from sinan.experiments.review.curves import BOUND, COMPARED, DOTS, Curve, Event, Panel, Plan, Review, Section, broken
@@ -93,10 +94,11 @@ def _plan(flown: Flown) -> Plan | None:
         return None
     fixes = gps.array(POSITION[:2]) if gps is not None and gps.has(POSITION) else np.empty((0, 2))
     known = _compared(flown, POSITION)
-    t, north = broken(flown.t, flown.x[:, 0])
+    north, east, _ = flown.x[:, P_N].T
+    t, north = broken(flown.t, north)
     compared = np.empty((0, 2)) if known is None else known[1][:, :2]
     said = "" if known is None or flown.recording.truth is None else reference_words(flown.recording.truth.kind)
-    return Plan(t, north, broken(flown.t, flown.x[:, 1])[1], fixes, compared, said)
+    return Plan(t, north, broken(flown.t, east)[1], fixes, compared, said)
 
 
 def _motion(flown: Flown) -> Iterator[Panel]:
@@ -104,14 +106,14 @@ def _motion(flown: Flown) -> Iterator[Panel]:
         return
     note = "Above the recording's origin. Barometer and ranges are shifted to match the filter's median."
     yield Panel("Height", "m", tuple(_heights(flown)), note=note)
-    velocity = vector(flown.t, flown.x[:, 3:6], _NED)
+    velocity = vector(flown.t, flown.x[:, V_N], _NED)
     gps = flown.recording.streams.get("gps")
     if gps is not None and gps.has(VELOCITY):
         velocity += vector(gps.t, gps.array(VELOCITY), _NED, DOTS, "GPS ")
     if (known := _compared(flown, VELOCITY)) is not None:
         velocity += vector(*known, _NED, COMPARED, f"{_REFERENCE} ")
     yield Panel("Velocity", "m/s", velocity)
-    speed = [Curve("over ground", *broken(flown.t, np.hypot(flown.x[:, 3], flown.x[:, 4])))]
+    speed = [Curve("over ground", *broken(flown.t, np.hypot(*flown.x[:, V_N].T[:2])))]
     air = flown.recording.streams.get("air")
     if air is not None and "airspeed" in air:
         speed.append(Curve("airspeed", *broken(air.t, air["airspeed"]), colour=1))
@@ -119,7 +121,7 @@ def _motion(flown: Flown) -> Iterator[Panel]:
 
 
 def _heights(flown: Flown) -> Iterator[Curve]:
-    height = -flown.x[:, 2]
+    height = -flown.x[:, P_N][:, 2]
     yield Curve("filter", *broken(flown.t, height))
     streams = flown.recording.streams
     if "gps" in streams and "down" in streams["gps"]:
@@ -135,7 +137,7 @@ def _heights(flown: Flown) -> Iterator[Curve]:
 
 
 def _attitude(flown: Flown) -> Iterator[Panel]:
-    rpy = np.rad2deg(rpy_from_quaternion(flown.x[:, 6:10]))
+    rpy = np.rad2deg(rpy_from_quaternion(flown.x[:, Q_NB]))
     known = _compared(flown, QUATERNION)
     theirs = None if known is None else np.rad2deg(rpy_from_quaternion(known[1]))
     for title, which in (("Roll and pitch", (0, 1)), ("Yaw", (2,))):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sinan.estimator.filter.layout import P_N, Q_NB, V_N
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.barometer import Barometer
 from sinan.sensors.gps import Gps
@@ -127,9 +128,9 @@ def fly(
     truth = np.concatenate(states, axis=1)
     std = {key: noise * value for key, value in INITIAL_STD.items()}
     initial = Initial(
-        position=truth[0, :3] + std["position"] * rng.standard_normal(3),
-        velocity=truth[0, 3:6] + std["velocity"] * rng.standard_normal(3),
-        quaternion=quaternion_multiply(truth[0, 6:10], quaternion_exp(-std["attitude"] * rng.standard_normal(3))),
+        position=truth[0, P_N] + std["position"] * rng.standard_normal(3),
+        velocity=truth[0, V_N] + std["velocity"] * rng.standard_normal(3),
+        quaternion=quaternion_multiply(truth[0, Q_NB], quaternion_exp(-std["attitude"] * rng.standard_normal(3))),
         position_std=INITIAL_STD["position"], velocity_std=INITIAL_STD["velocity"],
         attitude_std=INITIAL_STD["attitude"],
     )  # fmt: skip

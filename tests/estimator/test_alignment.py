@@ -14,6 +14,7 @@ from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import B_ACCEL, B_GYRO, DTHETA, P_N, Q_NB, StateLayout
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios import load_scenario
@@ -32,6 +33,7 @@ from tests.estimator.analytic_flight import FIELD, GRAVITY, fly
 MICRORADIAN = 1e-6
 RUNS = 40
 FALSE_ALARM = 0.001
+B_MAG = StateLayout().nominal("b_mag")
 
 
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.2, 2.0), (-1.2, 0.9, -2.8), (3.0, 0.1, 0.5)])
@@ -49,15 +51,19 @@ def test_covariance_of_the_alignment_is_honest() -> None:
         still = truth[0]
         rng = np.random.default_rng(seed)
         imu, mag = recording.streams["imu"], recording.streams["mag"]
-        f = rotate_back(still[6:10], -GRAVITY) + still[10:13] + 2e-3 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
-        m = rotate_back(still[6:10], FIELD) + still[16:19] + 0.01 * rng.normal(size=(len(mag), 3))
-        w = still[13:16] + 2e-4 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
+        f = rotate_back(still[Q_NB], -GRAVITY) + still[B_ACCEL] + 2e-3 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
+        m = (
+            rotate_back(still[Q_NB], FIELD)
+            + still[StateLayout().nominal("b_mag")]
+            + 0.01 * rng.normal(size=(len(mag), 3))
+        )
+        w = still[B_GYRO] + 2e-4 * np.sqrt(200.0) * rng.normal(size=(len(imu), 3))
         at_rest = dict(zip((*ACCEL, *GYRO), np.concatenate([f, w], axis=1).T, strict=True))
         streams = {"imu": Stream(imu.t, at_rest), "mag": Stream(mag.t, dict(zip(MAG, m.T, strict=True)))}
         recording = recording.replace(streams=streams)
         model = flight_model(recording)
         q, P, _ = align(Flight(recording, model))
-        error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), still[6:10]))
+        error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), still[Q_NB]))
         total, size = total + nees(error, P), size + 3
     statistic = chi_square(total, size, 1.0 - FALSE_ALARM)
     assert statistic.consistent, statistic
@@ -66,7 +72,7 @@ def test_covariance_of_the_alignment_is_honest() -> None:
 def test_what_is_declared_is_taken() -> None:
     recording, _ = fly(1, duration=1.0)
     x, P = first_state(Flight.of(recording))
-    assert np.array_equal(x[:3], recording.initial.position)
+    assert np.array_equal(x[P_N], recording.initial.position)
     assert P[6, 6] == pytest.approx(0.02**2)
 
 
@@ -90,7 +96,7 @@ def test_no_heading_aid_is_said_by_the_covariance() -> None:
     recording, _ = fly(4, duration=2.0, sensors=("baro",))
     recording = recording.replace(initial=Initial())
     _, P = first_state(Flight.of(recording))
-    assert np.linalg.eigvalsh(P[6:9, 6:9])[-1] > 3.0
+    assert np.linalg.eigvalsh(P[DTHETA, DTHETA])[-1] > 3.0
 
 
 def test_pieces_are_the_whole() -> None:

@@ -12,6 +12,7 @@ from sinan.estimator.filter.effect_forms import Along, Terms
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.imu import imu_table
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
@@ -36,7 +37,7 @@ def bent() -> tuple[Recording, FloatArray]:
 def start_error(recording: Recording, model: FlightModel, truth: FloatArray) -> float:
     """Angle between the first attitude and the true one [rad]."""
     q = align(Flight(recording, model))[0]
-    return float(np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(truth[0, 6:10]), q))))
+    return float(np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(truth[0, Q_NB]), q))))
 
 
 def corrected(recording: Recording, model: FlightModel, beta: FloatArray) -> Recording:
@@ -70,7 +71,7 @@ def test_filter_with_the_effect_starts_nearer_the_truth(bent) -> None:
     errors = []
     for betas in ({}, {"mag.cross_axis": IRON}):
         journal = run_filter(Flight(recording, model), betas, engine="numba", stride=1)
-        d = model.layout.difference(truth[:1], journal.x[:1])[0, 6:9]
+        d = model.layout.difference(truth[:1], journal.x[:1])[0, DTHETA]
         errors.append(float(np.linalg.norm(d)))
     assert errors[1] < 0.5 * errors[0]
 

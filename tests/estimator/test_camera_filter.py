@@ -14,6 +14,7 @@ from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import P_N, Q_NB
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import estimated_motion, smooth
 from sinan.experiments.scenarios import load_scenario
@@ -98,8 +99,8 @@ def errors(journal: Journal, truth: Motion) -> tuple[FloatArray, FloatArray]:
     """Position [m] and attitude [rad] errors of the filter along the IMU's instants, after ten seconds."""
     late = (journal.imu_t > journal.imu_t[0] + 10.0) & (journal.imu_t < truth.t[-1])
     x, at = journal.imu_x[late], truth.at(journal.imu_t[late])
-    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(x[:, 6:10]), at.q_nb))
-    return x[:, :3] - at.p_n, turn
+    turn = quaternion_log(quaternion_multiply(quaternion_conjugate(x[:, Q_NB]), at.q_nb))
+    return x[:, P_N] - at.p_n, turn
 
 
 def test_a_camera_makes_a_flight_ten_times_as_sure_of_its_place() -> None:
@@ -127,8 +128,8 @@ def test_the_state_is_off_by_as_much_as_its_covariance_says() -> None:
     at = truth.at(journal.imu_t[-1:])
     error = np.concatenate(
         [
-            at.p_n[0] - journal.x_end[:3],
-            quaternion_log(quaternion_multiply(quaternion_conjugate(journal.x_end[6:10]), at.q_nb[0])),
+            at.p_n[0] - journal.x_end[P_N],
+            quaternion_log(quaternion_multiply(quaternion_conjugate(journal.x_end[Q_NB]), at.q_nb[0])),
         ]
     )
     P = journal.P_end[np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])]
@@ -229,7 +230,7 @@ def test_the_smoother_takes_it_too() -> None:
     journal = run_filter(Flight(recording, model_of(recording)))
     late = (journal.imu_t > 5.0) & (journal.imu_t < truth.t[-1])
     rms = [
-        float(np.sqrt(np.mean((x[late, :3] - truth.at(journal.imu_t[late]).p_n) ** 2)))
+        float(np.sqrt(np.mean((x[late, P_N] - truth.at(journal.imu_t[late]).p_n) ** 2)))
         for x in (journal.imu_x, smooth(journal).x)
     ]
     assert rms[1] < rms[0]

@@ -8,7 +8,7 @@ import pytest
 from sinan.estimator.evidence.consistency import chi_square, nees
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
-from sinan.estimator.filter.layout import DP, DTHETA, DV
+from sinan.estimator.filter.layout import DP, DTHETA, DV, V_N
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import estimated_motion, joint_covariance, smooth
 from sinan.sensors.arrays import FloatArray
@@ -73,7 +73,7 @@ def test_the_covariance_of_two_instants_is_what_fixes_at_one_tell_of_the_other()
     crowded = with_fixes(recording, t[k], fixes)
     after = smooth(run_filter(Flight.of(crowded), engine="numba"), sigmas=True, part=part).sigma[:, states]
     H = np.zeros((6, 12))
-    H[:3, :3] = H[:3, 9:] = H[3:, 3:6] = np.eye(3)
+    H[:3, DP] = H[:3, 9:] = H[3:, DV] = np.eye(3)
     R = np.diag(np.repeat([SPECS["gps"].noise_std, SPECS["gps"].velocity_noise_std], 3)) ** 2 / fixes
     seen = np.einsum("jab,cb->jac", C[:, :, k], H)
     taken = np.einsum("jac,cd,jad->ja", seen, np.linalg.inv(H @ C[k, :, k] @ H.T + R), seen)
@@ -108,7 +108,7 @@ def test_smoothed_motion_is_nearer_to_the_truth() -> None:
     journal = run_filter(Flight.of(recording), engine="numba")
     middle = slice(1000, 3000)
     errors = [
-        np.std(m.v_n[middle] - truth[middle, 3:6])
+        np.std(m.v_n[middle] - truth[middle, V_N])
         for m in (estimated_motion(journal), estimated_motion(journal, smoothed=False))
     ]
     assert errors[0] < errors[1]

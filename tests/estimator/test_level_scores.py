@@ -12,6 +12,7 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.layout import DTHETA
 from sinan.sensors.recording import Recording, SensorSpec
 from tests.estimator.analytic_flight import SPECS, fly
 from tests.estimator.test_engines import COLOURED
@@ -35,8 +36,8 @@ def known_attitude(recording: Recording, specs: dict[str, SensorSpec]) -> RunInp
     """A run whose start is known well, so that it is linear in what is left."""
     inputs = prepare(Flight(recording, model_of(recording, specs)))
     P = inputs.P.copy()
-    P[6:9, :], P[:, 6:9] = 0.0, 0.0
-    P[6:9, 6:9] = 1e-6 * np.eye(3)
+    P[DTHETA, :], P[:, DTHETA] = 0.0, 0.0
+    P[DTHETA, DTHETA] = 1e-6 * np.eye(3)
     return replace(inputs, P=P)
 
 

@@ -16,7 +16,7 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import outputs_for, prepare
-from sinan.estimator.filter.layout import StateLayout
+from sinan.estimator.filter.layout import DTHETA, Q_NB, StateLayout
 from sinan.estimator.filter.relinearise import is_coarse, run_relinearised
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios.loader import load_scenario
@@ -35,8 +35,8 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 def attitude_error(layout: StateLayout, truth: Stream, x: FloatArray) -> FloatArray:
     """(3,) dtheta_b at the end."""
     true = x.copy()
-    true[6:10] = truth.array(QUATERNION)[-1]
-    return layout.difference(true, x)[6:9]
+    true[Q_NB] = truth.array(QUATERNION)[-1]
+    return layout.difference(true, x)[DTHETA]
 
 
 def test_engines_agree_about_a_reference() -> None:
@@ -58,7 +58,7 @@ def test_a_coarse_heading_is_cured() -> None:
         for results, runner in ((plain, run_filter), (cured, run_relinearised)):
             journal = runner(Flight(recording, model), engine="numba", stride=0)
             error = attitude_error(model.layout, truth, journal.x_end)
-            results.append(nees(error, journal.P_end[6:9, 6:9]) / 3.0)
+            results.append(nees(error, journal.P_end[DTHETA, DTHETA]) / 3.0)
     assert np.mean(plain) > 2.0
     assert np.mean(cured) < 1.7  # 24 degrees of freedom: 99 % lie below 1.8
 
@@ -136,12 +136,12 @@ def test_nothing_is_learnt_of_heading_and_field_turned_together() -> None:
     found = model.m_n + np.array([-0.2, 0.3, 0.1])
     inputs = Along(Flight(recording, model), Terms(), replace(motion, m_n=found[None])).inputs
     engine, layout = ReadableFilter(inputs, outputs_for(inputs)), model.layout
-    engine.x[6:10] = quaternion_multiply(engine.x[6:10], quaternion_exp(np.array([0.05, -0.1, 0.2])))
+    engine.x[Q_NB] = quaternion_multiply(engine.x[Q_NB], quaternion_exp(np.array([0.05, -0.1, 0.2])))
     down = np.array([0.0, 0.0, 1.0])
     for k in np.flatnonzero(inputs.events.sensor == inputs.events.sensors.index("mag"))[::20]:
         _, H = engine.prediction("mag", int(k))
-        D = inputs.events.D[inputs.events.row[k] : inputs.events.row[k + 1], 6:9]
-        body = D @ rotate_back(inputs.events.ref[k, 6:10], down)
+        D = inputs.events.D[inputs.events.row[k] : inputs.events.row[k + 1], DTHETA]
+        body = D @ rotate_back(inputs.events.ref[k, Q_NB], down)
         assert np.allclose(body + H[:, layout.slice("field")] @ np.cross(down, found), 0.0, atol=1e-12)
 
 

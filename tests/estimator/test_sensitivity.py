@@ -22,6 +22,7 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.layout import DP, DTHETA, DV
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.arrays import FloatArray
@@ -64,12 +65,12 @@ class DenseSensitivity(ReadableFilter):
         _, step = strapdown_step(self.x, u[0], u[1], h, self.model.g_n, self.model.w_ie_n, self.model.translation)
         V = transition(step, len(self.V), self.model.translation) @ self.V
         turn = -h * right_jacobian(step.phi) @ (0.5 * (ends[0] + ends[1]))[3:]
-        V[6:9] += turn
+        V[DTHETA] += turn
         skew = np.array([[0, -step.a1[2], step.a1[1]], [step.a1[2], 0, -step.a1[0]], [-step.a1[1], step.a1[0], 0]])
         push = -0.5 * h * (step.C0 @ ends[0][:3] + step.C1 @ ends[1][:3]) - 0.5 * h * skew @ step.C1 @ turn
         if self.model.translation:
-            V[3:6] += push
-            V[0:3] += 0.5 * h * push
+            V[DV] += push
+            V[DP] += 0.5 * h * push
         self.V = V
         super().advance(i, t_next)
 
@@ -86,8 +87,8 @@ class DenseSensitivity(ReadableFilter):
         S_beta = H @ self.V + self.G_z[name][events.index[k]]
         self.W.append(np.linalg.solve(np.linalg.cholesky(S), S_beta))
         self.V = self.V - P @ H.T @ np.linalg.solve(S, S_beta)
-        turned = self.model.layout.difference(self.x, before)[6:9]
-        self.V[6:9] = right_jacobian(turned) @ self.V[6:9]
+        turned = self.model.layout.difference(self.x, before)[DTHETA]
+        self.V[DTHETA] = right_jacobian(turned) @ self.V[DTHETA]
 
 
 def flown(case: str) -> tuple[Recording, FlightModel, Journal, Motion]:

@@ -8,6 +8,7 @@ import pytest
 from sinan.estimator.filter.events import ACCEPTED, STATUS, WITHHELD
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
+from sinan.estimator.filter.layout import PV
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.recording import POSITION, VELOCITY, Recording
 from tests.estimator.analytic_flight import fly
@@ -40,8 +41,8 @@ def test_withheld_fixes_move_nothing(flight: Recording, engine: str) -> None:
     thinned = flight.replace(streams={**flight.streams, "gps": gps.rows(~inside(gps.t))})
     held = run_filter(Flight(flight, withholding(flight)), engine=engine)
     without = run_filter(Flight.of(thinned), engine=engine)
-    sigma = np.sqrt(without.imu_var[:, :6])
-    assert np.max(np.abs(held.imu_x[:, :6] - without.imu_x[:, :6]) / sigma) < CUT_INTERVALS
+    sigma = np.sqrt(without.imu_var[:, PV])
+    assert np.max(np.abs(held.imu_x[:, PV] - without.imu_x[:, PV]) / sigma) < CUT_INTERVALS
     assert np.allclose(held.imu_var, without.imu_var, rtol=CUT_INTERVALS)
 
 
@@ -54,7 +55,7 @@ def test_withheld_fixes_are_predicted_with_their_density(flight: Recording) -> N
     assert np.array_equal(one.accepted, ~held)
     layout = journal.model.layout
     states = journal.x[one.events[held]]  # after the reading, which has not moved it
-    expected = gps.array((*POSITION, *VELOCITY))[one.index[held]] - states[:, :6]
+    expected = gps.array((*POSITION, *VELOCITY))[one.index[held]] - states[:, PV]
     expected[:, :3] -= states[:, layout.nominal("b_gps")]
     assert np.allclose(one.nu[held], expected)
     nu, S = one.nu[held], one.S[held]

@@ -13,6 +13,7 @@ import pytest
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.layout import Q_NB
 from sinan.experiments.blind.maker.make import make_one
 from sinan.experiments.datasets import resolve
 from sinan.experiments.refused import doubted_shares
@@ -206,7 +207,7 @@ def test_a_cone_wider_than_any_tilt_is_a_bound(seed: int) -> None:
     found = trace(source)
     (finding,) = [f for f in found.selection.findings if f.term.in_mean]
     t, x = source.states(found.selection.final)
-    tilt = np.arccos(cos_tilt(quaternion_interpolate(recording.streams["sonar"].t, t, x[:, 6:10])))
+    tilt = np.arccos(cos_tilt(quaternion_interpolate(recording.streams["sonar"].t, t, x[:, Q_NB])))
     assert finding.term.name == "sonar.beam_cone"
     assert 0.8 * np.max(tilt) < finding.beta[0] < 1.05 * np.max(tilt)
     assert np.isinf(finding.std[0])
