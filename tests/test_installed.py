@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -16,6 +17,30 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("sensors", "estimator", "calibration", "experiments")
 RAISES = "raise ImportError('another package of this name')\n"
+CANOPY = """
+[build-system]
+requires = ["setuptools>=77"]
+build-backend = "setuptools.build_meta"
+
+[project]
+name = "canopy"
+version = "1.0"
+
+[project.entry-points."sinan.effects"]
+canopy = "canopy:suction"
+
+[tool.setuptools]
+py-modules = ["canopy"]
+"""
+SUCTION = """
+import sinan
+
+
+@sinan.effect("baro.suction", parameters={"b": ("m", 3.0)}, needs=["throttle"], enters="h += b x throttle")
+def suction(motion):
+    '''The rotors draw air out of the canopy.'''
+    return motion.covariates["throttle"][:, None, None]
+"""
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -85,6 +110,31 @@ def test_the_command_runs_beside_other_packages_of_those_names(python: str, desk
     traced = run(python, "-m", "sinan", "calibrate", "mag", "poses", "--html", "mag.html", cwd=desk)
     assert traced.returncode == 0, traced.stderr
     assert (desk / "mag.html").is_file()
+
+
+def test_the_demonstration_runs_beside_other_packages_of_those_names(python: str, desk: Path) -> None:
+    done = run(python, "-m", "sinan", "demo", "out", cwd=desk)
+    assert done.returncode == 0, done.stderr
+    assert "mag.cross_axis" in done.stdout
+    assert (desk / "out" / "simulated.html").is_file()
+
+
+def test_an_installed_package_brings_an_effect(python: str, desk: Path) -> None:
+    """By the entry point that its `pyproject.toml` declares."""
+    package = desk / "canopy"
+    package.mkdir()
+    (package / "pyproject.toml").write_text(CANOPY)
+    (package / "canopy.py").write_text(SUCTION)
+    site = next(Path(python).parents[1].glob("lib/python*/site-packages"))
+    install = ("install", "-q", "--no-deps", "--target", str(site), str(package))
+    installed = run(sys.executable, "-m", "pip", *install, cwd=desk)
+    assert installed.returncode == 0, installed.stderr
+    shutil.rmtree(package)
+    said = run(python, "-m", "sinan", "effects", "baro.suction", cwd=desk)
+    assert said.returncode == 0, said.stderr
+    assert "The rotors draw air out of the canopy." in said.stdout
+    simulated = ("simulate", "hover", "flight", "--effect", "baro.suction=2.5")
+    assert run(python, "-m", "sinan", *simulated, cwd=desk).returncode == 0
 
 
 def test_schemas_are_in_the_wheel_and_need_no_library_for_them(python: str, desk: Path) -> None:
