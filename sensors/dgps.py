@@ -169,7 +169,7 @@ class Growth:
 
 
 def growth(given: Corrections, rate: bool = True, longest: float = LONGEST_AGE) -> Growth:
-    """How wrong the base's own corrections are by an age: each foretells what the base measures later.
+    """How wrong the base's own corrections are by an age: each predicts what the base measures later.
 
         D(a) = mean (measured(t + a) - value(t) - rate(t) a)^2 - 2 s_b^2,    growth(a) = max of 0 and D(a'), a' <= a
 
@@ -187,7 +187,7 @@ def growth(given: Corrections, rate: bool = True, longest: float = LONGEST_AGE) 
     steps = np.diff(base.t)
     interval = float(np.median(steps)) if len(steps) else longest
     lags = np.append(0.0, np.unique(np.round(np.geomspace(1.0, max(longest / interval, 1.0), AGES))) * interval)
-    table = [_foretold(given, name, lags, interval, rate) for name in np.unique(base.satellite).tolist()]
+    table = [_prediction_error(given, name, lags, interval, rate) for name in np.unique(base.satellite).tolist()]
     seen = np.array(table).reshape(-1, len(lags))
     known = np.isfinite(seen).any(axis=0)
     if not known.any():
@@ -196,7 +196,7 @@ def growth(given: Corrections, rate: bool = True, longest: float = LONGEST_AGE) 
     return Growth(lags[known], np.maximum.accumulate(np.maximum(D, 0.0)))
 
 
-def _foretold(given: Corrections, name: str, lags: FloatArray, interval: float, rate: bool) -> FloatArray:
+def _prediction_error(given: Corrections, name: str, lags: FloatArray, interval: float, rate: bool) -> FloatArray:
     """(k,) D of one satellite at each age [m^2]; NaN where it has too few pairs of readings so far apart."""
     base = given.base
     rows = np.flatnonzero(base.satellite == name)

@@ -14,7 +14,7 @@ ORDER = 4
 def vibration_power(t: FloatArray, f_s: FloatArray, noise_std: float | None = None) -> FloatArray:
     """Variance of the vibration on each axis, without the white noise.
 
-    P = mean over `WINDOW` of (high-passed reading)^2 - gain x noise_std^2, the gain of the high-pass for white noise;
+    P = mean over `WINDOW` of (high-passed reading)^2 - c noise_std^2, c the mean of the high-pass's |H|^4;
     not cut at zero, so that its mean is that of the vibration.
 
     Parameters
@@ -40,10 +40,10 @@ def vibration_power(t: FloatArray, f_s: FloatArray, noise_std: float | None = No
     power = _running_mean(shaken**2, width)
     if noise_std is None:
         return np.asarray(power - np.quantile(power, 0.1, axis=0))
-    return np.asarray(power - _white_noise_gain(sections) * noise_std**2)
+    return np.asarray(power - _mean_response(sections) * noise_std**2)
 
 
-def _white_noise_gain(sections: FloatArray) -> float:
+def _mean_response(sections: FloatArray) -> float:
     """Variance after the filter, forward and backward, of white noise of variance one: mean of |H|^4 over frequency."""
     from scipy.signal import sosfreqz
 

@@ -102,14 +102,14 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
 
 
 #: So many times stay in the fit at least; the shortest stays where the others predict it within so many sigmas.
-LEAST_TIMES, FORETOLD = 6, 2.0
+LEAST_TIMES, PREDICTED_WITHIN = 6, 2.0
 
 
 def _predicted(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> bool:
     """Whether the two shortest times lie on the curve of the rest."""
     root, _ = _fit_terms(tau[2:], deviation[2:], error[2:], ramp)
     expected = np.sqrt(_basis(tau[:2]) @ root**2)
-    return bool(np.all(np.abs(deviation[:2] - expected) < FORETOLD * error[:2]))
+    return bool(np.all(np.abs(deviation[:2] - expected) < PREDICTED_WITHIN * error[:2]))
 
 
 def _fit_terms(tau: FloatArray, deviation: FloatArray, error: FloatArray, ramp: bool) -> tuple[FloatArray, FloatArray]:

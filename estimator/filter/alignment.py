@@ -60,12 +60,12 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
     flight = _of_what_is_there(flight)
-    q, P_attitude, beside = _first_attitude(flight)
+    q, P_attitude, cross_covariances = _first_attitude(flight)
     x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
-    for name, block_beside in beside.items():
+    for name, cross_covariance in cross_covariances.items():
         if layout.has(name):
-            P[DTHETA, layout.slice(name)] = block_beside
-            P[layout.slice(name), DTHETA] = block_beside.T
+            P[DTHETA, layout.slice(name)] = cross_covariance
+            P[layout.slice(name), DTHETA] = cross_covariance.T
     position, velocity = _first_position(flight, q), _first_velocity(flight)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
@@ -98,8 +98,8 @@ def _first_attitude(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, F
         known["P"] = np.eye(3) * initial.attitude_std**2
     if len(known) == 2:
         return known["q"], known["P"], {}
-    q, P, beside = align(flight)
-    return known.get("q", q), known.get("P", P), {} if "P" in known else beside
+    q, P, cross_covariances = align(flight)
+    return known.get("q", q), known.get("P", P), {} if "P" in known else cross_covariances
 
 
 def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray) -> FloatArray:
@@ -157,18 +157,18 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
     J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
     noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
     covariance = noise * J_f @ J_f.T
-    beside = {"b_accel": -(model.accel.bias_std**2) * J_f}
+    cross_covariances = {"b_accel": -(model.accel.bias_std**2) * J_f}
     if field is None:
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
-        return q, covariance, beside
+        return q, covariance, cross_covariances
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field.m_b, q)
     read = field.variance * np.eye(3) + sum(P for _, P in field.errors)
     covariance = covariance + J_m @ read @ J_m.T
-    beside |= {name: -J_m @ P for name, P in field.errors}
+    cross_covariances |= {name: -J_m @ P for name, P in field.errors}
     if field.of_place is not None:
         J_n = _differences(lambda v: attitude_from_vectors(f_b, m_b, f_n, v), model.m_n, q)
-        covariance, beside["field"] = covariance + J_n @ field.of_place @ J_n.T, J_n @ field.of_place
-    return q, covariance, beside
+        covariance, cross_covariances["field"] = covariance + J_n @ field.of_place @ J_n.T, J_n @ field.of_place
+    return q, covariance, cross_covariances
 
 
 def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | None:

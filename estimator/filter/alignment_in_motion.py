@@ -102,7 +102,7 @@ def align_in_motion(flight: Flight, field: Field | None) -> tuple[FloatArray, Fl
         if np.linalg.norm(apart) > APART and other.surprise - best.surprise < -2.0 * np.log(DOUBT):
             down = rotate_back(best.q, np.array([0.0, 0.0, 1.0]))
             P = best.P + UNKNOWN**2 * np.outer(down, down)
-    return best.q, P, best.beside
+    return best.q, P, best.cross_covariances
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class _Fit:
 
     q: FloatArray
     P: FloatArray
-    beside: dict[str, FloatArray]
+    cross_covariances: dict[str, FloatArray]
     surprise: float
 
 
@@ -146,9 +146,9 @@ def _fitted(
         moving = moving[np.linalg.norm(step[:, :3], axis=1) >= ENOUGH]
         if not len(moving):
             break
-    beside = covariance[:, :3, 3:] @ errors.roots.T
-    each = zip(q, covariance[:, :3, :3], beside, surprise.tolist(), strict=True)
-    return [_Fit(q, P, _beside(of_errors, errors.names), value) for q, P, of_errors, value in each]
+    crosswise = covariance[:, :3, 3:] @ errors.roots.T
+    each = zip(q, covariance[:, :3, :3], crosswise, surprise.tolist(), strict=True)
+    return [_Fit(q, P, _by_name(of_errors, errors.names), value) for q, P, of_errors, value in each]
 
 
 def _to_body(q: FloatArray) -> FloatArray:
@@ -156,7 +156,7 @@ def _to_body(q: FloatArray) -> FloatArray:
     return np.swapaxes(rotate_back(q[:, None], np.eye(3)), 1, 2)
 
 
-def _beside(covariance: FloatArray, names: list[tuple[str, int]]) -> dict[str, FloatArray]:
+def _by_name(covariance: FloatArray, names: list[tuple[str, int]]) -> dict[str, FloatArray]:
     """(3, size) parts of a covariance (3, n), by name."""
     ends = np.cumsum([size for _, size in names])
     return {name: covariance[:, end - size : end] for (name, size), end in zip(names, ends, strict=True)}

@@ -219,12 +219,12 @@ def in_its_terms(
     """The parameters that take out what was found, and lines that say so; None: nothing, of no autopilot's log, or of
     logs that were flown with different ones.
     """
-    from sinan.experiments.autopilots.parameters import autopilot_of, facts_beside, lines_of, terms_of_document
+    from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log, lines_of, terms_of_document
 
     logs = [Path(one) for one in inputs]
     if not document["effects"] or not all(log.is_file() for log in logs):
         return None, []
-    facts = [facts_beside(log) for log in logs]
+    facts = [facts_of_log(log) for log in logs]
     name = autopilot_of(facts[0])
     if not name:
         return None, []

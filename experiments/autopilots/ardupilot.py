@@ -145,7 +145,7 @@ def _put_current(found: Findings, terms: Terms, k: str, A: FloatArray, effects: 
 
 
 def _imu(found: Findings, terms: Terms) -> None:
-    """Gains of the accelerometer, zeros over temperature."""
+    """Scale factors of the accelerometer, zeros over temperature."""
     effects = found.named("accel.scale", "accel.temperature", "gyro.temperature")
     C = rotation_of(terms.get("AHRS_ORIENTATION"))
     if C is None:
@@ -159,7 +159,7 @@ def _imu(found: Findings, terms: Terms) -> None:
     if "accel.scale" in effects:
         new = axis_factors(found, C)
         if new is None:
-            terms.refuse("accel.scale", "the chip's axes are not those of the body, and a gain is of a chip's axis")
+            terms.refuse("accel.scale", "the chip's axes are not those of the body, and scale factors are along them")
         else:
             terms.put_three(form, new * (1.0 if found.choice.raw else before), "accel.scale")
     for sensor, kind, scale in (("accel", "ACC", before), ("gyro", "GYR", np.ones(3))):

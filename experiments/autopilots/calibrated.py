@@ -22,7 +22,7 @@ from sinan.experiments.autopilots.ardupilot import MILLIGAUSS, compass_number
 from sinan.experiments.autopilots.corrections import stretch_then_turn
 from sinan.experiments.autopilots.findings import Findings
 from sinan.experiments.autopilots.orientations import from_degrees, rotation_of
-from sinan.experiments.autopilots.parameters import autopilot_of, facts_beside
+from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log
 from sinan.experiments.autopilots.px4 import chips_of
 from sinan.experiments.autopilots.terms import AXES, Terms
 from sinan.sensors.arrays import FloatArray
@@ -93,7 +93,7 @@ def terms_of_log(sensor: str, result: Calibration, log: Path, choice: Choice) ->
     ------
     InputError : as `calibration_terms`
     """
-    facts = facts_beside(log)
+    facts = facts_of_log(log)
     name = autopilot_of(facts)
     if facts is None or not name or choice.raw:
         return None

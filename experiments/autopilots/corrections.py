@@ -1,4 +1,4 @@
-"""What both autopilots' corrections have in common: a field's matrix, an axis' gain, places and delays."""
+"""What both autopilots' corrections have in common: a field's matrix, an axis' scale factor, places and delays."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def autopilot_of(facts: Facts | None) -> str:
     return next((name for name, (title, _) in AUTOPILOTS.items() if title == said), "")
 
 
-def facts_beside(path: Path) -> Facts | None:
+def facts_of_log(path: Path) -> Facts | None:
     """What a log says of itself; None of a recording, a table, or what is not there."""
     return facts_of(path) if path.exists() else None
 
@@ -80,7 +80,7 @@ def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Re
     """
     field_n, choice = document.get("magnetic_field"), Choice(**document.get("choice", {}))
     found = findings_of(document, recording, None if field_n is None else np.array(field_n), choice)
-    terms = terms_for(autopilot, found, facts_beside(log), log)
+    terms = terms_for(autopilot, found, facts_of_log(log), log)
     if document["verdict"] == "unexplained" and terms.settings:
         terms.notes.append("something remains that no effect explains: sizes are doubtful, though held-out data agree")
     return terms

@@ -149,7 +149,7 @@ def _put_current(found: Findings, terms: Terms, k: int, per_ampere: FloatArray) 
 
 
 def _imu(found: Findings, terms: Terms, chips: Mapping[str, int]) -> None:
-    """Gains of the accelerometer, zeros over temperature."""
+    """Scale factors of the accelerometer, zeros over temperature."""
     effects = found.named("accel.scale", "accel.temperature", "gyro.temperature")
     C = np.eye(3) if found.choice.raw else _board(terms)
     if C is None:
@@ -163,7 +163,7 @@ def _imu(found: Findings, terms: Terms, chips: Mapping[str, int]) -> None:
     if "accel.scale" in effects:
         new = axis_factors(found, C)
         if new is None:
-            terms.refuse("accel.scale", "the chip's axes are not those of the body, and a gain is of a chip's axis")
+            terms.refuse("accel.scale", "the chip's axes are not those of the body, and scale factors are along them")
         else:
             terms.put_three(f"{cal}_{{}}SCALE", new * (1.0 if found.choice.raw else before), "accel.scale")
     for sensor, kind, scale in (("accel", "A", before), ("gyro", "G", np.ones(3))):

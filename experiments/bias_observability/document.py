@@ -107,14 +107,14 @@ def base_of(study: Study) -> dict[str, Any] | None:
     """What the base receiver adds: sigma of GPS bias and position at the end without it and with it."""
     if "base" not in study.found.readings:
         return None
-    without, beside = base_places(study)
+    without, with_base = base_places(study)
     sigma = study.course.sigma[:, -1]
     touched = [i for i, label in enumerate(study.found.labels) if block_of(label) in ("b_gps", "position")]
     return {
         "aboard": "base" in study.case.aboard,
         "rate": study.case.rates["base"],
         "sigma": {
-            study.found.labels[i]: {"without": float(sigma[without, i]), "with": float(sigma[beside, i])}
+            study.found.labels[i]: {"without": float(sigma[without, i]), "with": float(sigma[with_base, i])}
             for i in touched
         },
     }
@@ -161,9 +161,9 @@ def advice(study: Study) -> list[str]:
     for weakness in study.weaknesses:
         if weakness.sensors != study.case.aboard:
             continue
-        title, flown, gain = weakness.direction.title, flown_by(weakness, study), sensor_gain(weakness, study)
-        if gain is not None:
-            lines.append(f"{title}: {gain}")
+        title, flown, sensor = weakness.direction.title, flown_by(weakness, study), sensor_that_removes(weakness, study)
+        if sensor is not None:
+            lines.append(f"{title}: {sensor}")
         elif flown:
             name, left = flown[0]
             assert study.catalogue is not None
@@ -183,7 +183,7 @@ def advice(study: Study) -> list[str]:
     return lines
 
 
-def sensor_gain(weakness: Weakness, study: Study) -> str | None:
+def sensor_that_removes(weakness: Weakness, study: Study) -> str | None:
     """Which imagined sensor removes a direction, and what it does to a state in it; None: none, or to little use."""
     aboard, found = study.case.aboard, study.found
     best: tuple[float, str] | None = None

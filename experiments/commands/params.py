@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sinan.experiments.autopilots.files import as_file
-from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_beside, lines_of, terms_of_document
+from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, terms_of_document
 from sinan.experiments.commands.trace import trace_log
 from sinan.experiments.datasets import resolve
 from sinan.experiments.report.made import made
@@ -34,7 +34,7 @@ def run(
     ------
     InputError : nobody says whose parameters, or the report is of another log
     """
-    name = autopilot or autopilot_of(facts_beside(Path(input)))
+    name = autopilot or autopilot_of(facts_of_log(Path(input)))
     if not name:
         raise InputError("--for", f"nothing, and {input} does not say whose log it is", " or ".join(AUTOPILOTS))
     if report is None:

@@ -87,14 +87,14 @@ def _said(log: Log) -> dict[str, Any]:
 def _traced(log: Log, path: str, tell: Callable[[str], None]) -> Answer:
     from sinan.experiments.answers.asked import Asked
     from sinan.experiments.answers.traces import tell_in_its_terms, trace, what_is_done
-    from sinan.experiments.autopilots.parameters import facts_beside
+    from sinan.experiments.autopilots.parameters import facts_of_log
     from sinan.experiments.datasets import called, resolve
 
     tell("reading")
     recording = resolve(path)
     tell(what_is_done(recording))
     found = trace(recording, asked=Asked(called(log.path, recording), log.path))
-    facts = facts_beside(Path(path))
+    facts = facts_of_log(Path(path))
     said = _said(log) | ({"vehicle": facts.vehicle} if facts is not None and facts.vehicle else {})
     tell_in_its_terms(found.document, recording, [path], log.path)
     found.document["logs"] = [{"log": log.path, "sha256": log.digest}]

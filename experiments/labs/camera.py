@@ -48,7 +48,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     loop_section(page, done.looped, document)
     rows = [
         [name, *value_words(name, value, std), *value_words(name, value_plain, std_plain)]
-        for name, value, std, value_plain, std_plain in _beside(found, plain)
+        for name, value, std, value_plain, std_plain in _of_both(found, plain)
     ]
     page.heading("What a pinhole gets wrong")
     off = abs(plain.parameters[0] - found.parameters[0]) / plain.std[0]
@@ -63,7 +63,7 @@ def run(out: Path, say: Callable[[str], None] = print) -> None:
     page.write(out / "camera.html")
 
 
-def _beside(found: CameraFit, plain: CameraFit) -> list[tuple[str, float, float, float, float]]:
+def _of_both(found: CameraFit, plain: CameraFit) -> list[tuple[str, float, float, float, float]]:
     """The four parameters that both have, with their standard deviations."""
     columns = found.parameters[:4], found.std[:4], plain.parameters[:4], plain.std[:4]
     return [(name, *row) for name, row in zip(found.form.names[:4], zip(*columns, strict=True), strict=True)]

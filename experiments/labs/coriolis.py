@@ -82,7 +82,9 @@ def rolled(t: FloatArray, rate: float, speed: float, centrifugal: bool = True) -
 
 
 def demodulated(t: FloatArray, signal: FloatArray) -> FloatArray:
-    """(n,) rate [rad/s] that a deflection tells: its part in step with the swing, over ten periods, by its gain."""
+    """(n,) rate [rad/s] that a deflection tells: its part in step with the swing, over ten periods, as a part of the
+    frequency response at the drive.
+    """
     w, w0 = 2.0 * np.pi * DRIVE, 2.0 * np.pi * SENSE
     response = 1.0 / (w0**2 - w**2 + 2j * DAMPING * w0 * w)
     carrier = np.cos(w * t + np.angle(response))

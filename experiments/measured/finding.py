@@ -20,7 +20,7 @@ class Finding:
     notes : what was taken from the log
     references : label, before and after, words of the unit
     undecided : sentences
-    beside : what others published of an effect's parameters, or the reference's rates show of the gyroscope
+    known_otherwise : what others published of an effect's parameters, or the reference's rates show of the gyroscope
     seconds : of the processor, for the trace
     failure : why it did not finish; empty where it did
     """
@@ -31,7 +31,7 @@ class Finding:
     notes: Sequence[str] = ()
     references: Sequence[tuple[str, float, float, str]] = ()
     undecided: Sequence[str] = ()
-    beside: str = ""
+    known_otherwise: str = ""
     seconds: float = 0.0
     failure: str = ""
 

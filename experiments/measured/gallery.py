@@ -48,8 +48,8 @@ def find(name: str) -> Finding:
         return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
-    beside = published_words(entry, document) or settings_words(entry, document) or gyro_words(source)
-    return Finding(entry, name, document, notes, references, undecided, beside, seconds, not_finite(document))
+    known_otherwise = published_words(entry, document) or settings_words(entry, document) or gyro_words(source)
+    return Finding(entry, name, document, notes, references, undecided, known_otherwise, seconds, not_finite(document))
 
 
 def gyro_words(source: Source) -> str:

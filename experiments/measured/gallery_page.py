@@ -126,7 +126,7 @@ def section(one: Finding) -> list[str]:
     for label, before, after, unit in one.references:
         changed = label.startswith("spread") or bool(reported(document))
         lines.append(f"- {label}: {number(before)}" + (f" -> {number(after)}" if changed else "") + f" {unit}".rstrip())
-    lines += [f"- known otherwise: {one.beside}"] if one.beside else []
+    lines += [f"- known otherwise: {one.known_otherwise}"] if one.known_otherwise else []
     lines += [f"- remains: {remaining_sentence(item)}" for item in document["remaining"]]
     lines += [f"- cannot be decided: {sentence}" for sentence in one.undecided]
     lines += [f"- taken from the log: {note}" for note in one.notes if "far from 1" not in note]

@@ -21,7 +21,7 @@ from sinan.sensors.arrays import FloatArray
 if TYPE_CHECKING:
     from sinan.experiments.bias_observability.study import Study
 
-#: Blue: known; white: sigma halved; red: not known. And for gains: red lost, blue gained.
+#: Blue: known; white: sigma halved; red: not known. And of information: red lost, blue gained.
 _KNOWN = LinearSegmentedColormap.from_list("known", [AFTER, "#ffffff", BEFORE])
 _GAINED = LinearSegmentedColormap.from_list("gained", [BEFORE, "#ffffff", AFTER])
 #: Kinds of motion: light where little happens.
@@ -110,7 +110,7 @@ def sigma_curves(study: Study) -> Figure:
     return figure
 
 
-def gain_map(study: Study) -> Figure:
+def information_map(study: Study) -> Figure:
     """Information that each manoeuvre brought about each state: bits, log2(sigma before / sigma after)."""
     names = list(study.states[0].bits)
     values = np.array([[state.bits[name] for name in names] for state in study.states])
@@ -171,14 +171,14 @@ def subset_map(study: Study) -> Figure:
 
 def base_curves(study: Study) -> Figure:
     """Sigma of the GPS bias and of the position over time, without and with a base receiver."""
-    without, beside = base_places(study)
+    without, with_base = base_places(study)
     t = study.course.t - study.course.t[0]
     pairs = (("GPS bias", "b_gps"), ("position", "position"))
     figure, axes = new_figure(1, 2, 2.8, sharey=True)
     for one, (title, block) in zip(axes[0], pairs, strict=True):
         for k, colour, width, text in (
             (without, "#e9a99b", 3.6, "without base receiver"),  # wide, so that the other shows where both agree
-            (beside, AFTER, 1.5, "with base receiver"),
+            (with_base, AFTER, 1.5, "with base receiver"),
         ):
             for axis, style in (("north", "-"), ("down", ":")):
                 label = f"{block}_{axis}"

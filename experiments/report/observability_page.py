@@ -48,8 +48,8 @@ def observability_figures(study: Study) -> dict[str, tuple[Figure, str]]:
         ),
     }
     if len(study.case.segments) > 1:
-        made["gains"] = (
-            figures.gain_map(study),
+        made["information"] = (
+            figures.information_map(study),
             "What each manoeuvre brought: one bit halves a sigma. Roll, pitch and heading are angles about the body's "
             "axes, so a turn passes their uncertainty from one to the other.",
         )
@@ -101,9 +101,9 @@ def observability_page(path: Path, study: Study) -> None:
     page.heading("What each bias learns, and when")
     page.figure(*made["curves"])
     _bias_table(page, study)
-    if "gains" in made:
+    if "information" in made:
         page.heading("Which manoeuvre brought it")
-        page.figure(*made["gains"])
+        page.figure(*made["information"])
     if "catalogue" in made:
         page.heading("Which scenario to fly")
         page.figure(*made["catalogue"])
@@ -179,7 +179,7 @@ def _sensor_table(page: Page, study: Study) -> None:
 def _base(page: Page, study: Study, made: dict[str, tuple[Figure, str]]) -> None:
     """What the base receiver adds, in numbers."""
     page.heading("What the base receiver adds")
-    without, beside = base_places(study)
+    without, with_base = base_places(study)
     aboard = "base" in study.case.aboard
     page.text(
         "GPS reads position plus bias: the two move together and no flight separates them. A receiver at a known place "
@@ -189,6 +189,6 @@ def _base(page: Page, study: Study, made: dict[str, tuple[Figure, str]]) -> None
     rows = []
     for i, label in enumerate(study.found.labels):
         if label.startswith(("b_gps", "position")):
-            before, after = (shown(label, float(study.course.sigma[k, -1, i])) for k in (without, beside))
+            before, after = (shown(label, float(study.course.sigma[k, -1, i])) for k in (without, with_base))
             rows.append([name_of(label), amount_of(label, before), amount_of(label, after), f"{after / before:.2f}"])
     page.table(["state", "σ at the end without", "with", "ratio"], rows, numeric=(1, 2, 3))

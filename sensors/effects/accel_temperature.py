@@ -23,8 +23,8 @@ EFFECT = Effect(
     enters="f_i += b_i (T - 25 degC)",
     physics=(
         "f_i += b_i (T - 25 degC): stress in the die and the electronics shift the zero as the board warms up. Exact "
-        "in the first order; neglects hysteresis and the change of the gain. A linear warming looks like a steady "
-        "drift, so a bias walk that is declared large enough absorbs part of it."
+        "in the first order; neglects hysteresis and the change of the scale factor. A linear warming looks like a "
+        "steady drift, so a bias walk that is declared large enough absorbs part of it."
     ),
     source="MPU-6000 data sheet PS-MPU-6000A-00 rev. 3.4, section 6.2 (zero-g level change over temperature)",
     parameters=tuple(Parameter(axis, "(m/s^2)/K", PLAUSIBLE) for axis in "xyz"),

@@ -23,7 +23,7 @@ EFFECT = Effect(
     enters="w_i += b_i (T - 25 degC)",
     physics=(
         "w_i += b_i (T - 25 degC): the zero of a vibrating structure moves with its temperature. Exact in the first "
-        "order; neglects hysteresis and the change of the gain."
+        "order; neglects hysteresis and the change of the scale factor."
     ),
     source="Bosch BMI055 data sheet BST-BMI055-DS000 (TCO); MPU-6000 data sheet, section 6.1 (ZRO variation)",
     parameters=tuple(Parameter(axis, "(rad/s)/K", PLAUSIBLE) for axis in "xyz"),

@@ -8,7 +8,7 @@ from sinan.sensors.effects.declaration import Effect, Parameter
 from sinan.sensors.magnetometer import field_b
 from sinan.sensors.motion import Motion
 
-PLAUSIBLE = 0.05  # 1; HMC5883L data sheet (rev. E), table 2: gain tolerance +-5 %
+PLAUSIBLE = 0.05  # 1; HMC5883L data sheet (rev. E), table 2: tolerance of the scale factor +-5 %
 
 
 def regressor(motion: Motion) -> FloatArray:

@@ -23,7 +23,7 @@ EFFECT = Effect(
     enters="B += b (T - 25 degC)",
     physics=(
         "B += b (T - 25 degC): offset of the bridge and of its amplifier. Exact in the first order; neglects the "
-        "change of the gain with temperature. Warming together with the load it looks like `mag.current`."
+        "change of the scale factor with temperature. Warming together with the load it looks like `mag.current`."
     ),
     source="Honeywell HMC5883L data sheet (offset and sensitivity over temperature; the size is an assumption)",
     parameters=tuple(Parameter(axis, "1/K", PLAUSIBLE) for axis in "xyz"),

@@ -17,7 +17,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.dataflash_messages import Dataflash, read_messages
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
+from sinan.sensors.formats.logged import PULSES, averaged, numbered, recording_of
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_from_rpy, quaternion_multiply
 
@@ -266,7 +266,7 @@ def _power(log: Dataflash) -> Stream | None:
     """Current and voltage of the first battery, and those of further ones beside them."""
     rules = {"current": ("Curr", "current", "A"), "voltage": ("Volt", "voltage", "V")}
     batteries = [_stream(log, log.rows_of("BAT", k), rules) for k in range(log.instances("BAT"))]
-    return beside([battery for battery in batteries if battery is not None])
+    return numbered([battery for battery in batteries if battery is not None])
 
 
 def motor_outputs(parameters: Mapping[str, float], most: int) -> list[int]:

@@ -77,8 +77,8 @@ def recording_of(
     return recording
 
 
-def beside(streams: Sequence[Stream]) -> Stream | None:
-    """The first of several streams, and the columns of the others beside its own: `current`, `current_2`."""
+def numbered(streams: Sequence[Stream]) -> Stream | None:
+    """The first of several streams, and the columns of the others with numbers: `current`, `current_2`."""
     streams = [stream for stream in streams if len(stream)]
     if not streams:
         return None

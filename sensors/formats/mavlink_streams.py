@@ -16,7 +16,7 @@ from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.formats.ardupilot import FIRMWARES, board_attitude, motor_outputs, motor_stream, trim_of
 from sinan.sensors.formats.choice import Choice, not_there
-from sinan.sensors.formats.logged import beside
+from sinan.sensors.formats.logged import numbered
 from sinan.sensors.formats.mavlink_frames import Telemetry
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, Stream
 
@@ -232,14 +232,14 @@ def _baro(log: Telemetry, number: int) -> Reader | None:
         return None
     says = _says_what_is_new(log, "HIGHRES_IMU", _NEW_PRESSURE)
 
-    def read_beside(log: Telemetry, clock: Clock) -> Stream | None:
+    def read_highres(log: Telemetry, clock: Clock) -> Stream | None:
         if "HIGHRES_IMU" not in log:
             return None
         columns = {"pressure": log.numbers("HIGHRES_IMU", "abs_pressure") * _HECTO}
         new = _updated(log, "HIGHRES_IMU", _NEW_PRESSURE, says)
         return Stream(clock.of("HIGHRES_IMU"), columns).rows(new)
 
-    return read_beside
+    return read_highres
 
 
 #: What a receiver says of its fix: column, field, unit, the value that stands for nothing known.
@@ -318,7 +318,7 @@ def _power(log: Telemetry) -> Reader | None:
         for one, columns in columns_of.items():
             mine = _battery(log, name) == one
             found.append(Stream(t[mine], {column: values[column][mine] for column in columns}))
-        return beside(found)
+        return numbered(found)
 
     return read if columns_of else None
 

@@ -21,7 +21,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, beside, recording_of, turned
+from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, numbered, recording_of, turned
 from sinan.sensors.formats.packed import MOST_COLUMNS, MOST_NUMBERS, require_numbers
 from sinan.sensors.formats.plausible import check_field, unit_of_field
 from sinan.sensors.formats.units import UNITS
@@ -405,7 +405,7 @@ def _power(bag: _Bag) -> Stream | None:
                    if np.all(np.isfinite(table[:, k]))}  # fmt: skip
         if columns:
             streams.append(Stream(bag.topics[name].t(bag.start), columns))
-    return beside(streams)
+    return numbered(streams)
 
 
 def _ranges(bag: _Bag, notes: list[str]) -> dict[str, Stream]:

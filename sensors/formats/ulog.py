@@ -11,7 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
-from sinan.sensors.formats.logged import PULSES, averaged, beside, recording_of
+from sinan.sensors.formats.logged import PULSES, averaged, numbered, recording_of
 from sinan.sensors.formats.ulog_messages import Topics
 from sinan.sensors.formats.ulog_tables import TopicTables, log_name, topics_of
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, QUATERNION, VELOCITY, Recording, SensorSpec, Stream
@@ -302,7 +302,7 @@ def _power(topics: Log) -> Stream | None:
     """Current and voltage of the first battery, and those of further ones beside them."""
     names = {"current": "current_a", "voltage": "voltage_v"}
     found = [_columns(topics, _called("battery_status", k), names) for k in range(_MOST_INSTANCES)]
-    return beside([battery for battery in found if battery is not None])
+    return numbered([battery for battery in found if battery is not None])
 
 
 def _motors(topics: Log) -> Stream | None:

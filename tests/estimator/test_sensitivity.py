@@ -139,9 +139,9 @@ def test_a_chunk_that_ends_between_two_readings_hands_on_the_whole_V() -> None:
 
 def test_inverse_by_cofactors() -> None:
     """And one where an instrument shows nothing of a change."""
-    gain = np.eye(3) + 0.3 * np.random.default_rng(31).standard_normal((50, 3, 3))
-    gain[7, :, 1] = 0.0
-    found = _inverse(gain)
+    M = np.eye(3) + 0.3 * np.random.default_rng(31).standard_normal((50, 3, 3))
+    M[7, :, 1] = 0.0
+    found = _inverse(M)
     sound = np.arange(50) != 7
-    np.testing.assert_allclose(found[sound], np.linalg.inv(gain[sound]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found[sound], np.linalg.inv(M[sound]), rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(found[7], np.eye(3))

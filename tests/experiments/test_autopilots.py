@@ -323,9 +323,9 @@ def test_an_imu_without_its_effect(
     raw = (with_effects(plain, {effect: beta}, motion) - zero) @ np.linalg.inv(M).T
     spans = dict.fromkeys(("accel", "gyro"), (float(T.min()), float(T.max())))
     new = correct(raw, T, loaded(autopilot, {effect: beta}, before, temperatures=spans), sensor) - plain
-    gain = effect.endswith("scale")  # the offset of the log is behind the gain
-    left = new - np.mean(new, axis=0) if not gain else new - new[0]
-    np.testing.assert_allclose(left, 0.0, atol=2e-5 if gain else 3e-6)
+    is_scale = effect.endswith("scale")  # the offset of the log is behind the scale factor
+    left = new - np.mean(new, axis=0) if not is_scale else new - new[0]
+    np.testing.assert_allclose(left, 0.0, atol=2e-5 if is_scale else 3e-6)
 
 
 @BOTH

@@ -89,7 +89,7 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start() -> None:
 def test_gallery_finds_what_was_published(data: Path) -> None:
     found = gallery.find("MPU-9150 0, accelerometer")
     assert [effect["name"] for effect in found.document["effects"]] == ["accel.cross_axis"]
-    apart = [float(word) for word in found.beside.split("found ")[1].split(" sigma")[0].split(", ")]
+    apart = [float(word) for word in found.known_otherwise.split("found ")[1].split(" sigma")[0].split(", ")]
     assert max(abs(a) for a in apart) < 4.0
     text = page([block(found)])
     assert blocks_of(text) == {found.name: block(found)}

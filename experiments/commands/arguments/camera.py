@@ -44,15 +44,15 @@ def camera(
 
     target = board_of(board, square, marker, dictionary, legacy)
     if str(place) in ("hand-eye", "wand"):
-        from sinan.experiments.commands.camera_rig import Beside, hand_eye, wand
+        from sinan.experiments.commands.camera_rig import Given, hand_eye, wand
 
         if html is not None or corners is not None:
             raise InputError("--html, --corners", f"with {place}", "--json: there is no page of a mounting")
-        beside = Beside(body, gyro, along, cameras)
+        given = Given(body, gyro, along, cameras)
         if str(place) == "wand":
-            say(lambda: wand(what, beside, lens, json), json, None)
+            say(lambda: wand(what, given, lens, json), json, None)
         else:
-            say(lambda: hand_eye(what, beside, target, lens, json), json, None)
+            say(lambda: hand_eye(what, given, target, lens, json), json, None)
         return
     if what is not None:
         raise InputError("camera", f"two inputs, {place} and {what}", "one; or hand-eye, or wand, before the second")
