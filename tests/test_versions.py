@@ -74,6 +74,10 @@ def test_python_itself_has_a_floor() -> None:
 
 def test_a_build_without_a_tag_sorts_before_the_release_that_comes_next() -> None:
     """Which is the first that the changelog has; a fallback of 0.1.0 alone made builds of 0.1.1.dev, after it."""
-    heading = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    heading = re.search(r"^## (\S+) \((.+)\)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert heading is not None
-    assert SETTINGS["tool"]["setuptools_scm"]["fallback_version"] == f"{heading[1]}.dev0"
+    release, date = heading.groups()
+    assert SETTINGS["tool"]["setuptools_scm"]["fallback_version"] == f"{release}.dev0"
+    cited = dict(re.findall(r"^([\w-]+): ([\w.-]+)", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE))
+    said = (f"{release}.dev0", None) if date == "unreleased" else (release, date)
+    assert (cited["version"], cited.get("date-released")) == said
