@@ -19,7 +19,7 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import SPEED_OF_LIGHT
-from sinan.sensors.range_noise import LOWEST
+from sinan.sensors.range_noise import LOWEST_ELEVATION
 
 CA_CHIP = SPEED_OF_LIGHT / 1.023e6  # m, IS-GPS-200N, 3.3.2.1
 P_CHIP = SPEED_OF_LIGHT / 10.23e6  # m, the same
@@ -83,7 +83,7 @@ class CodeReceiver:
         """(n,) 1-sigma of the slow error [m]; the course's classes know no elevation."""
         if self.noise is not None:
             return np.full(len(elevation), self.drift)
-        return np.asarray(self.drift / np.sin(np.maximum(elevation, LOWEST)))
+        return np.asarray(self.drift / np.sin(np.maximum(elevation, LOWEST_ELEVATION)))
 
 
 #: What a scenario may ask for.

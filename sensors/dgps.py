@@ -34,13 +34,15 @@ from sinan.sensors.pseudorange import (
     circumstances,
     modelled,
 )
+from sinan.sensors.range_noise import LOWEST_ELEVATION
 
 SMOOTHING = 60.0  # s: correction and rate are those of a straight line through this span
 FEWEST_FOR_RATE = 3  # corrections in the span; with fewer the rate counts as zero
 LONGEST_AGE = 60.0  # s: beyond it a satellite's correction is not used
 RECEIVER_NOISE = 0.3  # m, noise and multipath of one receiver that others do not share, each of the two parts
 AGES, FEWEST_PAIRS = 16, 5  # ages of `growth`; pairs of corrections of a satellite for one of them
-LOWEST = np.deg2rad(5.0)  # elevation below which the base makes no corrections
+#: Elevation below which the base makes no corrections; where its noise stops growing is `LOWEST_ELEVATION`.
+MASK = np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def corrections(
     base: Pseudoranges,
     position: FloatArray,
     effects: Iterable[str] = tuple(MODELLED),
-    lowest: float = LOWEST,
+    lowest: float = MASK,
     past: bool = False,
     window: float = SMOOTHING,
 ) -> Corrections:
@@ -105,7 +107,7 @@ def corrections(
 
 def receiver_variance(ranges: Pseudoranges, elevation: FloatArray) -> FloatArray:
     """(n,) variance of what two receivers do not share, a receiver: noise and multipath (a^2 + b^2 / sin^2 E) [m^2]."""
-    sine = np.sin(np.maximum(elevation, LOWEST))
+    sine = np.sin(np.maximum(elevation, LOWEST_ELEVATION))
     return np.asarray(RECEIVER_NOISE**2 * (1.0 + 1.0 / sine**2))
 
 

@@ -37,7 +37,7 @@ from sinan.sensors.formats.rinex_navigation import Navigation
 from sinan.sensors.formats.rinex_observation import Journal, Observations, TextArray
 from sinan.sensors.formats.rinex_text import WEEK, calendar
 from sinan.sensors.motion import Motion
-from sinan.sensors.range_noise import RangeNoise
+from sinan.sensors.range_noise import LOWEST_ELEVATION, RangeNoise
 
 #: Effects whose full size is known beforehand, in the order of the catalogue.
 MODELLED: Mapping[str, Effect] = {
@@ -83,8 +83,10 @@ SHORTEST, LONGEST = 1.0e7, 1.0e8  # m: outside, a number is no pseudorange, what
 CODE_NOISE = 0.9  # m at the zenith for each of the two parts
 GLONASS_NOISE = 1.5  # times that of the others: half the chip rate
 DEFAULT_ACCURACY = 2.4  # m, where the message has none
+#: What Saastamoinen's model leaves of one epoch, divided by (sin E + 0.1), whatever the weather (RTKLIB 2.4.2 manual,
+#: E.6). What lasts of it over a log is less, and grows as 1 / sin E: `residual_loop.pseudoranges.ZENITH_LEFT`.
 TROPOSPHERE_LEFT = 0.3  # m
-CODE_BIAS = 0.3  # m
+CODE_BIAS = 0.3  # m, between the codes of different signals and receivers (the same page)
 #: What the broadcast ionosphere leaves is half of the delay (IS-GPS-200N, 20.3.3.5.2.5), and it is a smooth field.
 IONOSPHERE_LEFT = 0.5  # 1
 IONOSPHERE_RAY = 0.2  # 1, share of the delay that is particular to a ray
@@ -371,8 +373,8 @@ def code_variance(
     + accuracy^2      : orbit and clock, as the satellite promises
     + (0.2 I)^2       : what is particular to one ray of what the broadcast ionosphere leaves of its delay I; what is
                         common to the rays is in `ionosphere_left`
-    + (0.3 / (sin E + 0.1))^2 : what the standard troposphere leaves
-    + 0.3^2           : code biases
+    + (T / (sin E + 0.1))^2 : what the standard troposphere leaves, T = `TROPOSPHERE_LEFT`
+    + `CODE_BIAS`^2   : code biases
 
     Source: RTKLIB 2.4.2 manual, E.6.
 
@@ -386,7 +388,7 @@ def code_variance(
     if noise is not None:
         delay = np.broadcast_to(ionosphere, (len(ranges),))
         return noise.variance(ranges.system, elevation, ranges.strength, ranges.accuracy, delay)
-    sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
+    sine = np.sin(np.maximum(elevation, LOWEST_ELEVATION))
     variance = CODE_NOISE**2 * (1.0 + 1.0 / sine)
     variance = variance * np.where(ranges.system == "R", GLONASS_NOISE**2, 1.0)
     variance = variance + np.where(ranges.accuracy > 0.0, ranges.accuracy, DEFAULT_ACCURACY) ** 2

@@ -25,7 +25,8 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.formats.rinex_observation import TextArray
 
 REFERENCE_STRENGTH = 45.0  # dB-Hz; also of a row without a strength
-LOWEST = np.deg2rad(5.0)  # elevation below which nothing grows
+#: Elevation below which no error of a range grows [rad]: every law of them divides by the sine of this at least.
+LOWEST_ELEVATION = np.deg2rad(5.0)
 #: Above what messages usually promise [m]: 2.0, 2.8 and 3.12 m in 2550 of the 2552 messages of Esbjerg and Kamakura
 #: (measured: `pytest tests/experiments/test_gnss.py -k promise`); 4.0 is GPS's URA index 2 (IS-GPS-200).
 USUAL_ACCURACY = 4.0
@@ -77,7 +78,7 @@ class RangeNoise:
 
 def squares(system: TextArray, elevation: FloatArray, strength: FloatArray, ionosphere: FloatArray) -> FloatArray:
     """(n, 8) what the squares of the first eight sizes are multiplied with."""
-    sine = np.sin(np.maximum(elevation, LOWEST))
+    sine = np.sin(np.maximum(elevation, LOWEST_ELEVATION))
     power = np.where(np.isfinite(strength), strength, REFERENCE_STRENGTH)
     columns = [(system == letter).astype(np.float64) for letter in SYSTEMS]
     columns += [1.0 / sine**2, 10.0 ** (-0.1 * (power - REFERENCE_STRENGTH)), ionosphere**2]

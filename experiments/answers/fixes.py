@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sinan.estimator.positioning.location import Location
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.answers.asked import Answer
 from sinan.experiments.gnss.study import solution_table, solved, write_solution
 
@@ -72,7 +73,7 @@ def positions(
     reference: str | Path | None = None,
     base: str | Path | None = None,
     base_position: Sequence[float] | None = None,
-    alpha: float = 0.01,
+    alpha: float = ALPHA,
     code: str = "ca",
     link: str | None = None,
 ) -> Positions:

@@ -11,6 +11,7 @@ import numpy as np
 
 from sinan.calibration.levels.assumptions import as_rows
 from sinan.estimator.filter.assumption import Assumption
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused
@@ -150,7 +151,7 @@ def trace(
     recording: Recording | Sequence[Recording],
     *,
     sensor: str | None = None,
-    alpha: float = 0.01,
+    alpha: float = ALPHA,
     gravity: float | None = None,
     asked: Asked = PLAIN,
 ) -> Trace:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.blind.maker.make import INDEX_FILE
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.report import report
@@ -29,7 +30,7 @@ def index_of(runs: Path) -> dict[str, dict[str, str | None]]:
     return found
 
 
-def examine(folder: Path, asked: Mapping[str, str | None], alpha: float = 0.01) -> dict[str, object]:
+def examine(folder: Path, asked: Mapping[str, str | None], alpha: float = ALPHA) -> dict[str, object]:
     """The report of the trace of one recording, and the CPU seconds that it took.
 
     Parameters
@@ -43,7 +44,7 @@ def examine(folder: Path, asked: Mapping[str, str | None], alpha: float = 0.01) 
     return document
 
 
-def examined(recording: Recording, sensor: str | None = None, alpha: float = 0.01) -> dict[str, object]:
+def examined(recording: Recording, sensor: str | None = None, alpha: float = ALPHA) -> dict[str, object]:
     """The same of a recording that is read already; the CPU seconds are those of the trace."""
     begin = time.process_time()
     return {**report(trace_recording(recording, sensor, alpha)), "cpu_seconds": time.process_time() - begin}

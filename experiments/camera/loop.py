@@ -13,10 +13,10 @@ import numpy as np
 
 from sinan.calibration.cameras.camera import CameraFit, Form, blocks_of, compare, fit, form
 from sinan.calibration.cameras.views import View
+from sinan.experiments.alpha import ALPHA
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-ALPHA = 0.01  # risk of a false alarm over all candidates, as of every trace
 DISTORTION = "camera.distortion"
 #: A focal length takes two, and one is held out.
 LEAST_PICTURES = 3

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, terms_of_document
 from sinan.experiments.commands.trace import trace_log
@@ -15,8 +16,6 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.files import write_text
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.window import WHOLE, Span
-
-ALPHA = 0.01  # family-wise, as `sinan trace` has it
 
 
 def run(

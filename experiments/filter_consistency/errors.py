@@ -15,13 +15,12 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.relinearise import is_coarse
 from sinan.experiments.filter_consistency.scenarios import why_not
 from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly, rng_of
-from sinan.experiments.monte_carlo.study import MonteCarlo, averaged, label
+from sinan.experiments.monte_carlo.study import FAMILY_LEVEL, MonteCarlo, averaged, label
 from sinan.experiments.scenarios import load_scenario, scenario_names
 from sinan.sensors.scenario import Scenario
 from sinan.sensors.simulate import simulate
 
 RUNS = 100
-FAMILY_LEVEL = 0.99
 
 
 def from_coarse(scenario: Scenario) -> bool:

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.evidence.score import statistic_of
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.filter_consistency.scenarios import matched_scenarios
-from sinan.experiments.monte_carlo.study import averaged
+from sinan.experiments.monte_carlo.study import FAMILY_LEVEL, averaged
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.sensors.recording import Recording
 from sinan.sensors.scenario import Scenario
 from sinan.sensors.simulate import simulate
 
 FLIGHTS = 200
-FAMILY_LEVEL = 0.99  # of all tests of one table together
 NIS_MARGIN = 0.02  # of the average NIS of each sensor about 1
 
 
@@ -115,7 +115,7 @@ def uniformity(scored: Sequence[Scored]) -> dict[str, dict[str, Any]]:
     return table
 
 
-def false_alarms(scored: Sequence[Scored], alpha: float = 0.01) -> int:
+def false_alarms(scored: Sequence[Scored], alpha: float = ALPHA) -> int:
     """Flights in which some candidate passes at family-wise error alpha."""
     return sum(any(e[4] < alpha / len(flight.effects) for e in flight.effects.values()) for flight in scored)
 

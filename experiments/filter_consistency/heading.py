@@ -11,7 +11,7 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.experiments.monte_carlo.one_flight import Score, fly, inputs_of, rng_of, scored
-from sinan.experiments.monte_carlo.study import averaged
+from sinan.experiments.monte_carlo.study import FAMILY_LEVEL, averaged
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply
@@ -20,7 +20,6 @@ from sinan.sensors.simulate import simulate
 RUNS = 40
 SIGMAS = (2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 90.0)  # deg
 HOVER_SIGMAS = (0.3, 0.6, 1.1, 1.7, 3.0, 6.0)  # deg
-FAMILY_LEVEL = 0.99
 BLOCKS = ("overall", "attitude", "b_accel", "b_gyro", "b_mag")
 
 

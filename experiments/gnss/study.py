@@ -19,6 +19,7 @@ import pymap3d
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import fitted
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.base import Differential, differential
 from sinan.experiments.gnss.reference import position_error, read_reference
 from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
@@ -45,7 +46,7 @@ def solved(
     reference: Path | str | None = None,
     base: Path | str | None = None,
     base_position: Sequence[float] | None = None,
-    alpha: float = 0.01,
+    alpha: float = ALPHA,
     code: str = "ca",
     link: str | None = None,
 ) -> tuple[Report, Location]:

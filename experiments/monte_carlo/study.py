@@ -29,7 +29,8 @@ from sinan.sensors.files import write_text
 from sinan.sensors.scenario import Scenario
 
 LEVEL = 0.95  # of the interval beside each average
-FAMILY_LEVEL = 0.99  # of all the averages' wider intervals together
+#: Probability that, the model being right, no average of a table is outside its wider interval.
+FAMILY_LEVEL = 0.99
 BATCHES_PER_WORKER = 4  # tasks a worker gets: few enough to cost nothing, enough to even out the end
 LARGEST_BATCH = 16  # runs of a cluster between two signs of progress and two files
 

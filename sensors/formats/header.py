@@ -18,7 +18,7 @@ Origin = tuple[float, float, float]
 #: Sizes that a declared number may have, in SI units, gauss or raw counts: converters have 32 bits, the quietest
 #: instruments (ring laser gyroscopes) a noise of 1e-7; the filter squares them.
 SMALLEST_NOISE, LARGEST = 1e-12, 1e12
-#: Origin [m]: the deepest trench to the orbit of a station.
+#: Height of the origin [m]: the deepest trench to the orbit of a station.
 LOWEST, HIGHEST = -12_000.0, 1e6
 
 #: The keys that each sensor may declare.

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.commands.arguments.saying import choice_of, know, say
 from sinan.experiments.commands.arguments.shared import (
     Baro,
@@ -38,7 +39,7 @@ def trace(
     sensor: Annotated[Sensor | None, typer.Option(help="only this one, of a poses recording with several")] = None,
     alpha: Annotated[
         float, typer.Option(help="risk of any false alarm, over all candidates together", min=1e-6, max=0.5)
-    ] = 0.01,
+    ] = ALPHA,
     gravity: Gravity = None,
     map: Map = None,
     start: From = None,
