@@ -16,23 +16,52 @@ import check_links  # noqa: E402
 import commands_page  # noqa: E402
 import constants_page  # noqa: E402
 import effect_figures  # noqa: E402
+import effect_pages  # noqa: E402
+import residual_figures  # noqa: E402
 
 from sinan.experiments.benchmarks import bounds_of_work  # noqa: E402
 from sinan.experiments.benchmarks.bounds_of_work import BOUNDS  # noqa: E402
 
 
-def test_every_effect_that_a_flight_shows_has_its_figure() -> None:
+def test_every_effect_has_its_figure() -> None:
     numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
-    assert set(numbers) == set(effect_figures.drawable()) == {path.stem for path in effect_figures.FOLDER.glob("*.png")}
+    assert set(numbers) == set(effect_figures.CATALOGUE) == {path.stem for path in effect_figures.FOLDER.glob("*.png")}
 
 
 def test_an_effect_in_the_model_takes_its_residual_away() -> None:
     numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
     for name, known in numbers.items():
-        if len(known["nis_per_dof"]) == 2:
+        if len(known.get("nis_per_dof", ())) == 2:
             before, after = known["nis_per_dof"]
             assert before > after, name
             assert after < 1.25, name
+        if "rms" in known:
+            before, after = known["rms"]
+            assert after < 0.6 * before, name
+
+
+def test_the_page_of_every_effect_shows_its_figure() -> None:
+    pages = "".join(effect_pages.pages().values())
+    for name in effect_figures.CATALOGUE:
+        assert f"figures/effects/{name}.png)" in pages, name
+
+
+def test_a_figure_of_ranges_is_what_its_script_draws() -> None:
+    kept = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
+    for name in ("pseudorange.troposphere", "pseudorange.satellite_fault"):
+        drawn = residual_figures.ranges(name)
+        assert drawn.beta == kept[name]["beta"]
+        assert drawn.rms == pytest.approx(kept[name]["rms"], rel=0.01)
+
+
+def test_residuals_with_the_effect_are_the_noise_that_was_simulated() -> None:
+    """Of a camera 0.7 pixels; of the specific force 0.002 m/s^2 / sqrt(Hz) over 0.1 s."""
+    kept = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
+    for name, known in kept.items():
+        if name.startswith("camera."):
+            assert known["rms"][1] == pytest.approx(0.7, rel=0.05), name
+        if name.startswith("motion."):
+            assert known["rms"][1] == pytest.approx(0.002 / 0.1**0.5, rel=0.05), name
 
 
 def test_a_figure_is_what_its_script_draws() -> None:
