@@ -128,7 +128,7 @@ class Camera:
     Attributes
     ----------
     sigma : standard deviation of u and of v [pixels]
-    intrinsics : lens and pixels
+    intrinsics : lens, and from its plane to pixels: `sensors.camera.Intrinsics`
     C_bc : (3, 3) camera -> body, columns are the camera's axes in the body
     l_b : (3,) the camera's centre in the body [m]
     """
@@ -154,6 +154,10 @@ class Camera:
         """(n, 17) all of it in numbers, the same in each row: it travels with a motion as the beams of a scan do.
 
         Number of the lens, f, centre, five coefficients, C_bc as a quaternion, l_b.
+
+        Parameters
+        ----------
+        n : rows
         """
         k = np.pad(self.intrinsics.k, (0, 5 - len(self.intrinsics.k)))
         lens = list(LENSES).index(self.intrinsics.lens)
@@ -162,18 +166,33 @@ class Camera:
 
     @staticmethod
     def of(motion: Motion) -> Camera:
-        """The camera that the covariate `camera` of a motion tells, for effects; its noise is of no account."""
+        """The camera that the covariate `camera` of a motion tells, for effects; its noise is of no account.
+
+        Parameters
+        ----------
+        motion : with the covariate `camera`, as of `covariate`
+        """
         row = motion.covariates["camera"][0]
         lens = list(LENSES)[int(row[0])]
         k = row[5 : 5 + len(LENSES[lens].coefficients)]
         return Camera(1.0, Intrinsics(row[1:3], row[3:5], lens, k), matrix_from_quaternion(row[10:14]), row[14:17])
 
     def points_b(self, motion: Motion) -> FloatArray:
-        """(n, 3) the known points in the body, from its reference point: C_bn (point_n - p_n) [m]."""
+        """(n, 3) the known points in the body, from its reference point: C_bn (point_n - p_n) [m].
+
+        Parameters
+        ----------
+        motion : (n) with the covariate `point_n`
+        """
         return rotate_back(motion.q_nb, motion.covariates["point_n"] - motion.p_n)
 
     def points_c(self, motion: Motion) -> FloatArray:
-        """(n, 3) the known points in the camera [m]."""
+        """(n, 3) the known points in the camera [m].
+
+        Parameters
+        ----------
+        motion : (n) with the covariate `point_n`
+        """
         return (self.points_b(motion) - self.l_b) @ self.C_bc
 
     def predict(self, motion: Motion) -> FloatArray:
@@ -189,7 +208,12 @@ class Camera:
         }
 
     def by_body(self, motion: Motion) -> FloatArray:
-        """(n, 2, 3) d pixel / d P_b = J C_cb."""
+        """(n, 2, 3) d pixel / d P_b = J C_cb.
+
+        Parameters
+        ----------
+        motion : (n) with the covariate `point_n`
+        """
         by_P, _ = self.intrinsics.slopes(self.points_c(motion))
         return by_P @ self.C_bc.T
 

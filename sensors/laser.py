@@ -72,8 +72,12 @@ class Laser:
         return blocks
 
     def echo(self, motion: Motion, softness: float = 0.0) -> BoolArray:
-        """(n,) whether all beams come back: none above the horizon or out of range; the ground's softness is nothing to
-        light.
+        """(n,) whether all beams come back: none above the horizon or out of range.
+
+        Parameters
+        ----------
+        motion : (n) where the laser is
+        softness : of the ground for sound, which is nothing to light
         """
         ranges = self.predict(motion)
         return np.asarray(np.all((ranges >= self.minimum) & (ranges <= self.maximum) & np.isfinite(ranges), axis=1))

@@ -33,10 +33,19 @@ class SensorModel(Protocol):
         """The random walk of its bias; None: the sensor has no bias state."""
 
     def predict(self, motion: Motion) -> FloatArray:
-        """(n, size) what an ideal sensor reads along the motion: no noise, no bias."""
+        """(n, size) what an ideal sensor reads along the motion: no noise, no bias.
+
+        Parameters
+        ----------
+        motion : (n) of the body's reference point, at the instants of the readings
+        """
 
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
         """d reading / d error state by block: position, velocity, attitude (`dtheta_b`) and the bias's own block.
 
         Each (n, size, block size). Blocks that are not named are zero.
+
+        Parameters
+        ----------
+        motion : (n) of the body's reference point, at the instants of the readings
         """

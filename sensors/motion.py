@@ -65,7 +65,12 @@ class Motion:
         return len(self.t)
 
     def has(self, name: str) -> bool:
-        """Whether the quantity or covariate `name` is known."""
+        """Whether the quantity or covariate `name` is known.
+
+        Parameters
+        ----------
+        name : of an attribute, such as `v_n`, or of a covariate
+        """
         if name in self.covariates:
             return True
         value = getattr(self, name, None)
@@ -118,7 +123,12 @@ class Motion:
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def rows(self, keep: BoolArray | IntArray | slice) -> Motion:
-        """The motion at some of its instants: a slice, a mask or indices."""
+        """The motion at some of its instants: a slice, a mask or indices.
+
+        Parameters
+        ----------
+        keep : which rows
+        """
         n = len(self.t)
         changed: dict[str, object] = {}
         for entry in fields(self):
@@ -129,7 +139,12 @@ class Motion:
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def with_covariates(self, **covariates: FloatArray) -> Motion:
-        """The same motion with further covariates, each (n,) or (n, k)."""
+        """The same motion with further covariates, each (n,) or (n, k).
+
+        Parameters
+        ----------
+        covariates : by name, a row for each of `t`; one of the same name is replaced
+        """
         return replace(self, covariates={**self.covariates, **covariates})
 
     def acceleration_n(self) -> FloatArray:

@@ -222,7 +222,9 @@ class Recording:
     name : of the recording
     kind : "flight" (moving, feeds the filter) or "poses" (static or slowly turned, feeds a calibration)
     streams : by name: imu, those of the sensors (`sensors.registry`), power, motors, air, poses
-    sensors : what is declared about each sensor
+    sensors : what is declared about each sensor: noise, bias, mounting
+    environment : gravity [m/s^2], magnetic field NED, height of the ground
+    initial : what is known of the state at the start, with its sigmas
     origin : (latitude deg, longitude deg, ellipsoidal height m) of the NED frame, or None
     effects : declared effects by name, with their parameters; all estimators include them in their model
     source : where it was read from, for messages
@@ -260,11 +262,21 @@ class Recording:
         return self.source or self.name
 
     def spec(self, sensor: str) -> SensorSpec:
-        """What is declared about a sensor; an empty `SensorSpec` where nothing is."""
+        """What is declared about a sensor; an empty `SensorSpec` where nothing is.
+
+        Parameters
+        ----------
+        sensor : its name, such as "gps"
+        """
         return self.sensors.get(sensor, SensorSpec())
 
     def replace(self, **changes: object) -> Recording:
-        """A copy with some attributes changed, checked again."""
+        """A copy with some attributes changed, checked again.
+
+        Parameters
+        ----------
+        changes : attributes by name
+        """
         return replace(self, **changes)  # type: ignore[arg-type]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import commands_page
 import constants_page
 import effect_pages
+import face_page
 import notebooks
 from sphinx.application import Sphinx
 
@@ -17,7 +18,11 @@ FOLDER = "_generated"
 
 def pages() -> dict[str, Callable[[], str]]:
     """Name of the page, without its suffix, and what writes its text."""
-    made: dict[str, Callable[[], str]] = {"commands": commands_page.page, "constants": constants_page.page}
+    made: dict[str, Callable[[], str]] = {
+        "commands": commands_page.page,
+        "constants": constants_page.page,
+        "face": face_page.page,
+    }
     return made | {name: partial(str, text) for name, text in (effect_pages.pages() | notebooks.pages()).items()}
 
 

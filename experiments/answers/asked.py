@@ -65,10 +65,20 @@ class Answer(ABC):
 
     @abstractmethod
     def to_html(self, path: str | Path) -> Path:
-        """Write the page of the command's `--html`: one file that needs no other. Returns its path."""
+        """Write the page of the command's `--html`: one file that needs no other. Returns its path.
+
+        Parameters
+        ----------
+        path : of the file; one that is there is replaced
+        """
 
     def to_json(self, path: str | Path) -> Path:
-        """Write `document`, the numbers of the command's `--json`. Returns the path."""
+        """Write `document`, the numbers of the command's `--json`. Returns the path.
+
+        Parameters
+        ----------
+        path : of the file; one that is there is replaced
+        """
         from sinan.experiments.report.files import write_json
 
         write_json(Path(path), self.document)

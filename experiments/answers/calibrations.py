@@ -97,6 +97,10 @@ class Calibrations(Answer, Mapping[str, Calibrated]):
     def plot_norm(self, sensor: str) -> list[Axes]:
         """Norm of each reading before and after the calibration, against the norm that it should have. One axes.
 
+        Parameters
+        ----------
+        sensor : "accel" or "mag"
+
         Raises
         ------
         KeyError : not calibrated
@@ -125,9 +129,10 @@ def calibrate(
     ----------
     recording : of poses
     sensor : "accel", "gyro", "mag" or "all"
-    axes : form of T: "none" (identity), "triangular" or "full"; default "none", of a gyroscope "full"
+    axes : form of T: "none" (the identity), "triangular" (axes not at right angles) or "full" (all six entries, of
+        which a gyroscope's turns tell all, and norms three); default "none", of a gyroscope "full"
     gravity : norm at which the accelerometer's readings aim [m/s^2]; default: as declared, else 9.80665
-    asked : how the user calls the recording, for the words of the report
+    asked : how a command was typed, for the texts of the report; a script leaves it out
 
     Returns
     -------

@@ -99,12 +99,12 @@ def monte_carlo(
     ----------
     scenario : of a flight: its name, TOML file or `Scenario`
     runs : number of flights
-    seed : of all runs; the result depends on nothing else
+    seed : of all runs; the same seed gives the same result, with however many workers
     workers : processes; None: one a core. With more than one, a script needs its `if __name__ == "__main__":`
     dask : address of the scheduler of a running cluster, in place of processes here
-    resume : folder that keeps finished runs
+    resume : folder that keeps finished runs: called again with it, only those that lack are flown
     progress : called with (runs done, runs in all)
-    relinearise : see `sinan.estimate`
+    relinearise : linearise the readings about the smoothed motion, as `sinan.estimate` does
 
     Returns
     -------

@@ -112,6 +112,10 @@ class Estimate(Answer):
     def innovations(self, sensor: str) -> pd.DataFrame:
         """The innovations of one sensor, reading minus prediction.
 
+        Parameters
+        ----------
+        sensor : one of `sensors`, such as "baro"
+
         Returns
         -------
         a row a reading, index `t` [s]; columns `nu_0` ... (the sensor's unit), `sigma_0` ... (root of the diagonal of
@@ -148,7 +152,12 @@ class Estimate(Answer):
         return Path(path)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write the table of `states`. Returns its path."""
+        """Write the table of `states`. Returns its path.
+
+        Parameters
+        ----------
+        path : of the CSV file; one that is there is replaced
+        """
         write_states(self.journal, Path(path), self.smoothed)
         return Path(path)
 
@@ -192,11 +201,11 @@ def estimate(
     Parameters
     ----------
     recording : a flight; noise, heading and magnetic field are estimated from its readings if it does not declare them
-    smooth : run the fixed-interval smoother too: states and errors given all readings
+    smooth : run the fixed-interval smoother too: `states` and errors are then those given all readings
     relinearise : linearise the readings about the smoothed motion, for a coarse initial attitude
-    sensors : sensor models of your own; each replaces the one with the same `name`
+    sensors : sensor models of your own (`SensorModel`); each replaces the one with the same `name`
     engine : "numba" (compiled), "filterpy" (readable; the one that runs models of your own) or "auto"
-    asked : the user's name for the recording, for texts and file names
+    asked : how a command was typed, for texts and file names; a script leaves it out
 
     Returns
     -------

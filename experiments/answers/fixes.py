@@ -51,7 +51,12 @@ class Positions(Answer):
         return Path(path)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write the table of `fixes`. Returns its path."""
+        """Write the table of `fixes`. Returns its path.
+
+        Parameters
+        ----------
+        path : of the CSV file; one that is there is replaced
+        """
         write_solution(path, self.location)
         return Path(path)
 
@@ -81,13 +86,14 @@ def positions(
 
     Parameters
     ----------
-    observation, navigation : RINEX files
-    systems : G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS
+    observation : RINEX observation file of the receiver
+    navigation : RINEX navigation file, or several
+    systems : letters, with or without commas: G GPS, E Galileo, J QZSS, C BeiDou, R GLONASS
     mask : lowest elevation [deg]
     position : (3,) known ECEF position of a receiver at rest [m]
-    reference : file of known positions of a moving one
+    reference : file of known positions of a moving one: rows `gps_week,tow_s,x,y,z`, ECEF [m], or of RTKLIB
     base, base_position : observation file and ECEF position [m] of a base receiver
-    alpha : risk of any false alarm of the trace
+    alpha : probability of any false alarm of the trace, over all candidates together
     code : `ca`, `p` of GPS and GLONASS, or `p_two` of both frequencies of GPS, without ionosphere
     link : the data link from the base, such as `delay=5,loss=0.1`; None: every correction is there at once
 

@@ -28,9 +28,10 @@ def read(
 
     Parameters
     ----------
-    path : of a folder or file; PX4's ULog, ArduPilot's .bin and .log, MAVLink's .tlog, ROS bags are read as they are
+    path : of a folder or file, or DATASET/FILE; PX4's ULog, ArduPilot's .bin and .log, MAVLink's .tlog, ROS bags are
+        read as they are
     map : TOML file that says how to read a log of another format
-    start, stop : select a part, s after the first IMU sample (of poses: pose)
+    start, stop : select a part, s after the first IMU sample (of poses: pose); None: from its beginning, to its end
     imu, mag, baro, gps : which of several sensors of a kind in an autopilot's log, counted from 0
     raw : undo the autopilot's own offsets, scales and compensation
 
@@ -60,9 +61,10 @@ def simulate(
 
     Parameters
     ----------
-    scenario : name of one that is shipped, a TOML file, or a `Scenario`
+    scenario : name of one that is shipped (docs/scenarios.md), a TOML file, or a `Scenario`
     seed : of the random numbers: the same seed gives the same recording
-    effects : effects to add to the readings, by name with their parameters, or as `--effect` takes them
+    effects : effects to add to the readings: by name, with the parameters in the order and the units of the catalogue,
+        `{"mag.current": [0.003, 0.0, 0.001]}`; or as `--effect` takes them, `["gps.transient=4,0,0@20:30"]` [s]
     declare : declare the effects in the recording, so that estimators model them; else estimators do not know of them
 
     Returns

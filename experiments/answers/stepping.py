@@ -86,7 +86,7 @@ def steps(recording: Recording, *, sensors: Iterable[SensorModel] = ()) -> Itera
     Parameters
     ----------
     recording : a flight
-    sensors : sensor models of your own; each replaces the one with the same `name`
+    sensors : sensor models of your own (`SensorModel`); each replaces the one with the same `name`
 
     Yields
     ------

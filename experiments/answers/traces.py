@@ -160,10 +160,10 @@ def trace(
     Parameters
     ----------
     recording : of poses or of a flight; several flights of one vehicle are traced together
-    sensor : for poses with several sensors: trace only this one
-    alpha : probability of any false alarm, over all candidates together
+    sensor : of poses with several sensors, trace only this one: "accel", "gyro" or "mag"; default: all of them
+    alpha : probability of any false alarm, over all candidates together; smaller: fewer effects are named
     gravity : norm of gravity for the accelerometer of poses [m/s^2]; default: as declared, else 9.80665
-    asked : the user's name for the recording, for the texts of the report
+    asked : how a command was typed, for the texts of the report; a script leaves it out
 
     Returns
     -------

@@ -60,7 +60,8 @@ class Effect:
     parameters : names, units and plausible sizes of beta
     needs : quantities of the motion and covariates that have to be known, by their names in `Motion`
     kinds : the kinds of recording in which it is a candidate
-    regressor, exact : see above
+    regressor : (motion) -> (n, size of a reading, parameters): d reading / d beta at beta = 0
+    exact : (plain reading, beta, motion, model) -> (n, size of a reading); None: linear in beta
     scenario : the shipped scenario in which it is observable
     separates : the manoeuvre that would make it observable, for messages
     interval, localised : of a time-localised effect: start and end [s]; the same effect as a function of them
@@ -99,11 +100,21 @@ class Effect:
         return tuple(parameter.unit for parameter in self.parameters)
 
     def units_in(self, field: str) -> tuple[str, ...]:
-        """The same where the magnetic field has a unit of its own: its share an ampere becomes gauss an ampere."""
+        """The same where the magnetic field has a unit of its own: its share an ampere becomes gauss an ampere.
+
+        Parameters
+        ----------
+        field : unit of the recording's magnetic field, such as `gauss`
+        """
         return tuple(field + unit[1:] for unit in self.units) if self.in_field_units else self.units
 
     def is_opposite(self, beta: FloatArray | Sequence[float]) -> bool:
-        """Whether a size is told by `opposite`."""
+        """Whether a size is told by `opposite`.
+
+        Parameters
+        ----------
+        beta : (parameters,)
+        """
         return bool(self.opposite) and bool(beta[0] < 0.0)
 
     @property
@@ -117,13 +128,23 @@ class Effect:
         return self.localised is not None or self.name.endswith(".outliers")
 
     def over(self, t0: float, t1: float) -> Effect:
-        """The time-localised effect over t0 <= t < t1 [s]; a step ends at infinity."""
+        """The time-localised effect over t0 <= t < t1 [s]; a step ends at infinity.
+
+        Parameters
+        ----------
+        t0, t1 : s, on the clock of the recording
+        """
         if self.localised is None:
             raise ValueError(f"`{self.name}` is not time-localised; expected a step or a transient")
         return self.localised(t0, t1)
 
     def plausible_in(self, motion: Motion) -> FloatArray:
-        """(parameters,) plausible 1-sigma sizes in the recording's units: the mag's go with the norm of its field."""
+        """(parameters,) plausible 1-sigma sizes in the recording's units: the mag's go with the norm of its field.
+
+        Parameters
+        ----------
+        motion : whose magnetic field is that of the recording
+        """
         if not self.in_field_units:
             return self.plausible
         known = motion.m_n if motion.has("m_n") else motion.m_b
@@ -131,7 +152,12 @@ class Effect:
         return self.plausible * norm
 
     def missing(self, motion: Motion) -> tuple[str, ...]:
-        """What of `needs` the motion has neither itself nor in another form."""
+        """What of `needs` the motion has neither itself nor in another form.
+
+        Parameters
+        ----------
+        motion : with its covariates
+        """
         return tuple(name for name in self.needs if not (motion.has(name) or _otherwise_known(name, motion)))
 
     def rows(self, motion: Motion, size: int) -> FloatArray:
@@ -139,6 +165,11 @@ class Effect:
 
         One row holds for every beam of a scan; a GPS has three rows of position, then three of velocity, which its
         receiver may lack and an effect may leave alone.
+
+        Parameters
+        ----------
+        motion : (n) at the instants of the readings, with what the effect needs
+        size : components of a reading
         """
         G = self.regressor(motion)
         if G.shape[1] == 1:
@@ -149,7 +180,12 @@ class Effect:
     def slope(
         self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
     ) -> FloatArray:
-        """(n, size, parameters) d reading / d beta at any beta: the regressor, or differences of `exact`."""
+        """(n, size, parameters) d reading / d beta at any beta: the regressor, or differences of `exact`.
+
+        Parameters
+        ----------
+        plain, beta, motion, model : as of `apply`
+        """
         if self.exact is None:
             return self.rows(motion, plain.shape[1])
         columns = []
@@ -170,8 +206,8 @@ class Effect:
         Parameters
         ----------
         plain : (n, size) what an ideal sensor reads along `motion`
-        beta : (parameters,)
-        motion : the true motion at the instants of the readings
+        beta : (parameters,) in the units of `units`
+        motion : the true motion at the instants of the readings, with what the effect needs
         model : the sensor's model, for effects that need the reading at other instants or attitudes
         """
         beta = np.asarray(beta, dtype=np.float64)
@@ -182,7 +218,12 @@ class Effect:
     def change(
         self, plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None
     ) -> FloatArray:
-        """(n, size) what the effect adds to the plain reading; a beam above the horizon reads nothing and keeps it."""
+        """(n, size) what the effect adds to the plain reading; a beam above the horizon reads nothing and keeps it.
+
+        Parameters
+        ----------
+        plain, beta, motion, model : as of `apply`
+        """
         beta = np.asarray(beta, dtype=np.float64)
         if self.exact is None:
             added = self.rows(motion, plain.shape[1]) @ beta

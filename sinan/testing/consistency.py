@@ -24,15 +24,14 @@ def assert_consistent(
     """Assert that innovations and errors are as large as the filter expects.
 
     NIS, nu' S^-1 nu, is summed over the readings of each sensor that were used, and NEES, e' P^-1 e, over the flights
-    for each block of states at the last stamp of
-    the truth. Of a filter whose model is right both are chi-square, so that their mean a
-    degree of freedom lies about 1 in an interval that follows from their number. Innovations of one flight are
-    independent of each other only if the model is right; states of one flight at different instants never are,
-    so that of each flight the end alone counts.
+    for each block of states at the last stamp of the truth. Of a filter whose model is right both are chi-square, so
+    that their mean a degree of freedom lies about 1 in an interval that follows from their number. Innovations of one
+    flight are independent of each other only if the model is right; states of one flight at different instants never
+    are, so that of each flight the end alone counts.
 
     Parameters
     ----------
-    estimates : of flights with different seeds; more of them see less
+    estimates : of flights with different seeds; the more there are, the smaller an error is found
     false_alarm : risk of failing where all is well, over everything that is asked together
     states : also ask the errors of the states; needs flights with a truth
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import sys
@@ -17,8 +18,10 @@ import commands_page  # noqa: E402
 import constants_page  # noqa: E402
 import effect_figures  # noqa: E402
 import effect_pages  # noqa: E402
+import face_page  # noqa: E402
 import residual_figures  # noqa: E402
 
+import sinan  # noqa: E402
 from sinan.experiments.benchmarks import bounds_of_work  # noqa: E402
 from sinan.experiments.benchmarks.bounds_of_work import BOUNDS  # noqa: E402
 
@@ -121,6 +124,54 @@ def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
     assert "## sinan trace" in page
     assert "| `--alpha NUMBER` | risk of any false alarm, over all candidates together | `0.01` |" in page
     assert re.search(r"\| `calibrate`|sinan calibrate", page)
+
+
+def test_every_name_of_the_face_is_on_its_page_with_every_parameter() -> None:
+    sections = dict(re.findall(r"^## `([\w.]+)`$(.*?)(?=^## |\Z)", face_page.page(), re.MULTILINE | re.DOTALL))
+    for name in sinan.__all__:
+        if name == "testing":
+            assert {f"sinan.testing.{one}" for one in sinan.testing.__all__} <= set(sections)
+            continue
+        what = getattr(sinan, name)
+        text = sections[f"sinan.{name}"].partition("\n### ")[0]
+        has_fields = inspect.isclass(what) and name not in ("SensorModel", "InputError")
+        given = inspect.signature(what).parameters if inspect.isfunction(what) or has_fields else {}
+        for parameter in given:
+            (meaning,) = re.findall(rf"^\| `{parameter}` \|.* \| ([^|]*) \|$", text, re.MULTILINE)
+            assert meaning.strip(), (name, parameter)
+
+
+def test_no_parameter_of_the_face_is_without_a_meaning() -> None:
+    """Methods too; of an answer's `to_html` and a model's `predict` what the interface says."""
+    assert face_page.undocumented() == []
+
+
+def test_a_docstring_is_read_part_by_part() -> None:
+    said = face_page.read(
+        """What it does.
+
+        z = H x
+
+        Parameters
+        ----------
+        a, b : of both [m];
+            and more
+        *rest : others
+
+        Neglects drag.
+
+        Returns
+        -------
+        (n,) m
+
+        Raises
+        ------
+        InputError : wrong
+        """
+    )
+    assert said.text.split("\n\n") == ["What it does.", "z = H x", "\nNeglects drag."]
+    assert said.parameters == {"a": "of both [m]; and more", "b": "of both [m]; and more", "rest": "others"}
+    assert (said.returns, said.tables["Raises"]) == ("(n,) m", {"InputError": "wrong"})
 
 
 def test_the_vocabulary_names_files_that_are_there() -> None:
