@@ -83,19 +83,20 @@ def _caption(effect: Effect, known: Known) -> tuple[str, str]:
             f"{simulated} Whitened innovations of `{known['stream']}`, component {known['component']}; the band is two "
             f"sigma. NIS a degree of freedom of that stream: {after}."
         )
-    before, after = (f"{value:g} {known['unit']}" for value in known["rms"])
-    rms = f"RMS: {before} without the effect in the model, {after} with it."
+    before, after = known["rms"]
+    unit = "pixels" if known["unit"] == "pixel" else known["unit"]
+    rms = f"RMS: {before:g} {unit} without the effect in the model, {after:g} {unit} with it."
     return _CAPTIONS[effect.stream](effect.name, known, simulated, rms)
 
 
 def _of_camera(name: str, known: Known, simulated: str, rms: str) -> tuple[str, str]:
     late = name == "camera.time_offset"
-    nis = " and ".join(f"{value:g}" for value in known["nis_per_dof"])
-    shown = "which follow the turns of the flight" if late else "as arrows in the picture, longer than they are"
+    before, after = known["nis_per_dof"]
+    shown = "which follow the turns of the flight" if late else "magnified, as arrows in the picture"
     return "reprojection residuals with and without the effect in the model", (
         f"{simulated} Reprojection residuals, place read less place predicted from the true pose, {shown}. {rms} A "
-        f"filter does not know the pose, and turns and shifts it to make them smaller: its NIS a degree of freedom is "
-        f"{nis}."
+        "filter does not know the pose, and turns and shifts it to make them smaller: its NIS a degree of freedom is "
+        f"{before:g} without the effect, {after:g} with it."
     )
 
 
