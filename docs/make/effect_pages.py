@@ -117,9 +117,9 @@ def _of_specific_force(name: str, known: Known, simulated: str, rms: str) -> tup
     lacking = "zero" if name == "motion.rotor_drag" else "the declared drag in calm air"
     return "horizontal specific force with and without the effect in the model", (
         f"{simulated} Specific force along body x, less the true bias, means over 0.1 s, less what the model says of "
-        f"the true motion: {lacking} without the effect. {rms} The innovations of `level` do not show it: the filter "
-        "of this flight has no position sensor, so it knows no speed to go with the drag, and it allows true "
-        "accelerations of 1 m/s^2."
+        f"the true motion: {lacking} without the effect. {rms} Innovations do not show it, so no trace asks for it: "
+        "`level` is on only where there is no GPS, and then nothing tells the speed that goes with the drag; and it "
+        "allows true accelerations of 1 m/s^2."
     )
 
 
@@ -158,9 +158,5 @@ def _commands(effect: Effect) -> list[str]:
         ]  # fmt: skip
     sensors = f" --sensors {','.join(WITH_CAMERA)}" if effect.stream == CAMERA else ""
     flown = f"sinan simulate {known['scenario']} flight{sensors} --effect {effect.name}={_beta(known, ',')} --seed 1"
-    last = (
-        "sinan estimate flight --html flight.html"
-        if effect.stream == "level"
-        else "sinan trace flight --html flight.html"
-    )
+    last = f"sinan effects {effect.name}" if effect.stream == "level" else "sinan trace flight --html flight.html"
     return ["```", flown, last, "```"]
