@@ -16,6 +16,7 @@ from drawing import AFTER, BAND, BEFORE, SOFT, panels
 from matplotlib.figure import Figure
 
 from sinan.estimator.positioning.location import locate
+from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.simulated import load, simulate
 from sinan.experiments.residual_loop.outliers import wrong_among
 from sinan.experiments.residual_loop.pseudorange_trace import find_faults
@@ -32,8 +33,7 @@ from sinan.sensors.simulate import simulate as fly
 TITLES = ("without the effect in the model", "with it")
 LONGEST_ARROW = 70.0  # pixels of the figure's picture, for the 95th percentile of the residuals
 ARROWS = 350  # of a picture, so that single ones are seen
-MASK = np.deg2rad(10.0)
-ALPHA = 0.01
+MASK = np.deg2rad(10.0)  # of the receiver, as `sinan gnss` has it
 #: Two hours, so that the satellites move; a receiver at rest on a known place; the broadcast ionosphere is right.
 RANGES = """like = "static_p"
 seconds = 6900
