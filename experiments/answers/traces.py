@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.evidence.source import Source
 from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.alpha import ALPHA
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
@@ -20,7 +21,6 @@ from sinan.experiments.report.words import trace_call
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
-from sinan.experiments.residual_loop.source import Source
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError

@@ -40,6 +40,7 @@ from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.simulate import simulate
 
 _LOOP = "sinan.experiments.residual_loop."
+_EVIDENCE = "sinan.estimator.evidence."
 _LEVELS = "sinan.calibration.levels."
 _RANGES = "sinan.estimator.positioning."
 #: What is halved and doubled, by case: a module and its names.
@@ -54,14 +55,14 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "turns": {_LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},
     "flight": {
         _LOOP + "flight_passes": ("_MOST_STEPS", "_MOST_HALVINGS"),
-        _LOOP + "noise_left": ("_LAGS",),
+        _EVIDENCE + "noise_left": ("_LAGS",),
         _LOOP + "onsets": ("_ONSETS", "_FINER", "_FURTHER"),
-        _LOOP + "probes": ("_PLACES", "_FEW"),
+        _EVIDENCE + "probes": ("_PLACES", "_FEW"),
         _LOOP + "sudden": ("_MOST", "_SHORTEST_ANSWER"),
         _LOOP + "trace": ("_MOST_FALLS",),
         _LOOP + "trials": ("_AHEAD", "_RELOCATIONS"),
         _LOOP + "select": ("MOST_GIVEN_ERROR", "_MOST_ROUNDS"),
-        "sinan.estimator.evidence.sensitivity": ("_AS_ONE",),
+        _EVIDENCE + "sensitivity": ("_AS_ONE",),
         "sinan.estimator.filter.effect_forms": ("INVERTED",),
     },
     "camera": {
@@ -78,7 +79,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     },
     "coarse": {"sinan.estimator.filter.relinearise": ("PASSES",)},
     "outliers": {_LOOP + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
-    "observability": {"sinan.estimator.evidence.observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
+    "observability": {_EVIDENCE + "observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
     "levels": {_LEVELS + "fit": ("MOST",)},
 }  # fmt: skip
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA, Evidence, predicted_lambda, squared_correlation
+from sinan.estimator.evidence.source import LEAST_SPARE, Fit, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.blind.maker.make import ANSWER_FILE, answers_folder
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.manoeuvre import CLASS_BOUND
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.residual_loop.open_source import pose_source
-from sinan.experiments.residual_loop.source import LEAST_SPARE, Fit, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 

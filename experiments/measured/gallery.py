@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.evidence.source import Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.finding import Finding
@@ -26,8 +28,6 @@ from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.open_source import triad_readings
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
-from sinan.experiments.residual_loop.source import Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trace import Trace
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import write_text

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sinan.estimator.evidence.source import Fit
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
 from sinan.experiments.residual_loop.flight import FlightSource
-from sinan.experiments.residual_loop.source import Fit
 from sinan.experiments.withheld import predicted, windows
 
 

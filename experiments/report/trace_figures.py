@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from sinan.estimator.evidence.source import Signature, StreamResidual
 from sinan.experiments.report.figures import AFTER, BAND, BEFORE, SOFT, axis_label, new_figure
 from sinan.experiments.report.words import SENSORS, stream_unit
 from sinan.experiments.residual_loop.prove import Errors
-from sinan.experiments.residual_loop.source import Signature, StreamResidual
 from sinan.sensors.arrays import BoolArray, FloatArray, runs_of
 
 DISTURBED, LEFT = "#f2c14e", "#d98c2b"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.autopilots.parameters import parameter_value
 from sinan.experiments.report import trace_figures as figures
 from sinan.experiments.report import trace_words, verdict_words, words
@@ -15,12 +16,11 @@ from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
-from sinan.experiments.residual_loop.term import Term
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
+    from sinan.estimator.evidence.source import Fit, Source, StreamResidual
     from sinan.experiments.residual_loop.traced import Part, Traced
     from sinan.experiments.residual_loop.trials import Finding
     from sinan.experiments.residual_loop.verdict import Named

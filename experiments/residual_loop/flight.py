@@ -12,26 +12,11 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from sinan.estimator.evidence.budget import Budget, budget_of
+from sinan.estimator.evidence.probes import probes_for
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
 from sinan.estimator.evidence.sensitivity import candidate_streams
-from sinan.estimator.filter.effect_forms import Terms
-from sinan.estimator.filter.events import readings
-from sinan.estimator.filter.faults import Note
-from sinan.estimator.filter.flight import Flight, OfFlight
-from sinan.estimator.filter.flight_model import DRIVERS
-from sinan.estimator.filter.journal import Journal
-from sinan.estimator.filter.run_filter import run_filter
-from sinan.experiments.residual_loop.budget import Budget, budget_of
-from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, places_alike
-from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.residual_loop.known_columns import KnownColumns
-from sinan.experiments.residual_loop.known_fits import KnownFits, Question
-from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
-from sinan.experiments.residual_loop.outliers import ADDED as WRONG_DOF
-from sinan.experiments.residual_loop.outliers import WrongReadings, wrong_among
-from sinan.experiments.residual_loop.prediction import Prediction
-from sinan.experiments.residual_loop.probes import probes_for
-from sinan.experiments.residual_loop.source import (
+from sinan.estimator.evidence.source import (
     IMPLAUSIBLE,
     FieldUnit,
     Fit,
@@ -42,7 +27,22 @@ from sinan.experiments.residual_loop.source import (
     field_unit,
     held_out,
 )
-from sinan.experiments.residual_loop.term import Term
+from sinan.estimator.evidence.term import Term
+from sinan.estimator.filter.effect_forms import Terms
+from sinan.estimator.filter.events import readings
+from sinan.estimator.filter.faults import Note
+from sinan.estimator.filter.flight import Flight, OfFlight
+from sinan.estimator.filter.flight_model import DRIVERS
+from sinan.estimator.filter.journal import Journal
+from sinan.estimator.filter.run_filter import run_filter
+from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, places_alike
+from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
+from sinan.experiments.residual_loop.known_columns import KnownColumns
+from sinan.experiments.residual_loop.known_fits import KnownFits, Question
+from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
+from sinan.experiments.residual_loop.outliers import ADDED as WRONG_DOF
+from sinan.experiments.residual_loop.outliers import WrongReadings, wrong_among
+from sinan.experiments.residual_loop.prediction import Prediction
 from sinan.experiments.residual_loop.wrong_readings import (
     OUTLIER,
     SHORTEST,

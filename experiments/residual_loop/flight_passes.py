@@ -10,6 +10,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
+from sinan.estimator.evidence.source import IMPLAUSIBLE, LINEAR, Part
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, reference_motion
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight import Flight
@@ -20,7 +21,6 @@ from sinan.estimator.filter.layout import DTHETA
 from sinan.estimator.filter.relinearise import COARSE_ATTITUDE
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
-from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LINEAR, Part
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.errors import InputError

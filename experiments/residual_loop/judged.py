@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.select import Selection
-from sinan.experiments.residual_loop.term import Term
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 
-from sinan.experiments.residual_loop.source import Fit
+from sinan.estimator.evidence.source import Fit
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 

@@ -12,15 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
-from sinan.experiments.residual_loop import onsets
-from sinan.experiments.residual_loop.budget import Budget
-from sinan.experiments.residual_loop.gauss_newton import minimise
-from sinan.experiments.residual_loop.left_out import log_p_left_out
-from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
-from sinan.experiments.residual_loop.localise import OffsetScan, find_interval, refine
-from sinan.experiments.residual_loop.onsets import Step, declared_step, refined
-from sinan.experiments.residual_loop.source import (
+from sinan.estimator.evidence.source import (
     LEAST_SPARE,
     FieldUnit,
     Fit,
@@ -30,7 +24,13 @@ from sinan.experiments.residual_loop.source import (
     StreamResidual,
     held_out,
 )
-from sinan.experiments.residual_loop.term import Term
+from sinan.estimator.evidence.term import Term
+from sinan.experiments.residual_loop import onsets
+from sinan.experiments.residual_loop.gauss_newton import minimise
+from sinan.experiments.residual_loop.left_out import log_p_left_out
+from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
+from sinan.experiments.residual_loop.localise import OffsetScan, find_interval, refine
+from sinan.experiments.residual_loop.onsets import Step, declared_step, refined
 from sinan.experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from sinan.experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray

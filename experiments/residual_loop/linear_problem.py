@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from sinan.experiments.residual_loop.source import FieldUnit
-from sinan.experiments.residual_loop.term import Term
+from sinan.estimator.evidence.source import FieldUnit
+from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
 

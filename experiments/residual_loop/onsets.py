@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sinan.estimator.evidence.score import gain_of, log_p_among, log_p_value
-from sinan.experiments.residual_loop.source import LocalFinding
+from sinan.estimator.evidence.source import LocalFinding
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.sudden import jumps
-from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect, effect
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.estimator.evidence.score import Statistic, gain_of_ratio, log_p_value, statistic_of
-from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source
-from sinan.experiments.residual_loop.term import Term
+from sinan.estimator.evidence.source import Fit, LocalFinding, Source
+from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
 
 #: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sinan.experiments.residual_loop.probes import goes_with_time, offsets, powers_from, probe
-from sinan.experiments.residual_loop.term import varies
+from sinan.estimator.evidence.probes import goes_with_time, offsets, powers_from, probe
+from sinan.estimator.evidence.term import varies
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect
 from sinan.sensors.motion import Motion

@@ -14,12 +14,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian
-from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
-from sinan.experiments.residual_loop.inversion import inverted
-from sinan.experiments.residual_loop.linear_problem import Rows
-from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
-from sinan.experiments.residual_loop.source import NO_UNIT, FieldUnit
-from sinan.experiments.residual_loop.term import (
+from sinan.estimator.evidence.source import NO_UNIT, FieldUnit
+from sinan.estimator.evidence.term import (
     Term,
     declared_model,
     derivatives_wanted,
@@ -28,6 +24,10 @@ from sinan.experiments.residual_loop.term import (
     require_known,
     without_probes,
 )
+from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
+from sinan.experiments.residual_loop.inversion import inverted
+from sinan.experiments.residual_loop.linear_problem import Rows
+from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.source import Fit, StreamResidual
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.residual_loop.source import Fit, StreamResidual
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.withheld import Window
 from sinan.sensors.arrays import BoolArray, FloatArray
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.noise_left import noise_left, slow_streams
 from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, predicted_lambda, project_out
-from sinan.experiments.residual_loop.noise_left import noise_left, slow_streams
+from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.select import Selection
-from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import Finding, fit_without
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from sinan.estimator.evidence.noise_left import noise_left
+from sinan.estimator.evidence.probes import followed
 from sinan.estimator.evidence.score import Statistic, log_p_value, statistic_of
+from sinan.estimator.evidence.source import Fit, Source, StreamResidual, log_p_needed
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.evidence.whiteness import autocorrelation, whiteness
 from sinan.estimator.filter.faults import FROZEN_LEVEL
-from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.options import Option
-from sinan.experiments.residual_loop.probes import followed
-from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual, log_p_needed
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import Finding
 from sinan.sensors.bounds import ASSUMED
 

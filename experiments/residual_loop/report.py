@@ -7,13 +7,13 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.score import Statistic
-from sinan.experiments.residual_loop.budget import Budget
+from sinan.estimator.evidence.source import LocalFinding, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.judged import Judged
 from sinan.experiments.residual_loop.prove import Change, Errors
 from sinan.experiments.residual_loop.select import Selection
-from sinan.experiments.residual_loop.source import LocalFinding, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.traced import Part, Traced
 from sinan.experiments.residual_loop.trials import Finding
 from sinan.experiments.residual_loop.verdict import Named, Twin, Verdict

@@ -15,10 +15,10 @@ from sinan.estimator.evidence.score import (
     predicted_lambda,
     statistic_of,
 )
+from sinan.estimator.evidence.source import Fit, LocalFinding, Part, Source, log_p_needed
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Offered, Option
 from sinan.experiments.residual_loop.shared_ends import merged
-from sinan.experiments.residual_loop.source import Fit, LocalFinding, Part, Source, log_p_needed
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import (
     IMPOSSIBLE,
     NO_EVIDENCE,

@@ -11,9 +11,9 @@ from itertools import combinations
 import numpy as np
 
 from sinan.estimator.evidence.score import log_p_of_deviance
+from sinan.estimator.evidence.source import Fit, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Option
-from sinan.experiments.residual_loop.source import Fit, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import Finding, fit_without, trial
 
 #: Ends are shared where they differ by less than this share of the shorter interval: the fit of one moves the other's,

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from sinan.estimator.evidence.noise_left import noise_left
 from sinan.estimator.evidence.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
-from sinan.experiments.residual_loop.noise_left import noise_left
+from sinan.estimator.evidence.source import Fit, LocalFinding, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.prove import rolled_back
 from sinan.experiments.residual_loop.remaining import patches, remaining, stands_out
 from sinan.experiments.residual_loop.select import Selection, select, select_further
-from sinan.experiments.residual_loop.source import Fit, LocalFinding, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Finding, fit_without, refitted
 from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
 from sinan.sensors.errors import InputError

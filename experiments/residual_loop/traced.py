@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from sinan.estimator.evidence.source import Source
 from sinan.experiments.residual_loop.judged import Judged, judged
-from sinan.experiments.residual_loop.source import Source
 from sinan.experiments.residual_loop.trace import Trace
 from sinan.experiments.residual_loop.verdict import Named, Verdict, joint
 

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from sinan.estimator.evidence.noise_left import noise_left
 from sinan.estimator.evidence.score import (
     CONFUSED,
     Evidence,
@@ -19,12 +20,11 @@ from sinan.estimator.evidence.score import (
     statistic_of,
     without_prior,
 )
+from sinan.estimator.evidence.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight_model import DRIVERS
-from sinan.experiments.residual_loop.noise_left import noise_left
 from sinan.experiments.residual_loop.options import Option, alike_to, blind_spots, option_of
 from sinan.experiments.residual_loop.prediction import can_be_predicted
-from sinan.experiments.residual_loop.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 

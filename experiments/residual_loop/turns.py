@@ -14,13 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from sinan.calibration.poses.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
-from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
-from sinan.experiments.residual_loop.directions import direction_covariance
-from sinan.experiments.residual_loop.inversion import inverse, inverted
-from sinan.experiments.residual_loop.linear_problem import Rows
-from sinan.experiments.residual_loop.pose_probes import probes_of_turns
-from sinan.experiments.residual_loop.source import NO_UNIT
-from sinan.experiments.residual_loop.term import (
+from sinan.estimator.evidence.source import NO_UNIT
+from sinan.estimator.evidence.term import (
     Term,
     declared_model,
     derivatives_wanted,
@@ -29,6 +24,11 @@ from sinan.experiments.residual_loop.term import (
     require_known,
     without_probes,
 )
+from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
+from sinan.experiments.residual_loop.directions import direction_covariance
+from sinan.experiments.residual_loop.inversion import inverse, inverted
+from sinan.experiments.residual_loop.linear_problem import Rows
+from sinan.experiments.residual_loop.pose_probes import probes_of_turns
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion

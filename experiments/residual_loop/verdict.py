@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
+from sinan.estimator.evidence.source import Fit, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.manoeuvre import separating_manoeuvre
 from sinan.experiments.residual_loop.prove import Change, Contribution, Proof, changes, prove
 from sinan.experiments.residual_loop.remaining import Remaining
 from sinan.experiments.residual_loop.select import Selection, updated
-from sinan.experiments.residual_loop.source import Fit, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import Finding, fit_without
 from sinan.sensors.errors import InputError
 

@@ -14,12 +14,12 @@ import pytest
 from scipy import stats
 
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.evidence.source import Source
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.manoeuvre import looks, most_alike
 from sinan.experiments.residual_loop.open_source import pose_source
 from sinan.experiments.residual_loop.select import select
-from sinan.experiments.residual_loop.source import Source
 from sinan.experiments.residual_loop.trials import Finding
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.arrays import FloatArray

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.experiments.residual_loop.open_flight import flight_source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.motion import Motion
 from sinan.sensors.simulate import simulate

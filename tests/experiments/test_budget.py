@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.budget import Budget
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
-from sinan.experiments.residual_loop.budget import Budget
 from sinan.experiments.residual_loop.flight import FlightSource
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.recording import Recording
 from sinan.sensors.simulate import simulate

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.layout import Q_NB
@@ -27,7 +28,6 @@ from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.select import select
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.scenarios import load_scenario, parse_effect

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured import engines, flights, gallery, table
@@ -20,7 +21,6 @@ from sinan.experiments.measured.published import PUBLISHED
 from sinan.experiments.measured.scoring import withheld_errors
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.open_flight import flight_source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.simulate import simulate
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import Evidence
+from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual, held_out
+from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop import prove
 from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.prove import rolled_back
 from sinan.experiments.residual_loop.select import Selection, select
-from sinan.experiments.residual_loop.source import Fit, Part, Source, StreamResidual, held_out
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sinan.experiments.residual_loop.probes import followed, is_probe, play, probes_for, what_it_follows
+from sinan.estimator.evidence.probes import followed, is_probe, play, probes_for, what_it_follows
+from sinan.estimator.evidence.source import Fit, StreamResidual
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.remaining import _bursts, patches, remaining
-from sinan.experiments.residual_loop.source import Fit, StreamResidual
-from sinan.experiments.residual_loop.term import Term
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, Effect
 from sinan.sensors.effects.streams import STREAMS

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from sinan.estimator.evidence.source import log_p_needed
 from sinan.experiments.commands import calibrate as calibrate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.commands.cli import app
 from sinan.experiments.report.trace_page import evidence
 from sinan.experiments.residual_loop.open_source import pose_source
 from sinan.experiments.residual_loop.run import trace_recording
-from sinan.experiments.residual_loop.source import log_p_needed
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.scenarios import parse_effect
 from sinan.experiments.scenarios.loader import load_scenario

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
+from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Offered, option_of
 from sinan.experiments.residual_loop.select import _Path
-from sinan.experiments.residual_loop.source import IMPLAUSIBLE, Fit, Part, Source
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sinan.estimator.evidence.source import Fit
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.answers.traces import slow_imu
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.verdict_words import (
@@ -31,8 +33,6 @@ from sinan.experiments.residual_loop.poses import NormPoses
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.select import select
-from sinan.experiments.residual_loop.source import Fit
-from sinan.experiments.residual_loop.term import Term
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.verdict import Scores, in_place, settle, twins_of

@@ -12,9 +12,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.score import Evidence, Statistic
-from sinan.experiments.residual_loop.budget import Budget
-from sinan.experiments.residual_loop.term import Model, Term
+from sinan.estimator.evidence.term import Model, Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE

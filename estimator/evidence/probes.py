@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from sinan.estimator.evidence.term import varies
 from sinan.estimator.filter.flight_model import DRIVERS
-from sinan.experiments.residual_loop.term import varies
 from sinan.sensors.arrays import FloatArray, zero_unless_finite
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.effects.declaration import Effect, Parameter

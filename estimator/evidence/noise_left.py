@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sinan.experiments.residual_loop.source import Fit, Source, StreamResidual
+from sinan.estimator.evidence.source import Fit, Source, StreamResidual
 from sinan.sensors.bounds import ASSUMED
 
 #: Lags of the correlation that is summed until it is nothing: bound of work (`bounds_of_work flight`).
