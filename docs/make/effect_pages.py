@@ -127,7 +127,7 @@ def _of_wrong_samples(name: str, known: Known, simulated: str, rms: str) -> tupl
     before, after = (f"{value:g} {known['unit']}" for value in known["rms"])
     return "samples of the IMU, and without the wrong ones", (
         f"{simulated} Samples along x less the median of the seven about each, ten seconds of the flight; crosses are "
-        "called wrong, along any axis, by the law of `experiments/residual_loop/outliers.py`: of the whole flight "
+        "called wrong, along any axis, by the law of `estimator/evidence/intervals/outliers.py`: of the whole flight "
         f"{known['called']} of {known['samples']} samples, {known['both']} of the {known['wrong']} that are wrong "
         f"among them. RMS: {before} with them, {after} without. In a flight the tracer does not look for them, because "
         "the IMU drives the filter: a wrong sample acts for one sampling interval, and leaves no mark on another "

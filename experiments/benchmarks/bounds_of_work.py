@@ -23,6 +23,7 @@ import numpy as np
 from sinan.calibration.cameras.camera import fit, form
 from sinan.calibration.cameras.views import read_corners
 from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.layout import PV
 from sinan.estimator.filter.relinearise import run_relinearised
@@ -30,7 +31,6 @@ from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
 from sinan.experiments.gnss.simulated import load
 from sinan.experiments.gnss.simulated import simulate as ranges_of
-from sinan.experiments.residual_loop.outliers import wrong_among
 from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect
@@ -41,6 +41,7 @@ from sinan.sensors.simulate import simulate
 
 _LOOP = "sinan.experiments.residual_loop."
 _EVIDENCE = "sinan.estimator.evidence."
+_INTERVALS = _EVIDENCE + "intervals."
 _LEVELS = "sinan.calibration.levels."
 _RANGES = "sinan.estimator.positioning."
 #: What is halved and doubled, by case: a module and its names.
@@ -56,9 +57,9 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "flight": {
         _LOOP + "flight_passes": ("_MOST_STEPS", "_MOST_HALVINGS"),
         _EVIDENCE + "noise_left": ("_LAGS",),
-        _LOOP + "onsets": ("_ONSETS", "_FINER", "_FURTHER"),
+        _INTERVALS + "onsets": ("_ONSETS", "_FINER", "_FURTHER"),
         _EVIDENCE + "probes": ("_PLACES", "_FEW"),
-        _LOOP + "sudden": ("_MOST", "_SHORTEST_ANSWER"),
+        _INTERVALS + "sudden": ("_MOST", "_SHORTEST_ANSWER"),
         _LOOP + "trace": ("_MOST_FALLS",),
         _LOOP + "trials": ("_AHEAD", "_RELOCATIONS"),
         _LOOP + "select": ("MOST_GIVEN_ERROR", "_MOST_ROUNDS"),
@@ -78,7 +79,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _RANGES + "steady_fault": ("SHORTLIST",),
     },
     "coarse": {"sinan.estimator.filter.relinearise": ("PASSES",)},
-    "outliers": {_LOOP + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
+    "outliers": {_INTERVALS + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
     "observability": {_EVIDENCE + "observability": ("SHARED", "SMALL", "PROBES", "BATCH")},
     "levels": {_LEVELS + "fit": ("MOST",)},
 }  # fmt: skip

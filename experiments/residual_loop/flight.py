@@ -13,6 +13,17 @@ from functools import cached_property, partial
 import numpy as np
 
 from sinan.estimator.evidence.budget import Budget, budget_of
+from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
+from sinan.estimator.evidence.intervals.outliers import ADDED as WRONG_DOF
+from sinan.estimator.evidence.intervals.outliers import WrongReadings, wrong_among
+from sinan.estimator.evidence.intervals.wrong_readings import (
+    OUTLIER,
+    SHORTEST,
+    without_rows,
+    without_wrong_readings,
+    wrong_about,
+    wrong_rows,
+)
 from sinan.estimator.evidence.probes import probes_for
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
 from sinan.estimator.evidence.sensitivity import candidate_streams
@@ -39,18 +50,7 @@ from sinan.experiments.residual_loop.flight_candidates import best_starts, fligh
 from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.experiments.residual_loop.known_columns import KnownColumns
 from sinan.experiments.residual_loop.known_fits import KnownFits, Question
-from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
-from sinan.experiments.residual_loop.outliers import ADDED as WRONG_DOF
-from sinan.experiments.residual_loop.outliers import WrongReadings, wrong_among
 from sinan.experiments.residual_loop.prediction import Prediction
-from sinan.experiments.residual_loop.wrong_readings import (
-    OUTLIER,
-    SHORTEST,
-    without_rows,
-    without_wrong_readings,
-    wrong_about,
-    wrong_rows,
-)
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.covariates import covariates_for

@@ -13,6 +13,11 @@ import numpy as np
 from scipy import stats
 
 from sinan.estimator.evidence.budget import Budget
+from sinan.estimator.evidence.intervals import onsets
+from sinan.estimator.evidence.intervals.left_out import log_p_left_out
+from sinan.estimator.evidence.intervals.localise import OffsetScan, find_interval, refine
+from sinan.estimator.evidence.intervals.onsets import Step, declared_step, refined
+from sinan.estimator.evidence.intervals.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
 from sinan.estimator.evidence.source import (
     LEAST_SPARE,
@@ -25,14 +30,9 @@ from sinan.estimator.evidence.source import (
     held_out,
 )
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop import onsets
 from sinan.experiments.residual_loop.gauss_newton import minimise
-from sinan.experiments.residual_loop.left_out import log_p_left_out
 from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
-from sinan.experiments.residual_loop.localise import OffsetScan, find_interval, refine
-from sinan.experiments.residual_loop.onsets import Step, declared_step, refined
 from sinan.experiments.residual_loop.wrong_poses import Deleted, wrong_poses
-from sinan.experiments.residual_loop.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.errors import InputError

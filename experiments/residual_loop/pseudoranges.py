@@ -22,12 +22,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.intervals.onsets import SEARCHED, Rows, Step, strongest_onset
 from sinan.estimator.evidence.score import BLOCKS, CONFUSED, DETECTABLE_LAMBDA, Evidence, Statistic, statistic_of
 from sinan.estimator.positioning.location import Location
 from sinan.estimator.positioning.noise_fit import LASTING as LASTING
 from sinan.estimator.positioning.point_positioning import rectangle
 from sinan.estimator.positioning.steady_fault import steady_fault
-from sinan.experiments.residual_loop.onsets import SEARCHED, Rows, Step, strongest_onset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import pseudorange_satellite_fault
 from sinan.sensors.effects.declaration import Effect

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets
 from sinan.estimator.evidence.source import LocalFinding
-from sinan.experiments.residual_loop.onsets import Rows, Step, best_onsets
 from sinan.sensors.arrays import FloatArray
 
 END = 100.0

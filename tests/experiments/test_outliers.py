@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sinan.experiments.residual_loop.outliers import wrong_among
+from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.sensors.arrays import FloatArray
 
 N = 3000

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from sinan.estimator.evidence.intervals.wrong_readings import isolated_outliers
 from sinan.estimator.evidence.score import log_p_of_deviance
 from sinan.estimator.evidence.source import log_p_needed
 from sinan.estimator.evidence.term import Term
@@ -21,7 +22,6 @@ from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
-from sinan.experiments.residual_loop.wrong_readings import isolated_outliers
 from sinan.experiments.schemas import schema
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion

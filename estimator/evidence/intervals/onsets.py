@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from sinan.estimator.evidence.intervals.sudden import jumps
 from sinan.estimator.evidence.score import gain_of, log_p_among, log_p_value
 from sinan.estimator.evidence.source import LocalFinding
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.sudden import jumps
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect, effect
 

@@ -1,0 +1,1 @@
+"""When something acts: onsets and intervals of offsets, sudden changes, wrong readings one by one."""
