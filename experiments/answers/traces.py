@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Source
 from sinan.estimator.filter.assumption import Assumption
 from sinan.experiments.alpha import ALPHA
@@ -18,7 +19,6 @@ from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.verdict_words import Log, next_with_parameters, trace_summary, worded
 from sinan.experiments.report.words import trace_call
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.traced import Traced

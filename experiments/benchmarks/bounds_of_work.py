@@ -42,6 +42,7 @@ from sinan.sensors.simulate import simulate
 _LOOP = "sinan.experiments.residual_loop."
 _EVIDENCE = "sinan.estimator.evidence."
 _INTERVALS = _EVIDENCE + "intervals."
+_FLIGHTS = _EVIDENCE + "flights."
 _LEVELS = "sinan.calibration.levels."
 _RANGES = "sinan.estimator.positioning."
 #: What is halved and doubled, by case: a module and its names.
@@ -55,7 +56,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     },
     "turns": {_LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},
     "flight": {
-        _LOOP + "flight_passes": ("_MOST_STEPS", "_MOST_HALVINGS"),
+        _FLIGHTS + "passes": ("_MOST_STEPS", "_MOST_HALVINGS"),
         _EVIDENCE + "noise_left": ("_LAGS",),
         _INTERVALS + "onsets": ("_ONSETS", "_FINER", "_FURTHER"),
         _EVIDENCE + "probes": ("_PLACES", "_FEW"),

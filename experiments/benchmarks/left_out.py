@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.experiments.benchmarks.attitude import (
     FILTER,
     SMOOTHER,
@@ -33,7 +34,6 @@ from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
 from sinan.experiments.report.words import number
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.sensors.files import write_text
 from sinan.sensors.joining import joined

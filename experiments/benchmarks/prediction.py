@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.evidence.flights.withheld import Predicted, Window, predicted
 from sinan.estimator.filter.flight_model import aiding
 from sinan.experiments.benchmarks.halves import Halves, logs_of, parsed, tell, written
 from sinan.experiments.benchmarks.replication import lasting
 from sinan.experiments.blind.measured.benchmark import FAILURES, words
 from sinan.experiments.measured.flights import FIRST
 from sinan.experiments.report.words import number
-from sinan.experiments.withheld import Predicted, Window, predicted
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.registry import is_sensor, sensor
 

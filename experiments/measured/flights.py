@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.evidence.flights.withheld import Predicted, predicted, windows
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.logs import FLIGHTS
 from sinan.experiments.reference import errors_of, reference_of
 from sinan.experiments.report.words import reference_words
-from sinan.experiments.withheld import Predicted, predicted, windows
 from sinan.sensors.arrays import FloatArray
 
 #: What a command takes for each flight and hand-held log, by name.

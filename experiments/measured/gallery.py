@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
@@ -24,7 +25,6 @@ from sinan.experiments.measured.published import PARAMETERS, SETTINGS, published
 from sinan.experiments.measured.scoring import withheld_errors
 from sinan.experiments.reference import gyro_error, reference_of
 from sinan.experiments.report.words import number, reference_words
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.open_source import triad_readings
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sinan.estimator.evidence.flights.source import FlightSource
+from sinan.estimator.evidence.flights.withheld import predicted, windows
 from sinan.estimator.evidence.source import Fit
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.measured.flights import EVERY, FIRST, WITHHELD, by_age
-from sinan.experiments.residual_loop.flight import FlightSource
-from sinan.experiments.withheld import predicted, windows
 
 
 def withheld_errors(source: FlightSource, fit: Fit, held_out: bool = False) -> Mapping[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.sensors.recording import Recording
 
 

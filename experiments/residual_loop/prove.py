@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.flights.prediction import can_be_predicted
 from sinan.estimator.evidence.noise_left import noise_left, slow_streams
 from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, predicted_lambda, project_out
 from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.experiments.residual_loop.select import Selection
 from sinan.experiments.residual_loop.trials import Finding, fit_without
 from sinan.sensors.arrays import FloatArray

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Fit
 from sinan.experiments.reference import Mounted, described, errors_of, reference_of
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Part, Traced
 from sinan.experiments.residual_loop.verdict import Score, Scores

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from sinan.estimator.evidence.flights.prediction import can_be_predicted
 from sinan.estimator.evidence.noise_left import noise_left
 from sinan.estimator.evidence.score import (
     CONFUSED,
@@ -24,7 +25,6 @@ from sinan.estimator.evidence.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fi
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.experiments.residual_loop.options import Option, alike_to, blind_spots, option_of
-from sinan.experiments.residual_loop.prediction import can_be_predicted
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 

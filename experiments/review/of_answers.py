@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.filter.journal import Journal
 from sinan.experiments.reference import Mounted, reference_of
 from sinan.experiments.report.words import SENSORS
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.review.curves import Event, Review
 from sinan.experiments.review.events import fault_events, found_events, gap_events, logged_events, stretch_events

@@ -85,8 +85,8 @@ def runs() -> list[Run]:
 
 def evidence_of(run: Run) -> list[Evidence]:
     """Information of all candidates, of a flight jointly, of poses sensor by sensor."""
+    from sinan.estimator.evidence.flights.source import FlightSource
     from sinan.estimator.evidence.source import Source
-    from sinan.experiments.residual_loop.flight import FlightSource
     from sinan.experiments.residual_loop.open_source import pose_source, sensors_in_poses
 
     recording, _ = simulate(run.scenario, np.random.default_rng(SEED), run.declared, declare=True)

@@ -12,9 +12,9 @@ import pytest
 
 import sinan.sensors.effects as effects
 import sinan.sensors.effects.shipped as shipped
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.commands.effects import run
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.simulate import simulate

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import sinan.sensors as sensors
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.layout import CAPACITY, StateLayout, blocks
 from sinan.estimator.filter.run_filter import run_filter
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors import registry

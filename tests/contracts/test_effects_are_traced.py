@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.evidence.source import Source
 from sinan.estimator.filter.flight import Flight
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.manoeuvre import looks, most_alike
 from sinan.experiments.residual_loop.open_source import pose_source
 from sinan.experiments.residual_loop.select import select

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.report.verdict_words import says
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.recording import Initial, Recording

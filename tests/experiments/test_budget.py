@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.budget import Budget
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.recording import Recording
 from sinan.sensors.simulate import simulate

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.source import field_of
 from sinan.estimator.evidence.source import FieldUnit
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.commands import trace as trace_command
 from sinan.experiments.report.words import per_unit, unit_words
-from sinan.experiments.residual_loop.flight import field_of
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.passes import FlightPasses
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
@@ -22,8 +24,6 @@ from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.trace_words import effect_line
 from sinan.experiments.report.verdict_words import trace_summary, worded
-from sinan.experiments.residual_loop.flight import FlightSource
-from sinan.experiments.residual_loop.flight_passes import FlightPasses
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording

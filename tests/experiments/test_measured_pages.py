@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.datasets import resolve
@@ -19,7 +20,6 @@ from sinan.experiments.measured.flights import LOGS, predictions
 from sinan.experiments.measured.gallery_page import block, blocks_of, page
 from sinan.experiments.measured.published import PUBLISHED
 from sinan.experiments.measured.scoring import withheld_errors
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.simulate import simulate

@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.score import Evidence
 from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual, held_out
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop import prove
-from sinan.experiments.residual_loop.flight import FlightSource
 from sinan.experiments.residual_loop.prove import rolled_back
 from sinan.experiments.residual_loop.select import Selection, select
 from sinan.experiments.scenarios import load_scenario, parse_effect

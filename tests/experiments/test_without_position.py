@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.experiments.residual_loop.flight import FlightSource
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.scenarios import load_scenario, parse_effect

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sinan.estimator.evidence.flights.passes import Fitted
 from sinan.estimator.evidence.source import Part
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.flight_passes import Fitted
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.recording import Recording

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
+from sinan.estimator.evidence.flights.withheld import Window
 from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
-from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.withheld import Window
 from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.

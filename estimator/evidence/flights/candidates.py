@@ -8,12 +8,12 @@ from itertools import product
 
 import numpy as np
 
+from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.source import Part
 from sinan.estimator.evidence.term import covariates_vary
 from sinan.estimator.filter.effect_forms import Along, Terms, with_covariates
 from sinan.estimator.filter.flight import Flight
-from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect, effects_for
 from sinan.sensors.errors import InputError

@@ -13,6 +13,11 @@ from functools import cached_property, partial
 import numpy as np
 
 from sinan.estimator.evidence.budget import Budget, budget_of
+from sinan.estimator.evidence.flights.candidates import best_starts, flight_candidates, places_alike
+from sinan.estimator.evidence.flights.known_columns import KnownColumns
+from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
+from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
+from sinan.estimator.evidence.flights.prediction import Prediction
 from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
 from sinan.estimator.evidence.intervals.outliers import ADDED as WRONG_DOF
 from sinan.estimator.evidence.intervals.outliers import WrongReadings, wrong_among
@@ -46,11 +51,6 @@ from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
-from sinan.experiments.residual_loop.flight_candidates import best_starts, flight_candidates, places_alike
-from sinan.experiments.residual_loop.flight_passes import Fitted, FlightPasses
-from sinan.experiments.residual_loop.known_columns import KnownColumns
-from sinan.experiments.residual_loop.known_fits import KnownFits, Question
-from sinan.experiments.residual_loop.prediction import Prediction
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.covariates import covariates_for
