@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.poses import motion_seen
 from sinan.calibration.poses.gyro import GyroCalibration, calibrate_gyro, read_turns
 from sinan.calibration.poses.triad import Axes, Calibration, calibrate_norm
 from sinan.estimator.evidence.term import Model, declared_model, effects_added, require_known
 from sinan.experiments.residual_loop.open_source import TriadReadings, declared_for, gravity_of
-from sinan.experiments.residual_loop.poses import motion_seen
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.errors import InputError

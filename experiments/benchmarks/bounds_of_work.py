@@ -40,6 +40,7 @@ from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.simulate import simulate
 
 _LOOP = "sinan.experiments.residual_loop."
+_POSES = "sinan.calibration.poses.evidence."
 _EVIDENCE = "sinan.estimator.evidence."
 _INTERVALS = _EVIDENCE + "intervals."
 _FLIGHTS = _EVIDENCE + "flights."
@@ -48,13 +49,13 @@ _RANGES = "sinan.estimator.positioning."
 #: What is halved and doubled, by case: a module and its names.
 BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "poses": {
-        _LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),
-        _LOOP + "bias_walk": ("_MOST_KNOTS",),
-        _LOOP + "least_squares_source": ("_ROWS_A_BLOCK", "_WORTH_LEAVING_OUT"),
+        _POSES + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),
+        _POSES + "bias_walk": ("_MOST_KNOTS",),
+        _POSES + "source": ("_ROWS_A_BLOCK", "_WORTH_LEAVING_OUT"),
         _LOOP + "select": ("_MOST_ROUNDS",),
         _LOOP + "trials": ("_RELOCATIONS",),
     },
-    "turns": {_LOOP + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},
+    "turns": {_POSES + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"), _LOOP + "trials": ("_AHEAD",)},
     "flight": {
         _FLIGHTS + "passes": ("_MOST_STEPS", "_MOST_HALVINGS"),
         _EVIDENCE + "noise_left": ("_LAGS",),

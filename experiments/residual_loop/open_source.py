@@ -8,15 +8,15 @@ from typing import TypeVar
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.faults import Fault, poses_that_measured
+from sinan.calibration.poses.evidence.poses import NormPoses
+from sinan.calibration.poses.evidence.source import LeastSquaresSource
+from sinan.calibration.poses.evidence.turns import GyroTurns
 from sinan.calibration.poses.gyro import read_turns
 from sinan.calibration.poses.segments import find_poses
 from sinan.estimator.evidence.source import FieldUnit, field_unit
 from sinan.estimator.filter.faults import frozen_runs, stuck_runs
 from sinan.estimator.filter.imu import beyond_the_range
-from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
-from sinan.experiments.residual_loop.pose_faults import Fault, poses_that_measured
-from sinan.experiments.residual_loop.poses import NormPoses
-from sinan.experiments.residual_loop.turns import GyroTurns
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.covariates import covariates_for

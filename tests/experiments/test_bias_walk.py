@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sinan.experiments.residual_loop.bias_walk import estimated_walk, walk_covariance
+from sinan.calibration.poses.evidence.bias_walk import estimated_walk, walk_covariance
 
 
 def rests(rng: np.random.Generator, walk: float, sigma: float = 1.0, n: int = 30) -> tuple[float, float]:

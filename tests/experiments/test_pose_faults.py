@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sinan.experiments.residual_loop.pose_faults import at_an_end, poses_that_measured
+from sinan.calibration.poses.evidence.faults import at_an_end, poses_that_measured
 from sinan.sensors.arrays import FloatArray
 
 SIGMA = 0.01

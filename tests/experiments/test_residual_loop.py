@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from sinan.calibration.poses.evidence.poses import NormPoses
+from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.intervals.wrong_readings import isolated_outliers
 from sinan.estimator.evidence.score import log_p_of_deviance
 from sinan.estimator.evidence.source import log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
-from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
 from sinan.experiments.residual_loop.open_source import pose_source
-from sinan.experiments.residual_loop.poses import NormPoses
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.trace import trace

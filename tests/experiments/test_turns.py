@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.calibration.poses.evidence.source import LeastSquaresSource
+from sinan.calibration.poses.evidence.turns import GyroTurns
 from sinan.calibration.poses.gyro import read_turns
 from sinan.estimator.evidence.source import Fit, log_p_needed
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.shared_ends import merged
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.trials import Finding
-from sinan.experiments.residual_loop.turns import GyroTurns
 from sinan.sensors.arrays import FloatArray
 from tests.calibration.test_gyro import turned_log
 

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sinan.calibration.poses.evidence.poses import NormPoses
+from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.source import Fit
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.answers.traces import slow_imu
@@ -28,8 +30,6 @@ from sinan.experiments.report.verdict_words import (
     what_next,
     worded,
 )
-from sinan.experiments.residual_loop.least_squares_source import LeastSquaresSource
-from sinan.experiments.residual_loop.poses import NormPoses
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.select import select

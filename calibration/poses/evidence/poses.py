@@ -13,6 +13,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.bias_walk import bias_walk, estimated_walk
+from sinan.calibration.poses.evidence.inversion import inverted
+from sinan.calibration.poses.evidence.linear_problem import Rows
+from sinan.calibration.poses.evidence.probes import probes_of_a_triad
 from sinan.calibration.poses.triad import calibrate_norm, norm_jacobian
 from sinan.estimator.evidence.source import NO_UNIT, FieldUnit
 from sinan.estimator.evidence.term import (
@@ -24,10 +28,6 @@ from sinan.estimator.evidence.term import (
     require_known,
     without_probes,
 )
-from sinan.experiments.residual_loop.bias_walk import bias_walk, estimated_walk
-from sinan.experiments.residual_loop.inversion import inverted
-from sinan.experiments.residual_loop.linear_problem import Rows
-from sinan.experiments.residual_loop.pose_probes import probes_of_a_triad
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion

@@ -12,6 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from sinan.calibration.poses.evidence.gauss_newton import minimise
+from sinan.calibration.poses.evidence.linear_problem import LinearProblem, Rows
+from sinan.calibration.poses.evidence.wrong_poses import Deleted, wrong_poses
 from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.intervals import onsets
 from sinan.estimator.evidence.intervals.left_out import log_p_left_out
@@ -30,9 +33,6 @@ from sinan.estimator.evidence.source import (
     held_out,
 )
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.gauss_newton import minimise
-from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
-from sinan.experiments.residual_loop.wrong_poses import Deleted, wrong_poses
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.errors import InputError

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.linear_problem import LinearProblem, Rows
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.linear_problem import LinearProblem, Rows
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.bias_walk import estimated_walk, walk_covariance
 from sinan.calibration.poses.gyro import GyroLog
 from sinan.calibration.poses.triad import norm_jacobian
-from sinan.experiments.residual_loop.bias_walk import estimated_walk, walk_covariance
 from sinan.sensors.arrays import FloatArray
 
 

@@ -13,6 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from sinan.calibration.poses.evidence.bias_walk import BiasWalk, estimated_walk
+from sinan.calibration.poses.evidence.directions import direction_covariance
+from sinan.calibration.poses.evidence.inversion import inverse, inverted
+from sinan.calibration.poses.evidence.linear_problem import Rows
+from sinan.calibration.poses.evidence.probes import probes_of_turns
 from sinan.calibration.poses.gyro import GyroLog, Turns, calibrate_gyro, integrate_turns, noise_of_turns
 from sinan.estimator.evidence.source import NO_UNIT
 from sinan.estimator.evidence.term import (
@@ -24,11 +29,6 @@ from sinan.estimator.evidence.term import (
     require_known,
     without_probes,
 )
-from sinan.experiments.residual_loop.bias_walk import BiasWalk, estimated_walk
-from sinan.experiments.residual_loop.directions import direction_covariance
-from sinan.experiments.residual_loop.inversion import inverse, inverted
-from sinan.experiments.residual_loop.linear_problem import Rows
-from sinan.experiments.residual_loop.pose_probes import probes_of_turns
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion
