@@ -79,12 +79,12 @@ SHORTEST, LONGEST = 1.0e7, 1.0e8  # m: outside, a number is no pseudorange, what
 
 
 #: Error of one pseudorange, noise and multipath together, by which one epoch is weighed: RTKLIB 2.4.2 manual, E.6, for
-#: a plain antenna. What of it changes with time is less: `residual_loop.pseudoranges.CHANGING_NOISE`.
+#: a plain antenna. What of it changes with time is less: `positioning.pseudoranges.CHANGING_NOISE`.
 CODE_NOISE = 0.9  # m at the zenith for each of the two parts
 GLONASS_NOISE = 1.5  # times that of the others: half the chip rate
 DEFAULT_ACCURACY = 2.4  # m, where the message has none
 #: What Saastamoinen's model leaves of one epoch, divided by (sin E + 0.1), whatever the weather (RTKLIB 2.4.2 manual,
-#: E.6). What lasts of it over a log is less, and grows as 1 / sin E: `residual_loop.pseudoranges.ZENITH_LEFT`.
+#: E.6). What lasts of it over a log is less, and grows as 1 / sin E: `positioning.pseudoranges.ZENITH_LEFT`.
 TROPOSPHERE_LEFT = 0.3  # m
 CODE_BIAS = 0.3  # m, between the codes of different signals and receivers (the same page)
 #: What the broadcast ionosphere leaves is half of the delay (IS-GPS-200N, 20.3.3.5.2.5), and it is a smooth field.

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 
 from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.positioning.location import locate
+from sinan.estimator.positioning.pseudorange_trace import find_faults
+from sinan.estimator.positioning.pseudoranges import FAULT, Candidate, full_sizes, seen_by
 from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.simulated import load, simulate
-from sinan.experiments.residual_loop.pseudorange_trace import find_faults
-from sinan.experiments.residual_loop.pseudoranges import FAULT, Candidate, full_sizes, seen_by
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.covariates import camera_of, covariates_for

@@ -1,1 +1,1 @@
-"""Positions from pseudoranges, and their integrity."""
+"""Positions from pseudoranges, their integrity, and what their residuals say of effects and faults."""

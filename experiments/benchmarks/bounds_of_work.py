@@ -27,11 +27,11 @@ from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.layout import PV
 from sinan.estimator.filter.relinearise import run_relinearised
+from sinan.estimator.positioning.pseudorange_trace import trace_ranges
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.bias_observability.study import study
 from sinan.experiments.gnss.simulated import load
 from sinan.experiments.gnss.simulated import simulate as ranges_of
-from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.errors import InputError
@@ -73,8 +73,8 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         "sinan.calibration.cameras.damped": ("_ROUNDS", "_SETTLED", "_DAMPING", "_LEAST", "_MOST"),
     },
     "ranges": {
-        _LOOP + "pseudorange_trace": ("MOST_FAULTS",),
-        _LOOP + "pseudoranges": ("SHORTLIST",),
+        _RANGES + "pseudorange_trace": ("MOST_FAULTS",),
+        _RANGES + "pseudoranges": ("SHORTLIST",),
         _RANGES + "location": ("MOST_PASSES", "MOST_EXCLUDED", "COARSE"),
         _RANGES + "noise_fit": ("NEAREST", "FARTHEST"),
         _RANGES + "integrity": ("LEAST_REDUNDANCY",),

@@ -21,8 +21,8 @@ import pymap3d
 from sinan.estimator.evidence.score import BLOCKS
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import Problem, fit, problem_of
+from sinan.estimator.positioning.pseudoranges import Columns, linearise, state_variance
 from sinan.experiments.gnss.reference import position_error, read_reference
-from sinan.experiments.residual_loop.pseudoranges import Columns, linearise, state_variance
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.formats.rinex import read_navigation, read_observations
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges

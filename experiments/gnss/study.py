@@ -19,11 +19,11 @@ import pymap3d
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import fitted
+from sinan.estimator.positioning.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
+from sinan.estimator.positioning.pseudoranges import Called
 from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.base import Differential, differential
 from sinan.experiments.gnss.reference import position_error, read_reference
-from sinan.experiments.residual_loop.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
-from sinan.experiments.residual_loop.pseudoranges import Called
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.data_link import DataLink, parse_link
 from sinan.sensors.effects.pseudorange_satellite_fault import EFFECT as FAULT

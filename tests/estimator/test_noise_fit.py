@@ -13,8 +13,8 @@ from scipy.stats import multivariate_normal
 from sinan.estimator.evidence.score import BLOCKS
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import fit, fitted, likelihood, problem_of
+from sinan.estimator.positioning.pseudoranges import Columns
 from sinan.experiments.benchmarks import range_noise as benchmark
-from sinan.experiments.residual_loop.pseudoranges import Columns
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.range_noise import RangeNoise
 from tests.estimator import gnss_simulation as simulation

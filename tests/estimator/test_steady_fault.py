@@ -11,9 +11,9 @@ import pytest
 
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import problem_of
+from sinan.estimator.positioning.pseudorange_trace import trace_ranges
 from sinan.estimator.positioning.steady_fault import offsets_of, steady_fault
 from sinan.experiments.benchmarks import range_noise as benchmark
-from sinan.experiments.residual_loop.pseudorange_trace import trace_ranges
 from sinan.sensors.range_noise import RangeNoise
 from tests.estimator import gnss_simulation as simulation
 

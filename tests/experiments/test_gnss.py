@@ -12,13 +12,13 @@ import pytest
 
 from sinan.estimator.evidence.score import BLOCKS, statistic_of
 from sinan.estimator.positioning import integrity
+from sinan.estimator.positioning import pseudoranges as source
 from sinan.estimator.positioning.location import Location, locate
+from sinan.estimator.positioning.pseudorange_trace import find_faults, trace_ranges
 from sinan.experiments.answers.fixes import positions
 from sinan.experiments.gnss.reference import read_reference
 from sinan.experiments.gnss.study import run
 from sinan.experiments.report.gnss_words import summary
-from sinan.experiments.residual_loop import pseudoranges as source
-from sinan.experiments.residual_loop.pseudorange_trace import find_faults, trace_ranges
 from sinan.sensors.constants import EARTH_RATE
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.rinex import read_navigation, read_observations

@@ -18,7 +18,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import Statistic
 from sinan.estimator.positioning.location import Location, locate
-from sinan.experiments.residual_loop.pseudoranges import Called, next_effect, next_fault, next_steady_fault
+from sinan.estimator.positioning.pseudoranges import Called, next_effect, next_fault, next_steady_fault
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.pseudorange import Pseudoranges
 
