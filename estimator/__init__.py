@@ -1,1 +1,1 @@
-"""What the recording says about the motion: filter, journal, sensitivity, score."""
+"""What the recording says about the motion: filter, evidence on what its model lacks, positions."""

@@ -1,6 +1,6 @@
 """A least-squares problem of readings with nuisance parameters, linearised at a point: what a recording gives.
 
-It is made a source of the loop by `least_squares_source`.
+It is made a source of the loop by `LeastSquaresSource`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Suspects that are no effects, for calibrations: what the error of a triad at rest, or of a gyroscope between poses,
 would follow if nothing in the catalogue explained it.
 
-As in `probes`, each is a block of generic functions of one thing. A set of poses has few readings, so a block comes in
-two or three sizes, and the largest is taken that leaves enough of them. The functions are taken along the plain model's
-readings and stay as they are: a generic function has no exact form that would be worth iterating for.
+As in `estimator/evidence/probes.py`, each is a block of generic functions of one thing. A set of poses has few
+readings, so a block comes in two or three sizes, and the largest is taken that leaves enough of them. The functions are
+taken along the plain model's readings and stay as they are: a generic function has no exact form that would be worth
+iterating for.
 """
 
 from __future__ import annotations
