@@ -26,7 +26,8 @@ from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
 
-#: An interval longer than this many nominal ones is a gap: what happened inside is not known.
+#: An interval longer than this many nominal ones is a gap: what happened inside is not known. One sample that is lost
+#: makes two of them, and is bridged; two make three.
 GAP = 2.5
 #: Windows from which the unseen motion inside a gap is estimated, at least this many: its sigma is known to
 #: 1 / sqrt(2 * 8), a quarter.
@@ -39,7 +40,8 @@ SHORTEST_STRETCH = 1.0
 #: Length over which roughness is averaged [s]: vibration changes with the throttle, within tenths of a second.
 ROUGH = 0.1
 _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
-#: Samples over which the slope into and out of a saturated stretch is taken.
+#: Samples over which the slope into and out of a saturated stretch is taken: a choice, half and twice of which move no
+#: state at the end of a flight that is cut off by 1 % of its sigma (`bounds_of_work clipped`).
 _SLOPE = 3
 #: A saturated stretch is noted where it lacks this many of the usual steps between samples: a coarse converter also
 #: stays at its largest value for some samples.
