@@ -3,7 +3,8 @@
 A comment belongs to a constant when it stands above it (`#:`) or behind it, or above the lines that it begins. What it
 says of the origin is told by its words: *cited* (an author and a year, a standard, a data sheet), *measured* (a note, a
 command, a simulation, a log), *derived* (a formula, or a reason in words), *stated risk* (a level of a test), *bound of
-work* (checked by halving and doubling); a comment that says only what the number is gives no origin.
+work* (checked by halving and doubling), *choice* (halved and doubled, with what it changes); a comment that says only
+what the number is gives no origin.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ FOLDERS = ("estimator", "calibration", "experiments/residual_loop")
 #: Modules whose numbers are bits and sizes of the machine, not of the question.
 _MACHINE = ("engine_numba.py", "smoother_numba.py", "kernel_cache.py")
 _RISK = re.compile(r"\bstated\s+risk\b")
+#: "A choice" alone is none: the case that puts it to the test is named.
+_CHOICE = re.compile(r"\b[Aa] choice\b.*`bounds_of_work \w+`")
 _WORK = re.compile(r"\bbounds? of work\b|bounds_of_work")
 _CITED = re.compile(
     r"\b(19|20)\d\d\b|data ?sheet|standard(?! deviation| normal)|IS-GPS|WGS|RTCA|ISO"
@@ -27,8 +30,9 @@ _MEASURED = re.compile(
     r"docs/notes|python -m|simulat|measured|of \d[\d,]* (?:logs|cases|minutes|messages)|in logs|of the logs|cases at"
     r"|docs/blind"
 )
+#: A colon begins a reason where four words or more follow.
 _DERIVED = re.compile(
-    r"[:;=<>]|\bbecause\b|\bso that\b|\bsince\b|\bof which\b|\bhas\b|sqrt|\bexact\b|\btimes\b|chi-square"
+    r"[;=<>]|\bbecause\b|\bso that\b|\bsince\b|\bof which\b|sqrt|\bexact\b|chi-square|\bnorm\.|:(?:\s+\S+){4}"
 )
 
 HEAD = """# Constants
@@ -44,9 +48,9 @@ the code is its reason; the last column says of what sort that is, by the words 
   sinan.experiments.benchmarks.bounds_of_work` halves and doubles each and shows what an answer does, where its
   case reaches it ({bound}; figures:
   [bounds of work](../notes/bounds_of_work.md));
-- **no origin**: the comment says what the number is and not why it is that one, or there is none ({none}). These are
-  choices: they hold for what the benchmarks of [blind recordings](../blind.md) and of
-  [measured minutes](../blind_measured.md) show, and for no more.
+- **choice**: nothing gives it, and an example on either side of it is decided by it; the same command shows what half
+  and twice change, and the comment says it ({choice});
+- **no origin**: the comment says what the number is and not why it is that one, or there is none ({none}).
 
 The table is made whenever the site is built (`docs/make/constants_page.py`). The sort is told by a few patterns, so
 that a comment's own words are what counts.
@@ -67,6 +71,8 @@ class Constant:
         """Of what sort its reason is."""
         if _RISK.search(self.comment):
             return "stated risk"
+        if _CHOICE.search(self.comment):
+            return "choice"
         if _WORK.search(self.comment):
             return "bound of work"
         if _CITED.search(self.comment):
@@ -130,7 +136,7 @@ def _comment(lines: list[str], first: int, end: int) -> str:
 def page() -> str:
     """The head with its counts, then a table a folder."""
     found = constants()
-    kinds = ("cited", "measured", "derived", "stated risk", "bound of work", "no origin")
+    kinds = ("cited", "measured", "derived", "stated risk", "bound of work", "choice", "no origin")
     count = {kind.split()[0]: sum(c.origin == kind for c in found) for kind in kinds}
     folders = ", ".join(f"`{folder}`" for folder in FOLDERS)
     lines = [HEAD.format(total=len(found), none=count["no"], folders=folders, **count)]

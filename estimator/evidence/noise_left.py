@@ -11,7 +11,8 @@ from sinan.sensors.bounds import ASSUMED
 
 #: Lags of the correlation that is summed until it is nothing: bound of work (`bounds_of_work flight`).
 _LAGS = 500
-#: A residual is slow where its sum over long times varies this many times as much as that of white noise.
+#: A residual is slow where its sum over long times varies this many times as much as that of white noise: a
+#: choice, half and twice of which change nothing of a late GPS (`bounds_of_work brief`).
 _SLOW = 1.1
 
 

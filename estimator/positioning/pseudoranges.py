@@ -47,8 +47,9 @@ from sinan.sensors.range_noise import USUAL_ACCURACY as USUAL_ACCURACY
 #: Satellites for which the onset of a fault is searched: bound of work (`bounds_of_work ranges`).
 SHORTLIST = 6
 MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
-#: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E). The whole error of one
-#: epoch, with what stays, which is `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
+#: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E): RTKLIB 2.4.2, where nothing
+#: is set (`prcopt_default`), 100 times the 3 mm of a phase. The whole error of one epoch, with what stays, which is
+#: `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
 CHANGING_NOISE = 0.3  # m
 MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
 #: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.

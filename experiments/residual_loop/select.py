@@ -39,7 +39,8 @@ from sinan.sensors.arrays import FloatArray
 MOST_EFFECTS = 6
 #: The same given an error that is in no catalogue: bound of work (`bounds_of_work flight`).
 MOST_GIVEN_ERROR = 3
-#: Length of the shortlist given an error that is in no catalogue, in whose model a pass costs several times as much.
+#: Length of the shortlist given an error that is in no catalogue: half of `SHORTLIST`, since in its model a pass costs
+#: several times as much.
 SHORTLIST_GIVEN_ERROR = 3
 #: Intervals beyond this number patch up an error that has no name: they stay in what remains.
 MOST_LOCAL = 3
@@ -47,7 +48,8 @@ MOST_LOCAL = 3
 #: Times that readings are set aside for what would have been a disturbance of one or two: bound of work
 #: (`bounds_of_work flight`).
 _MOST_ROUNDS = 3
-#: Share of what the information predicts that the loss of an effect costs at least, whatever its form.
+#: Share of what the information predicts that the loss of an effect costs at least, whatever its form; where that is
+#: enough, no refit asks: bound of work (`bounds_of_work weak`).
 _PREDICTED = 0.1
 
 

@@ -36,7 +36,8 @@ SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
 SHORTLISTS = 2
-#: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction.
+#: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction: in its place
+#: an effect of correlation rho gains rho^2 of that, and below one half leaves more of it than it explains.
 _COMPARABLE = 0.5
 #: A localised effect is looked for again about its own fit, so often at most: bound of work (`bounds_of_work flight`).
 _RELOCATIONS = 3

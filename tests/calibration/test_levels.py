@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
+from sinan.calibration.levels import fit
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
 from sinan.calibration.levels.fit import TAIL, Problem, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.preparation import prepared
@@ -56,12 +57,15 @@ def rough(bare: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("log", ["bare", "rough"])
-def test_the_gradient_is_that_of_the_posterior(log: str, request: pytest.FixtureRequest) -> None:
+def test_the_gradient_is_that_of_the_posterior(
+    log: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each size alone, about a point that is not the start; by a lateness no slope is asked."""
     recording: Recording = request.getfixturevalue(log)
     sizes = sizes_of(recording)
     problem = Problem(recording, sizes, first_levels(recording, sizes, recording.environment.magnetic_field, None))
-    theta = problem.maximise(np.zeros(len(sizes)), 4)[0] + 0.2 * np.random.default_rng(3).normal(size=len(sizes))
+    monkeypatch.setattr(fit, "MOST", 4)
+    theta = problem.maximise(np.zeros(len(sizes)))[0] + 0.2 * np.random.default_rng(3).normal(size=len(sizes))
     _, gradient = problem.value_and_gradient(theta)
     for i, size in enumerate(sizes):
         step = 0.02 * np.eye(len(sizes))[i]

@@ -10,7 +10,8 @@ from sinan.sensors.arrays import FloatArray
 
 #: Knots of a bias that walks: bound of work (`bounds_of_work poses`).
 _MOST_KNOTS = 40
-#: Root of the variance that a walk adds over the whole time, in units of the white noise: what is tried.
+#: Root of the variance that a walk adds over the whole time, in units of the white noise, as it is tried:
+#: bound of work (`bounds_of_work walk`).
 _WALKS = np.concatenate([[0.0], np.geomspace(0.1, 300.0, 36)])
 
 

@@ -10,7 +10,7 @@ from sinan.estimator.evidence.source import Fit
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 
-#: Fits whose columns are kept, and rows times columns of each that are.
+#: Fits whose columns are kept, and rows times columns of each that are: 8 bytes each = 80 MB a fit.
 _MOST_FITS, _MOST_ELEMENTS = 3, 1e7
 
 

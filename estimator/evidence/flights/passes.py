@@ -33,10 +33,11 @@ from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 _FITTING_SHARE = 2.0 / 3.0
 #: Steps, and halvings of them, at most: bound of work (`bounds_of_work flight`).
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
-#: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma.
+#: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma: bound of work
+#: (`bounds_of_work brief`). Twice moves a lateness by 8 % of its sigma.
 _SETTLED = 0.05
 #: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
-#: than this was predicted of it.
+#: than this was predicted of it: bound of work (`bounds_of_work brief`).
 _SETTLED_DEVIANCE = 1.0
 #: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
 #: this share.

@@ -14,7 +14,8 @@ from sinan.sensors.arrays import FloatArray, IntArray
 #: Boundaries of the coarse grid; a row is the finest step of the refinement.
 _GRID = 96
 #: A disturbance from the first row on is a start-up transient up to this share of the rows, the bias before a step
-#: above.
+#: above: a choice of words, since that bias is free. Twice calls a step after 16 % a transient, half changes no word
+#: (`bounds_of_work start`).
 _START_UP = 0.1
 #: An interval's evidence is compared with that of its peers, other intervals of about its length; at least so many.
 _LEAST_PEERS = 6

@@ -26,7 +26,8 @@ from sinan.sensors.effects import Effect, effect
 #: interval by 1 % of its length at most (`bounds_of_work flight`).
 _ONSETS = 25
 _FINER = 5
-#: By how much `refined` knows an end of an interval better than it was told: two grids.
+#: By how much `refined` knows an end of an interval better than it was told: two grids, of which each is `_FINER`
+#: times finer.
 REFINED = _FINER**2
 #: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
 #: strongest of all streams nothing would come first.
@@ -38,7 +39,8 @@ _FLOOR = 1e-3
 _JUST_BEFORE = 1e-6
 #: Intervals whose gains differ by less than this are not told apart: of those the smallest offset is taken.
 _ALIKE = 1.0
-#: A combination of columns of unit length that has less than this share of the largest one's square is none.
+#: A combination of columns of unit length that has less than this share of the largest one's square is none: rounding
+#: leaves 1e-16 of that a row, of which there are some thousands.
 _DEPENDENT = 1e-12
 #: With a wandering bias a step in the first or last part of the log is no step: share of the log.
 _EDGE = 0.1
@@ -74,7 +76,7 @@ class Rows:
 Step = tuple[str, float]
 #: steps -> sensitivities to them
 Pass = Callable[[Sequence[Step]], Rows]
-#: Innovations times columns that one pass may keep in memory.
+#: Innovations times columns that one pass may keep in memory: 8 bytes each = 240 MB.
 _MOST_ELEMENTS = 3e7
 
 
