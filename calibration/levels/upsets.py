@@ -48,8 +48,8 @@ STEPS = 2.0 ** np.arange(8)
 IN_A_ROW = 3
 #: Fixes that tell the time between fixes: of two there is one time, which is no median, and the first is the start.
 LEAST = 3
-#: Runs of doubted fixes that are looked at, those first that cost most: bound of work (`test_upsets`, of a log with one
-#: upset); a log that has more keeps six.
+#: Runs of doubted fixes that are looked at, those first that cost most, upsets, lapses and neither alike: bound of work
+#: (`test_upsets`, of a log with one upset).
 MOST = 6
 
 
@@ -185,29 +185,23 @@ def _likeliest_upset(log: _Log, levels: Levels, journal: Journal, about: float) 
 def _likeliest_lapse(inputs: RunInputs, rows: IntArray) -> tuple[float, _Lapse]:
     """Log-likelihood where the receiver erred in some fixes, its positions being right or as wrong as before after it.
 
-    What they are off by, against the motion that all other readings tell, walks: each component's steps from one to
-    the next are by Student's law, of the likeliest of some sizes.
+    What they are off by, against the motion that the readings before and those of other sensors tell, walks: each
+    component's steps from one to the next are by Student's law, of the likeliest of some sizes. The end of a lapse is
+    no step: the receiver is then right again, or its positions stay off by what they are.
     """
-    events = inputs.events
-    back = _Lapse(rows, np.zeros(3))
+    events, back = inputs.events, _Lapse(rows, np.zeros(3))
     journal = run(_with_lapses(inputs, [back]), "numba", 0)
     stream = journal.stream("gps")
     off = stream.nu[np.isin(stream.events, rows)]
     white = np.sqrt(np.mean(events.r[events.row[rows][:, None] + np.arange(off.shape[1])], axis=0))
-    law, path = student_t(journal.model.tail_of("gps")), np.concatenate([np.zeros((1, len(white))), off])
-
-    def walked(path: FloatArray) -> float:
-        size = white * np.sqrt(2.0) * STEPS[:, None, None]
-        density = np.sum(law.logpdf(np.diff(path, axis=0) / size) - np.log(size), axis=1)
-        return float(np.sum(np.max(density, axis=0) - np.log(len(STEPS))))
-
+    steps, size = np.diff(off, axis=0, prepend=0.0), white * np.sqrt(2.0) * STEPS[:, None, None]
+    law = student_t(journal.model.tail_of("gps"))
+    each = np.sum(law.logpdf(steps / size) - np.log(size), axis=1)
+    walked = float(np.sum(np.max(each, axis=0) - np.log(len(STEPS))))
     stays = _Lapse(rows, off[-1, :3])
     after = run(_with_lapses(inputs, [stays]), "numba", 0)
-    return max(
-        (journal.log_likelihood + walked(np.concatenate([path, path[:1]])), back),
-        (after.log_likelihood + walked(path), stays),
-        key=lambda one: one[0],
-    )
+    ends = ((journal.log_likelihood + walked, back), (after.log_likelihood + walked, stays))
+    return max(ends, key=lambda one: one[0])
 
 
 def _with_lapses(inputs: RunInputs, lapses: Sequence[_Lapse]) -> RunInputs:
