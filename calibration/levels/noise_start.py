@@ -108,17 +108,25 @@ def rounding_of(recording: Recording, name: str) -> FloatArray:
 
 
 def datum(recording: Recording, name: str) -> float:
-    """How far the first height of a height sensor is from the first of the GPS [m]: their zeros need not agree.
+    """How far the first height of a height sensor is from that of the GPS, else of a sensor that sees the ground [m]:
+    their zeros need not agree. 0 where there is neither: then the sensor itself says where the flight begins.
 
-    0 without a GPS: then the sensor itself says where the flight begins.
+    Neglects the tilt at the first reading.
     """
-    if "gps" not in recording.streams:
+    seen = [other for other in height_sensors() if other in recording.streams and sensor(other).kernel == "range"]
+    if "gps" in recording.streams:
+        down = float(position_of(recording, "gps")[0, 2])
+    elif seen:
+        down = _first_down(recording, min(seen, key=lambda other: sensor(other).height_turn))
+    else:
         return 0.0
-    down = float(position_of(recording, "gps")[0, 2])
-    first = float(np.min(readings_of(recording, name)[0]))  # of a scan the beam nearest to the vertical
-    if sensor(name).kernel == "range":
-        return abs(first - (recording.environment.ground_down - down))
-    return abs(first + down)
+    return abs(_first_down(recording, name) - down)
+
+
+def _first_down(recording: Recording, name: str) -> float:
+    """The position, down [m], by the first reading of a height sensor; of a scan by the beam nearest to the vertical."""
+    first = float(np.min(readings_of(recording, name)[0]))
+    return recording.environment.ground_down - first if sensor(name).kernel == "range" else -first
 
 
 def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:

@@ -157,9 +157,13 @@ def level_notes(levels: Levels) -> list[str]:
     for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in OF_NO_SENSOR):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
+    sought = {size.key: size for size in levels.found if size.sensor == "latency"}
     for sensor, late in levels.latency.items():
         when = "late" if late >= 0.0 else "early"
-        lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, by the likelihood")
+        size = sought.get(sensor)
+        most = size is not None and abs(size.theta(late)) > 0.99 * size.bounds[1]
+        found = "the most that is sought here; a trace names what is later" if most else "by the likelihood"
+        lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
         lines.append(f"upset at {upset.t:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")

@@ -11,8 +11,9 @@ from scipy.stats import chi2
 
 from sinan.calibration.levels import fit
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
-from sinan.calibration.levels.fit import TAIL, Problem, first_levels, fit_levels, sizes_of
-from sinan.calibration.levels.preparation import prepared
+from sinan.calibration.levels.fit import TAIL, Problem, Size, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.noise_start import datum
+from sinan.calibration.levels.preparation import level_notes, prepared
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.bounds import Bounds
@@ -166,3 +167,24 @@ def test_the_field_is_in_the_table_with_the_sigmas_of_its_covariance(bare: Recor
 def test_a_flight_that_declares_everything_assumes_nothing() -> None:
     declared, _ = fly(21, duration=10.0, sensors=("gps", "mag", "baro"))
     assert prepared(declared).model.assumptions == ()
+
+
+def test_a_lateness_at_its_bound_is_told_as_such(bare: Recording) -> None:
+    size = Size("latency", "mag", 0.01, 0.01, linear=True)
+    levels = replace(first_levels(bare, [], None, None), found=(size,))
+    told = [level_notes(replace(levels, latency={"mag": late}))[-1] for late in (0.02, 0.05)]
+    assert told[0] == "mag: stamps 20 ms late, by the likelihood"
+    assert "the most that is sought" in told[1]
+
+
+def test_a_barometer_may_count_from_the_sea_where_a_laser_sees_the_ground() -> None:
+    """Nothing was known of that without a GPS: a `baro.step` of 166 m was named in a log whose barometer stood at 189."""
+    flown, _ = fly(4, duration=20.0, sensors=("mag", "baro", "laser"))
+    baro = flown.streams["baro"]
+    high = Stream(baro.t, {name: column + 190.0 for name, column in baro.columns.items()})
+    recording = flown.replace(sensors={}, streams={**flown.streams, "baro": high})
+    assert datum(recording, "baro") == pytest.approx(190.0, abs=5.0)
+    assert datum(recording, "laser") == 0.0
+    journal = prepared(recording).run()
+    assert journal.nis_per_dof()["baro"] < 2.0
+    assert np.all(journal.stream("baro").weight[:20] > 0.1)
