@@ -1,15 +1,19 @@
-"""Gauss-Newton over the nuisance parameters and the effects of a linear problem, with halved steps."""
+"""The least squares of a linear problem over its nuisance parameters and the effects."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
 from sinan.calibration.poses.evidence.linear_problem import LinearProblem, Rows
+from sinan.estimator.evidence.gauss_newton import least
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
+
+#: Points, and halvings of a step, at most.
+_MOST_STEPS, _MOST_HALVINGS = 100, 11
+#: Relative gain of a step at which the sum of squares is at its minimum.
+_SETTLED = 1e-10
 
 
 def minimise(
@@ -21,56 +25,36 @@ def minimise(
     ------
     InputError : the parameters have gone where the model has no number
     """
+    moving = [term for term in beta if term.in_mean]
+    ends = np.cumsum([len(x), *(len(beta[term]) for term in moving)])[:-1]
+
+    def parts(vector: FloatArray) -> tuple[FloatArray, dict[Term, FloatArray]]:
+        x, *moved = np.split(vector, ends)
+        return x, {**beta, **dict(zip(moving, moved, strict=True))}
+
+    def at(vector: FloatArray) -> tuple[FloatArray, Rows]:
+        return vector, problem.rows(*parts(vector), ())
+
+    def slopes(rows: Rows) -> FloatArray:
+        J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
+        if not np.all(np.isfinite(J)):
+            raise np.linalg.LinAlgError
+        return np.asarray(J)
+
+    def step(there: tuple[FloatArray, Rows]) -> tuple[FloatArray, int]:
+        J = slopes(there[1])
+        scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
+        return np.linalg.lstsq(J / scale, there[1].residual[active], rcond=1e-10)[0] / scale, _MOST_HALVINGS
+
+    def cost(there: tuple[FloatArray, Rows]) -> float:
+        return float(np.sum(there[1].residual[active] ** 2))
+
     try:
         with np.errstate(all="ignore"):  # a step too far is halved; where the start is, that is an error
-            return _gauss_newton(problem, x, beta, active)
+            start = np.concatenate([x, *(beta[term] for term in moving)])
+            vector, rows = least(at(start), cost, step, lambda there, step: at(there[0] + step), _MOST_STEPS, _SETTLED)
+            J = slopes(rows)
     except np.linalg.LinAlgError:
-        raise _astray(problem) from None
-
-
-def _gauss_newton(
-    problem: LinearProblem, x: FloatArray, beta: dict[Term, FloatArray], active: BoolArray
-) -> tuple[FloatArray, dict[Term, FloatArray], FloatArray]:
-    moving = [term for term in beta if term.in_mean]
-    rows = problem.rows(x, beta, ())
-    cost = float(np.sum(rows.residual[active] ** 2))
-    for _ in range(50):
-        J = _slopes(problem, rows, moving, active)
-        scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-        step = np.linalg.lstsq(J / scale, rows.residual[active], rcond=1e-10)[0] / scale
-        size = float(np.linalg.norm(J @ step))
-        for _ in range(12):
-            x_new, beta_new = x + step[: len(x)], dict(beta)
-            column = len(x)
-            for term in moving:
-                beta_new[term] = beta[term] + step[column : column + len(beta[term])]
-                column += len(beta[term])
-            try:
-                rows_new = problem.rows(x_new, beta_new, ())
-                cost_new = float(np.sum(rows_new.residual[active] ** 2))
-            except np.linalg.LinAlgError:
-                cost_new = np.inf
-            if np.isfinite(cost_new) and cost_new <= cost * (1 + 1e-12) + 1e-300:
-                break
-            step = 0.5 * step
-        else:
-            break
-        x, beta, rows, done = x_new, beta_new, rows_new, cost - cost_new <= 1e-10 * max(cost_new, 1e-300)
-        cost = cost_new
-        if done or size**2 <= 1e-10 * max(cost, 1e-300):
-            break
-    J = _slopes(problem, rows, moving, active)
-    return x, beta, J.T @ J
-
-
-def _slopes(problem: LinearProblem, rows: Rows, moving: Sequence[Term], active: BoolArray) -> FloatArray:
-    """The rows in use by nuisance and beta."""
-    J = np.hstack([rows.nuisance, *[rows.effects[term.key] for term in moving]])[active]
-    if not np.all(np.isfinite(J)):
-        raise _astray(problem)
-    return np.asarray(J)
-
-
-def _astray(problem: LinearProblem) -> InputError:
-    expected = "readings that the sensor's model can explain"
-    return InputError(problem.where, "a fit that does not converge", expected)
+        expected = "readings that the sensor's model can explain"
+        raise InputError(problem.where, "a fit that does not converge", expected) from None
+    return *parts(vector), J.T @ J

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sinan.estimator.evidence.gauss_newton import least
 from sinan.estimator.evidence.score import WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
 from sinan.estimator.evidence.source import IMPLAUSIBLE, LINEAR, Part
@@ -31,7 +32,7 @@ from sinan.sensors.rotation import quaternion_conjugate, quaternion_multiply
 #: The last third of the samples is held out: a fit to the rest has sqrt(3/2) times the sigmas of one to all, a fifth
 #: more.
 _FITTING_SHARE = 2.0 / 3.0
-#: Steps, and halvings of them, at most: bound of work (`bounds_of_work flight`).
+#: Points, and halvings of a step, at most: bound of work (`bounds_of_work flight`).
 _MOST_STEPS, _MOST_HALVINGS = 12, 3
 #: Gauss-Newton has settled when a step moves no parameter by more than this share of its sigma: bound of work
 #: (`bounds_of_work brief`). Twice moves a lateness by 8 % of its sigma.
@@ -197,53 +198,39 @@ class FlightPasses:
         return found
 
     def _likeliest(self, own: Terms, part: Part) -> _Tried:
-        """Gauss-Newton's steps, each halved where it leads up, until one is small."""
+        """Gauss-Newton's point of the least deviance and, by the prior, length of beta."""
         prior = self._prior(own.effects)
-        best: _Tried | None = None
-        halvings, predicted = 0, np.inf
-        for _ in range(_MOST_STEPS):
-            tried = self._tried(own, part, prior, best)
-            if best is not None and (tried is None or best.cost < tried.cost):  # too far: half the way back
-                halvings += 1
-                if halvings > _MOST_HALVINGS or predicted < _SETTLED_DEVIANCE:
-                    break
-                own = own.at(0.5 * (own.vector + best.own.vector))
-                continue
-            assert tried is not None
-            best = tried
-            if not own:
-                break
-            pull = best.score - prior * own.vector
-            step = self._step(best.information, pull, prior)
-            predicted = float(2.0 * step @ pull - step @ (best.information @ step + prior * step))
-            if np.all(np.abs(step) < _SETTLED * _posterior_sigma(best.information, prior)):
-                break
-            own = own.at(own.vector + step)
-        assert best is not None
-        return best
 
-    def _tried(self, own: Terms, part: Part, prior: FloatArray, before: _Tried | None) -> _Tried | None:
-        """A pass with the effects at beta, along the motion with these; None: beta is so far off that none follows.
+        def step(there: _Tried) -> tuple[FloatArray, int] | None:
+            pull = there.score - prior * there.own.vector
+            step = self._step(there.information, pull, prior)
+            if np.all(np.abs(step) < _SETTLED * _posterior_sigma(there.information, prior)):
+                return None
+            predicted = float(2.0 * step @ pull - step @ (there.information @ step + prior * step))
+            return step, _MOST_HALVINGS if predicted >= _SETTLED_DEVIANCE else 0
+
+        def tried(there: _Tried, step: FloatArray) -> _Tried:
+            return self._tried(own.at(there.own.vector + step), part, prior, there)
+
+        return least(self._tried(own, part, prior, None), lambda there: there.cost, step, tried, _MOST_STEPS)
+
+    def _tried(self, own: Terms, part: Part, prior: FloatArray, before: _Tried | None) -> _Tried:
+        """A pass with the effects at beta, along the motion with these.
 
         Raises
         ------
-        InputError : none follows, and there is no pass before that one could go back to
+        InputError : beta is so far off that none follows
         """
         motion = self.plain_motion if before is None else before.along.motion
-        try:
-            if before is not None or np.any(own.vector):  # the exact forms hold along the motion with these
-                along = self.along(own, motion)
-                motion = self.follow(self.run([], along)[0] if before is None else before.journal, along)
+        if before is not None or np.any(own.vector):  # the exact forms hold along the motion with these
             along = self.along(own, motion)
-            journal, sensitivity = self.run(own.effects, along)
-            deviance = self.deviance(journal, part)
-            W, white = self.rows(sensitivity, journal, part)
-            information, score = W.T @ W, W.T @ white
-            self._require_numbers(deviance, information, score, own.vector)
-        except InputError:
-            if before is None:
-                raise
-            return None
+            motion = self.follow(self.run([], along)[0] if before is None else before.journal, along)
+        along = self.along(own, motion)
+        journal, sensitivity = self.run(own.effects, along)
+        deviance = self.deviance(journal, part)
+        W, white = self.rows(sensitivity, journal, part)
+        information, score = W.T @ W, W.T @ white
+        self._require_numbers(deviance, information, score, own.vector)
         cost = deviance + float(own.vector @ (prior * own.vector))
         return _Tried(own, cost, deviance, journal, along, sensitivity, information, score)
 
@@ -343,7 +330,7 @@ class FlightPasses:
         """Newton's step, limited to `_LONGEST_STEP` plausible sizes."""
         step = np.linalg.solve(information + np.diag(prior), score)
         longest = _LONGEST_STEP / (self.prior_sigma * np.sqrt(prior))
-        return np.asarray(step / max(float(np.max(np.abs(step) / longest)), 1.0))
+        return np.asarray(step / np.max(np.abs(step) / longest, initial=1.0))
 
     def _attitude_std_at_start(self, journal: Journal) -> float | None:
         """Sigma with which every pass starts at the smoothed attitude of the one before; None: as the filter starts.
