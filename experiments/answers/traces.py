@@ -220,7 +220,7 @@ def in_its_terms(
     """The parameters that take out what was found, and lines that say so; None: nothing, of no autopilot's log, or of
     logs that were flown with different ones.
     """
-    from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log, lines_of, terms_of_document
+    from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log, lines_of, params_of_document
 
     logs = [Path(one) for one in inputs]
     if not document["effects"] or not all(log.is_file() for log in logs):
@@ -229,11 +229,11 @@ def in_its_terms(
     name = autopilot_of(facts[0])
     if not name:
         return None, []
-    terms = terms_of_document(document, name, recording, logs[0])
-    for one in terms.settings:
+    params = params_of_document(document, name, recording, logs[0])
+    for one in params.settings:
         if any(own is None or own.parameters.get(one.name) != one.was for own in facts[1:]):
             return None, [f"  the logs were flown with different {one.name}: trace one for its parameters"]
-    return terms.as_table(), [f"  {line}" for line in lines_of(terms)]
+    return params.as_table(), [f"  {line}" for line in lines_of(params)]
 
 
 def tell_in_its_terms(
@@ -248,12 +248,12 @@ def tell_in_its_terms(
     from sinan.experiments.autopilots.files import FILES
 
     document["autopilot"], lines = in_its_terms(document, recording, inputs)
-    terms = document["autopilot"]
-    if terms:
+    params = document["autopilot"]
+    if params:
         span, choice = tuple(document["window"] or (None, None)), Choice(**document["choice"])
         traced = trace_call(called or inputs[0], None, None, span, choice)
-        written = f"{traced.replace('sinan trace', 'sinan params', 1)} --out {FILES[terms['autopilot']]}"
-        terms["call"] = written if terms["parameters"] and len(inputs) == 1 else None
+        written = f"{traced.replace('sinan trace', 'sinan params', 1)} --out {FILES[params['autopilot']]}"
+        params["call"] = written if params["parameters"] and len(inputs) == 1 else None
         document["next"] = next_with_parameters(document)
     return lines
 

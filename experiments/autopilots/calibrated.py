@@ -22,9 +22,9 @@ from sinan.experiments.autopilots.ardupilot import MILLIGAUSS, compass_number
 from sinan.experiments.autopilots.corrections import stretch_then_turn
 from sinan.experiments.autopilots.findings import Findings
 from sinan.experiments.autopilots.orientations import from_degrees, rotation_of
+from sinan.experiments.autopilots.parameter_set import AXES, ParameterSet
 from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log
 from sinan.experiments.autopilots.px4 import chips_of
-from sinan.experiments.autopilots.terms import AXES, Terms
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
@@ -57,9 +57,9 @@ def parameter_names(autopilot: str, sensor: str, number: int = 0) -> tuple[str, 
     return (*(form.format(k).format(axis) for form in forms for axis in AXES), *ones)
 
 
-def calibration_terms(
+def calibration_params(
     autopilot: str, sensor: str, result: Calibration, parameters: Mapping[str, float], number: int = 0
-) -> Terms:
+) -> ParameterSet:
     """The parameters with which the autopilot's readings are calibrated.
 
     Parameters
@@ -73,37 +73,37 @@ def calibration_terms(
     ------
     InputError : the board is mounted in a way that is not known here, or its axes lie across the chip's
     """
-    terms = Terms(autopilot, parameters)
+    params = ParameterSet(autopilot, parameters)
     missing = [name for name in parameter_names(autopilot, sensor, number) if name not in parameters]
     if missing:
-        terms.notes.append(f"not told by the autopilot, taken at their defaults: {', '.join(missing)}")
+        params.notes.append(f"not told by the autopilot, taken at their defaults: {', '.join(missing)}")
     M = result.T_seen * result.K
     b = result.offset * result.normalised_by
     k = _number(autopilot, number)
     put = {("ardupilot", "accel"): _ardupilot_accel, ("ardupilot", "mag"): _ardupilot_mag,
            ("px4", "accel"): _px4_accel, ("px4", "mag"): _px4_mag}[autopilot, sensor]  # fmt: skip
-    put(terms, k, M, b)
-    return terms
+    put(params, k, M, b)
+    return params
 
 
-def terms_of_log(sensor: str, result: Calibration, log: Path, choice: Choice) -> Terms | None:
+def params_of_log(sensor: str, result: Calibration, log: Path, choice: Choice) -> ParameterSet | None:
     """The same for a log of an autopilot, which tells them; None: no autopilot's log, or readings without corrections.
 
     Raises
     ------
-    InputError : as `calibration_terms`
+    InputError : as `calibration_params`
     """
     facts = facts_of_log(log)
     name = autopilot_of(facts)
     if facts is None or not name or choice.raw:
         return None
-    found, terms = Findings({}, choice=choice), Terms(name, facts.parameters)
+    found, params = Findings({}, choice=choice), ParameterSet(name, facts.parameters)
     number = choice.mag if sensor == "mag" else choice.imu
     if name == "px4":
-        number = chips_of(found, terms, log)["MAG" if sensor == "mag" else "ACC"]
+        number = chips_of(found, params, log)["MAG" if sensor == "mag" else "ACC"]
     elif sensor == "mag":
-        number = int(compass_number(found, terms, log) or "1") - 1
-    return calibration_terms(name, sensor, result, facts.parameters, number)
+        number = int(compass_number(found, params, log) or "1") - 1
+    return calibration_params(name, sensor, result, facts.parameters, number)
 
 
 def _number(autopilot: str, number: int) -> str:
@@ -127,66 +127,66 @@ def _axis_factors(M: FloatArray, C: FloatArray | None, who: str) -> FloatArray:
     return np.diag(chip).copy()
 
 
-def _ardupilot_accel(terms: Terms, k: str, M: FloatArray, b: FloatArray) -> None:
-    C = rotation_of(terms.get("AHRS_ORIENTATION"))
-    _put_accel(terms, M, b, C, f"INS_ACC{k}OFFS_{{}}", f"INS_ACC{k}SCAL_{{}}", "AHRS_ORIENTATION")
+def _ardupilot_accel(params: ParameterSet, k: str, M: FloatArray, b: FloatArray) -> None:
+    C = rotation_of(params.get("AHRS_ORIENTATION"))
+    _put_accel(params, M, b, C, f"INS_ACC{k}OFFS_{{}}", f"INS_ACC{k}SCAL_{{}}", "AHRS_ORIENTATION")
 
 
-def _px4_accel(terms: Terms, k: str, M: FloatArray, b: FloatArray) -> None:
-    C = _px4_board(terms)
-    _put_accel(terms, M, b, C, f"CAL_ACC{k}_{{}}OFF", f"CAL_ACC{k}_{{}}SCALE", "SENS_BOARD_ROT")
+def _px4_accel(params: ParameterSet, k: str, M: FloatArray, b: FloatArray) -> None:
+    C = _px4_board(params)
+    _put_accel(params, M, b, C, f"CAL_ACC{k}_{{}}OFF", f"CAL_ACC{k}_{{}}SCALE", "SENS_BOARD_ROT")
 
 
 def _put_accel(
-    terms: Terms, M: FloatArray, b: FloatArray, C: FloatArray | None, off: str, scale: str, who: str
+    params: ParameterSet, M: FloatArray, b: FloatArray, C: FloatArray | None, off: str, scale: str, who: str
 ) -> None:
     """K ((raw - OFF) S + b) = K S (raw - (OFF - b / S)), all of the chip's axes."""
     factors = _axis_factors(M, C, who)
     assert C is not None
-    before = terms.three(scale, 1.0)
+    before = params.three(scale, 1.0)
     before = np.where(before == 0.0, 1.0, before)
-    terms.put_three(scale, factors * before, LABEL["accel"])
-    terms.put_three(off, terms.three(off) - C.T @ b / before, LABEL["accel"])
+    params.put_three(scale, factors * before, LABEL["accel"])
+    params.put_three(off, params.three(off) - C.T @ b / before, LABEL["accel"])
 
 
-def _px4_board(terms: Terms) -> FloatArray | None:
-    C = rotation_of(terms.get("SENS_BOARD_ROT"))
-    return None if C is None else from_degrees(terms.three("SENS_BOARD_{}_OFF")) @ C
+def _px4_board(params: ParameterSet) -> FloatArray | None:
+    C = rotation_of(params.get("SENS_BOARD_ROT"))
+    return None if C is None else from_degrees(params.three("SENS_BOARD_{}_OFF")) @ C
 
 
-def _ardupilot_mag(terms: Terms, k: str, M: FloatArray, b: FloatArray) -> None:
+def _ardupilot_mag(params: ParameterSet, k: str, M: FloatArray, b: FloatArray) -> None:
     """M (D s (R raw + OFS) + MOT I + b) = Q (P s (R raw + OFS + (D s)^-1 b) + Q' M MOT I),  Q P = M D."""
     dia, odi = f"COMPASS_DIA{k}_{{}}", f"COMPASS_ODI{k}_{{}}"
-    scale = terms.get(f"COMPASS_SCALE{k}") or 1.0
-    D = _symmetric(terms.three(dia), terms.three(odi)) if np.any(terms.three(dia)) else np.eye(3)
+    scale = params.get(f"COMPASS_SCALE{k}") or 1.0
+    D = _symmetric(params.three(dia), params.three(odi)) if np.any(params.three(dia)) else np.eye(3)
     Q, P = stretch_then_turn(M @ D)
     ofs, mot = f"COMPASS_OFS{k}_{{}}", f"COMPASS_MOT{k}_{{}}"
-    terms.put_three(ofs, terms.three(ofs) + np.linalg.solve(D * scale, MILLIGAUSS * b), LABEL["mag"])
-    _put_matrix(terms, dia, odi, P)
-    if terms.get("COMPASS_MOTCT") and np.any(terms.three(mot)):
-        terms.put_three(mot, Q.T @ M @ terms.three(mot), LABEL["mag"])
+    params.put_three(ofs, params.three(ofs) + np.linalg.solve(D * scale, MILLIGAUSS * b), LABEL["mag"])
+    _put_matrix(params, dia, odi, P)
+    if params.get("COMPASS_MOTCT") and np.any(params.three(mot)):
+        params.put_three(mot, Q.T @ M @ params.three(mot), LABEL["mag"])
 
 
-def _px4_mag(terms: Terms, k: str, M: FloatArray, b: FloatArray) -> None:
+def _px4_mag(params: ParameterSet, k: str, M: FloatArray, b: FloatArray) -> None:
     """M (R S (raw + COMP p - OFF) + b) = R Q P (raw + COMP p - (OFF - S^-1 R' b)),  Q P = R' M R S."""
     cal = f"CAL_MAG{k}"
-    mounting = terms.get(f"{cal}_ROT", float(_BOARD))
+    mounting = params.get(f"{cal}_ROT", float(_BOARD))
     if mounting == _CUSTOM:
-        R: FloatArray | None = from_degrees(np.array([terms.get(f"{cal}_{a}") for a in ("ROLL", "PITCH", "YAW")]))
+        R: FloatArray | None = from_degrees(np.array([params.get(f"{cal}_{a}") for a in ("ROLL", "PITCH", "YAW")]))
     else:
-        R = _px4_board(terms) if mounting == _BOARD else rotation_of(mounting)
+        R = _px4_board(params) if mounting == _BOARD else rotation_of(mounting)
     if R is None:
         raise InputError(f"{cal}_ROT", f"{mounting:g}, which is not known here", "one of the known rotations")
-    S = _symmetric(terms.three(f"{cal}_{{}}SCALE", 1.0), terms.three(f"{cal}_{{}}ODIAG"))
+    S = _symmetric(params.three(f"{cal}_{{}}SCALE", 1.0), params.three(f"{cal}_{{}}ODIAG"))
     _, P = stretch_then_turn(R.T @ M @ R @ S)
-    terms.put_three(f"{cal}_{{}}OFF", terms.three(f"{cal}_{{}}OFF") - np.linalg.solve(S, R.T @ b), LABEL["mag"])
-    _put_matrix(terms, f"{cal}_{{}}SCALE", f"{cal}_{{}}ODIAG", P)
+    params.put_three(f"{cal}_{{}}OFF", params.three(f"{cal}_{{}}OFF") - np.linalg.solve(S, R.T @ b), LABEL["mag"])
+    _put_matrix(params, f"{cal}_{{}}SCALE", f"{cal}_{{}}ODIAG", P)
 
 
-def _put_matrix(terms: Terms, diagonal: str, off: str, P: FloatArray) -> None:
-    terms.put_three(diagonal, np.diag(P), LABEL["mag"])
-    if np.max(np.abs(P - np.diag(np.diag(P)))) > _SMALL or np.any(terms.three(off)):
-        terms.put_three(off, (P[0, 1], P[0, 2], P[1, 2]), LABEL["mag"])
+def _put_matrix(params: ParameterSet, diagonal: str, off: str, P: FloatArray) -> None:
+    params.put_three(diagonal, np.diag(P), LABEL["mag"])
+    if np.max(np.abs(P - np.diag(np.diag(P)))) > _SMALL or np.any(params.three(off)):
+        params.put_three(off, (P[0, 1], P[0, 2], P[1, 2]), LABEL["mag"])
 
 
 def _symmetric(diagonal: FloatArray, off: FloatArray) -> FloatArray:

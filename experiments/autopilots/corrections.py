@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sinan.experiments.autopilots.findings import Findings
-from sinan.experiments.autopilots.terms import Terms
+from sinan.experiments.autopilots.parameter_set import ParameterSet
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.rotation import rotation_exp
@@ -43,7 +43,7 @@ def axis_factors(found: Findings, C: FloatArray) -> FloatArray | None:
     return None if np.max(np.abs(across)) > 1e-9 else np.diag(A).copy()
 
 
-def current_known(found: Findings, terms: Terms) -> bool:
+def current_known(found: Findings, params: ParameterSet) -> bool:
     """Whether mag.current is of one battery's current; else it is refused."""
     if CURRENT not in found.effects:
         return False
@@ -51,7 +51,7 @@ def current_known(found: Findings, terms: Terms) -> bool:
         return True
     why = "it was found of the motors' commands, which are not the throttle that the autopilot multiplies by"
     several = "the autopilot multiplies by one battery's current, and there are several"
-    terms.refuse(CURRENT, several if found.batteries else why)
+    params.refuse(CURRENT, several if found.batteries else why)
     return False
 
 
@@ -69,16 +69,16 @@ def places(found: Findings, imu: FloatArray, gps: FloatArray) -> tuple[FloatArra
 
 
 def put_delay(
-    terms: Terms, found: Findings, effect: str, name: str, most: float, least: float = 0.0, whole: bool = False
+    params: ParameterSet, found: Findings, effect: str, name: str, most: float, least: float = 0.0, whole: bool = False
 ) -> None:
     """A delay in ms, where the autopilot takes it."""
     if effect not in found.effects:
         return
-    if terms.has(name):
-        terms.refuse(effect, f"{name} is one for all such sensors, and another effect has set it")
+    if params.has(name):
+        params.refuse(effect, f"{name} is one for all such sensors, and another effect has set it")
         return
     delay = 1e3 * float(found.effects[effect][0])
     if least <= delay <= most:
-        terms.put(name, delay, effect, whole=whole)
+        params.put(name, delay, effect, whole=whole)
     else:
-        terms.refuse(effect, f"{name} takes {least:g} to {most:g} ms, and it is {delay:.0f} ms")
+        params.refuse(effect, f"{name} takes {least:g} to {most:g} ms, and it is {delay:.0f} ms")

@@ -6,7 +6,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from sinan.experiments.autopilots.terms import Setting, Terms
+from sinan.experiments.autopilots.parameter_set import ParameterSet, Setting
 from sinan.sensors.errors import printable
 
 _WIDTH = 100
@@ -16,7 +16,7 @@ FILES = {"px4": "flight.params", "ardupilot": "flight.param"}
 _INT32, _REAL32 = 6, 9
 
 
-def as_file(terms: Terms, said: str = "") -> str:
+def as_file(params: ParameterSet, said: str = "") -> str:
     """The file's text: what is set, and as remarks what is not and why.
 
     Parameters
@@ -24,14 +24,14 @@ def as_file(terms: Terms, said: str = "") -> str:
     said : what made it
     """
     remarks = [said] if said else []
-    remarks += [f"note: {note}" for note in terms.notes]
-    remarks += [f"not set: {effect}: {why}" for effect, why in terms.without.items()]
+    remarks += [f"note: {note}" for note in params.notes]
+    remarks += [f"not set: {effect}: {why}" for effect, why in params.without.items()]
     lines = [f"# {line}".rstrip() for text in remarks for line in wrap(printable(text), _WIDTH)]
-    if terms.autopilot == "px4":
+    if params.autopilot == "px4":
         lines = ["# Onboard parameters for Vehicle 1", "#", *lines, "#"]
-        lines += ["# Vehicle-Id Component-Id Name Value Type", *map(_qgroundcontrol, terms.settings)]
+        lines += ["# Vehicle-Id Component-Id Name Value Type", *map(_qgroundcontrol, params.settings)]
     else:
-        lines += [f"{one.name},{_value(one)}" for one in terms.settings]
+        lines += [f"{one.name},{_value(one)}" for one in params.settings]
     return "\n".join(lines) + "\n"
 
 

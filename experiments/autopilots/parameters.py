@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from sinan.experiments.autopilots.ardupilot import ardupilot_terms
+from sinan.experiments.autopilots.ardupilot import ardupilot_params
 from sinan.experiments.autopilots.findings import Findings, findings_of
-from sinan.experiments.autopilots.px4 import px4_terms
-from sinan.experiments.autopilots.terms import Setting, Terms
+from sinan.experiments.autopilots.parameter_set import ParameterSet, Setting
+from sinan.experiments.autopilots.px4 import px4_params
 from sinan.sensors.formats import facts_of
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.facts import Facts
 from sinan.sensors.recording import Recording
 
 #: How each is called, and what makes its parameters.
-AUTOPILOTS: Mapping[str, tuple[str, Callable[[Findings, Mapping[str, float], Path | None], Terms]]] = {
-    "px4": ("PX4", px4_terms),
-    "ardupilot": ("ArduPilot", ardupilot_terms),
+AUTOPILOTS: Mapping[str, tuple[str, Callable[[Findings, Mapping[str, float], Path | None], ParameterSet]]] = {
+    "px4": ("PX4", px4_params),
+    "ardupilot": ("ArduPilot", ardupilot_params),
 }
 
 
@@ -35,28 +35,28 @@ def facts_of_log(path: Path) -> Facts | None:
     return facts_of(path) if path.exists() else None
 
 
-def terms_for(autopilot: str, found: Findings, facts: Facts | None, log: Path | None = None) -> Terms:
+def params_for(autopilot: str, found: Findings, facts: Facts | None, log: Path | None = None) -> ParameterSet:
     """The parameters that take out what was found; what has none is said, also what is doubtful."""
     title, make = AUTOPILOTS[autopilot]
     known = autopilot_of(facts) == autopilot
-    terms = make(found, facts.parameters if facts is not None and known else {}, log if known else None)
-    if not terms.parameters:
-        terms.notes.append(f"no parameters of {title} are in the log: these stand for its defaults")
-    done = {effect for one in terms.settings for effect in one.effects}
+    params = make(found, facts.parameters if facts is not None and known else {}, log if known else None)
+    if not params.parameters:
+        params.notes.append(f"no parameters of {title} are in the log: these stand for its defaults")
+    done = {effect for one in params.settings for effect in one.effects}
     for effect in found.effects:
-        if effect not in done | set(terms.without):
-            terms.refuse(effect, f"{title} has no parameter that corrects it")
+        if effect not in done | set(params.without):
+            params.refuse(effect, f"{title} has no parameter that corrects it")
     for effect, why in found.doubtful.items():
-        terms.refuse(effect, why)
-    return terms
+        params.refuse(effect, why)
+    return params
 
 
-def lines_of(terms: Terms) -> list[str]:
+def lines_of(params: ParameterSet) -> list[str]:
     """What to set, and what has no parameter, for the terminal."""
-    title = AUTOPILOTS[terms.autopilot][0]
-    lines = [f"{title}: {setting_line(one)}" for one in terms.settings]
-    lines += [f"{title}: no parameter for {effect}: {why}" for effect, why in terms.without.items()]
-    return [*lines, *(f"{title}: note: {note}" for note in terms.notes)]
+    title = AUTOPILOTS[params.autopilot][0]
+    lines = [f"{title}: {setting_line(one)}" for one in params.settings]
+    lines += [f"{title}: no parameter for {effect}: {why}" for effect, why in params.without.items()]
+    return [*lines, *(f"{title}: note: {note}" for note in params.notes)]
 
 
 def setting_line(one: Setting) -> str:
@@ -70,7 +70,7 @@ def parameter_value(value: float, whole: bool) -> str:
     return f"{round(value)}" if whole else f"{value:.5g}"
 
 
-def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Recording, log: Path) -> Terms:
+def params_of_document(document: Mapping[str, Any], autopilot: str, recording: Recording, log: Path) -> ParameterSet:
     """The parameters of an autopilot that take out what a report of `sinan trace` names.
 
     Parameters
@@ -80,7 +80,7 @@ def terms_of_document(document: Mapping[str, Any], autopilot: str, recording: Re
     """
     field_n, choice = document.get("magnetic_field"), Choice(**document.get("choice", {}))
     found = findings_of(document, recording, None if field_n is None else np.array(field_n), choice)
-    terms = terms_for(autopilot, found, facts_of_log(log), log)
-    if document["verdict"] == "unexplained" and terms.settings:
-        terms.notes.append("something remains that no effect explains: sizes are doubtful, though held-out data agree")
-    return terms
+    params = params_for(autopilot, found, facts_of_log(log), log)
+    if document["verdict"] == "unexplained" and params.settings:
+        params.notes.append("something remains that no effect explains: sizes are doubtful, though held-out data agree")
+    return params

@@ -7,7 +7,7 @@ from pathlib import Path
 from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.answers.asked import Asked
 from sinan.experiments.answers.calibrations import Calibrations, calibrate
-from sinan.experiments.autopilots.calibrated import terms_of_log
+from sinan.experiments.autopilots.calibrated import params_of_log
 from sinan.experiments.autopilots.parameters import lines_of
 from sinan.experiments.datasets import called, resolve
 from sinan.experiments.report.console import tell_notes
@@ -53,9 +53,9 @@ def _parameters(answer: Calibrations, log: Path, choice: Choice) -> list[str]:
     for sensor, one in answer.items():
         if isinstance(one.result, Calibration) and log.is_file():
             try:
-                terms = terms_of_log(sensor, one.result, log, choice)
+                params = params_of_log(sensor, one.result, log, choice)
             except InputError as error:
                 lines.append(f"{sensor}: no parameters: {error}")
             else:
-                lines += [] if terms is None else lines_of(terms)
+                lines += [] if params is None else lines_of(params)
     return lines

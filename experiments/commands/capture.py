@@ -11,10 +11,10 @@ from types import FrameType
 
 from sinan.calibration.poses.triad import Calibration
 from sinan.experiments.answers.calibrations import calibrate
-from sinan.experiments.autopilots.calibrated import calibration_terms
+from sinan.experiments.autopilots.calibrated import calibration_params
 from sinan.experiments.autopilots.files import as_file
+from sinan.experiments.autopilots.parameter_set import ParameterSet
 from sinan.experiments.autopilots.parameters import lines_of
-from sinan.experiments.autopilots.terms import Terms
 from sinan.experiments.calibrate import Calibrated
 from sinan.experiments.capture.display import share_lost, shown
 from sinan.experiments.capture.link import open_link
@@ -100,21 +100,21 @@ def _calibration(session: Session, results: Results) -> list[str]:
     axes = results.axes or ("triangular" if sensor == "mag" else "none")  # what autopilots have parameters for
     answer = calibrate(recording, sensor, axes=axes, gravity=session.asked.gravity)
     done = answer[sensor]
-    terms = _parameters(session, done)
-    lines = [answer.summary(), *([terms] if isinstance(terms, str) else lines_of(terms))]
-    if results.params is not None and not isinstance(terms, str):
-        write_text(results.params, as_file(terms, f"{made()}: {sensor} calibrated"))
+    params = _parameters(session, done)
+    lines = [answer.summary(), *([params] if isinstance(params, str) else lines_of(params))]
+    if results.params is not None and not isinstance(params, str):
+        write_text(results.params, as_file(params, f"{made()}: {sensor} calibrated"))
     if results.json is not None:
         answer.to_json(results.json)
     if results.html is not None:
         from sinan.experiments.report.calibration_page import calibration_page
 
-        settings = () if isinstance(terms, str) else terms.settings
+        settings = () if isinstance(params, str) else params.settings
         calibration_page(results.html, recording.name, [done], {}, settings)
     return lines
 
 
-def _parameters(session: Session, done: Calibrated) -> Terms | str:
+def _parameters(session: Session, done: Calibrated) -> ParameterSet | str:
     """The parameters to type in, with those that the autopilot has now taken into account; or why there are none."""
     name = AUTOPILOTS.get(session.vehicle.autopilot, "").lower()
     if not name:
@@ -123,6 +123,6 @@ def _parameters(session: Session, done: Calibrated) -> Terms | str:
     number = choice.imu if done.sensor == "accel" else choice.mag
     assert isinstance(done.result, Calibration)
     try:
-        return calibration_terms(name, done.sensor, done.result, session.streams.parameters, number)
+        return calibration_params(name, done.sensor, done.result, session.streams.parameters, number)
     except InputError as error:
         return f"no parameters: {error}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from sinan.experiments.alpha import ALPHA
 from sinan.experiments.autopilots.files import as_file
-from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, terms_of_document
+from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, params_of_document
 from sinan.experiments.commands.trace import trace_log
 from sinan.experiments.datasets import resolve
 from sinan.experiments.report.made import made
@@ -42,12 +42,12 @@ def run(
     else:
         recording = resolve(input, map_file, span, choice)
         document = _report(report, recording.name)
-    terms = terms_of_document(document, name, recording, Path(input))
-    text = as_file(terms, f"{made()}: {document['verdict']}, {document['headline']}")
+    params = params_of_document(document, name, recording, Path(input))
+    text = as_file(params, f"{made()}: {document['verdict']}, {document['headline']}")
     if out is None:
         return text.rstrip("\n")
     write_text(out, text)
-    return "\n".join([f"{document['called']}: {document['verdict']}", *(f"  {line}" for line in lines_of(terms))])
+    return "\n".join([f"{document['called']}: {document['verdict']}", *(f"  {line}" for line in lines_of(params))])
 
 
 def _report(path: Path, name: str) -> dict[str, Any]:

@@ -18,11 +18,11 @@ from sinan.estimator.evidence.source import Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
-from sinan.experiments.measured.finding import Finding
 from sinan.experiments.measured.gallery_page import block, blocks_of, page
 from sinan.experiments.measured.logs import LOGS, Entry
 from sinan.experiments.measured.published import PARAMETERS, SETTINGS, published
 from sinan.experiments.measured.scoring import withheld_errors
+from sinan.experiments.measured.traced_log import TracedLog
 from sinan.experiments.reference import gyro_error, reference_of
 from sinan.experiments.report.words import number, reference_words
 from sinan.experiments.residual_loop.open_source import triad_readings
@@ -34,7 +34,7 @@ from sinan.sensors.files import write_text
 from sinan.sensors.recording import Recording
 
 
-def find(name: str) -> Finding:
+def find(name: str) -> TracedLog:
     """Trace one log and score it; what goes wrong is part of what is found."""
     entry = LOGS[name]
     recording, start = resolve(entry.input), process_time()
@@ -45,11 +45,13 @@ def find(name: str) -> Finding:
         document = report(traced)
         references = references_of(entry, recording, source, result)
     except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-        return Finding(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
+        return TracedLog(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
     undecided = undecided_of(source, document, notes, recording)
     known_otherwise = published_words(entry, document) or settings_words(entry, document) or gyro_words(source)
-    return Finding(entry, name, document, notes, references, undecided, known_otherwise, seconds, not_finite(document))
+    return TracedLog(
+        entry, name, document, notes, references, undecided, known_otherwise, seconds, not_finite(document)
+    )
 
 
 def gyro_words(source: Source) -> str:

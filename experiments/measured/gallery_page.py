@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sinan.experiments.measured.finding import Finding
+from sinan.experiments.measured.traced_log import TracedLog
 from sinan.experiments.report.trace_words import NOT_PREDICTING, effect_line, remaining_sentence
 from sinan.experiments.report.verdict_words import reported, twin_words
 from sinan.experiments.report.words import number
@@ -47,7 +47,7 @@ class Block:
     section: tuple[str, ...]
 
 
-def block(one: Finding) -> Block:
+def block(one: TracedLog) -> Block:
     """The block of a log."""
     return Block(row(one), tuple(section(one)))
 
@@ -68,7 +68,7 @@ def page(blocks: Iterable[Block]) -> str:
     return text.rstrip("\n") + "\n"
 
 
-def row(one: Finding) -> str:
+def row(one: TracedLog) -> str:
     """A row of the table."""
     if not one.document:
         return f"| {one.name} | did not finish: {one.failure} | | | | {one.seconds:.0f} s |"
@@ -81,12 +81,12 @@ def _name(effect: Mapping[str, Any]) -> str:
     return f"{effect['name']} ({NOT_PREDICTING})" if effect["predicts"] is False else str(effect["name"])
 
 
-def _is_proved(one: Finding) -> bool:
+def _is_proved(one: TracedLog) -> bool:
     """Whether the held-out part speaks for an effect that is reported."""
     return any(effect["predicts"] for effect in reported(one.document))
 
 
-def held_out(one: Finding) -> str:
+def held_out(one: TracedLog) -> str:
     """Stream and RMS before and after."""
     error = one.document["error"]
     before, after = error["before"], error["after"]
@@ -95,7 +95,7 @@ def held_out(one: Finding) -> str:
     return f"{error['stream']} {number(before['rms'])}{change}{unit}"
 
 
-def first_reference(one: Finding) -> str:
+def first_reference(one: TracedLog) -> str:
     """The reference that tells most, in few words: attitude, else position after 5 s, else a published calibration."""
     for wanted, part in (("attitude", "last third"), ("tilt", "last third"), ("position, 5 s", ""), ("spread", "")):
         for label, before, after, unit in one.references:
@@ -106,7 +106,7 @@ def first_reference(one: Finding) -> str:
     return "-"
 
 
-def section(one: Finding) -> list[str]:
+def section(one: TracedLog) -> list[str]:
     """One log in full."""
     lines = [f"## {one.name}", "", one.entry.about, "", f"`{one.command}`", ""]
     if not one.document:
@@ -133,7 +133,7 @@ def section(one: Finding) -> list[str]:
     return [*lines, ""]
 
 
-def _interval(one: Finding) -> str:
+def _interval(one: TracedLog) -> str:
     if not _is_proved(one):
         return ""
     low, high = one.document["error"]["after"]["interval"]

@@ -14,7 +14,7 @@ from sinan.experiments.report.page import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sinan.experiments.autopilots.terms import Setting
+    from sinan.experiments.autopilots.parameter_set import Setting
     from sinan.experiments.calibrate import Calibrated
 
 

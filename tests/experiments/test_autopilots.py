@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.findings import Findings, findings_of
-from sinan.experiments.autopilots.parameters import terms_for
+from sinan.experiments.autopilots.parameters import params_for
 from sinan.experiments.commands.cli import app
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.effects import CATALOGUE
@@ -86,9 +86,9 @@ def loaded(autopilot: str, effects: Mapping[str, object], before: Values, **know
     betas = {name: np.array(beta, dtype=np.float64) for name, beta in effects.items()}
     found = Findings(betas, **known)  # type: ignore[arg-type]
     facts = Facts("a log", autopilot={"px4": "PX4", "ardupilot": "ArduPilot"}[autopilot], parameters=before)
-    terms = terms_for(autopilot, found, facts)
-    assert not terms.without
-    return {**before, **of_file(as_file(terms))}
+    params = params_for(autopilot, found, facts)
+    assert not params.without
+    return {**before, **of_file(as_file(params))}
 
 
 # --- the documented corrections ---------------------------------------------------------------------------
@@ -372,9 +372,9 @@ def test_a_reading_that_is_late_is_fused_at_its_own_time(autopilot: str, effect:
 
 @BOTH
 def test_a_delay_that_the_autopilot_does_not_take_is_said(autopilot: str) -> None:
-    terms = terms_for(autopilot, Findings({"gps.latency": np.array([-0.05])}), None)
-    assert not terms.settings
-    assert "and it is -50 ms" in terms.without["gps.latency"]
+    params = params_for(autopilot, Findings({"gps.latency": np.array([-0.05])}), None)
+    assert not params.settings
+    assert "and it is -50 ms" in params.without["gps.latency"]
 
 
 @BOTH
@@ -451,11 +451,11 @@ WAYS = (("FWD", "RGT", "DN"), ("BCK", "LFT", "UP"))
 def test_every_effect_of_the_catalogue_has_a_parameter_or_a_reason(autopilot: str) -> None:
     effects = {name: 0.1 * CATALOGUE[name].plausible for name in CATALOGUE if not CATALOGUE[name].is_local}
     spans = dict.fromkeys(("accel", "gyro"), (20.0, 40.0))
-    terms = terms_for(autopilot, Findings(effects, declination=0.0, temperatures=spans), None)
-    set_ = {effect for one in terms.settings for effect in one.effects}
-    assert set_ | set(terms.without) == set(effects)
-    assert "gyro.scale" in terms.without
-    assert len([one.name for one in terms.settings]) == len({one.name for one in terms.settings})
+    params = params_for(autopilot, Findings(effects, declination=0.0, temperatures=spans), None)
+    set_ = {effect for one in params.settings for effect in one.effects}
+    assert set_ | set(params.without) == set(effects)
+    assert "gyro.scale" in params.without
+    assert len([one.name for one in params.settings]) == len({one.name for one in params.settings})
 
 
 def test_a_compass_that_turns_with_its_board_is_not_turned_alone(motion: Motion) -> None:
@@ -466,13 +466,13 @@ def test_a_compass_that_turns_with_its_board_is_not_turned_alone(motion: Motion)
     raw = px4_mag_raw(with_effects(plain, effects, motion), current, before)
     new = px4_mag(raw, current, loaded("px4", effects, before))
     np.testing.assert_allclose(new, plain, atol=3.0 * SINGLE)
-    terms = terms_for(
+    params = params_for(
         "px4",
         Findings({"mag.misalignment": np.array([0.1, 0.0, 0.0])}),
         Facts("PX4 ULog", autopilot="PX4", parameters=before),
     )
-    assert not terms.settings
-    assert "turns with the board" in terms.without["mag.misalignment"]
+    assert not params.settings
+    assert "turns with the board" in params.without["mag.misalignment"]
 
 
 def effect(name: str, **more: object) -> dict[str, object]:
@@ -500,10 +500,10 @@ def test_what_is_doubtful_is_not_set(entry: dict[str, object], verdict: str, uni
     recording, _ = simulate(load_scenario("hover"), np.random.default_rng(0))
     recording = recording.replace(environment=replace(recording.environment, field_unit=unit))
     found = findings_of({"verdict": verdict, "effects": [entry]}, recording, None)
-    terms = terms_for("px4", found, None)
-    assert not terms.settings
-    assert why in terms.without[str(entry["name"])]
-    assert why.split()[0] in as_file(terms)
+    params = params_for("px4", found, None)
+    assert not params.settings
+    assert why in params.without[str(entry["name"])]
+    assert why.split()[0] in as_file(params)
 
 
 # --- from a log to the parameters to a log without the effect ----------------------------------------------
@@ -585,8 +585,8 @@ def test_a_report_of_another_log_is_refused(tmp_path: Path) -> None:
 def test_a_choice_of_sensors_is_that_of_the_report() -> None:
     """`--mag 1` of a dataflash log is the second compass."""
     found = Findings({"mag.scale": np.array([0.1, 0.0, 0.0])}, choice=Choice(mag=1))
-    terms = terms_for("ardupilot", found, None)
-    assert terms.settings[0].name == "COMPASS_DIA2_X"
+    params = params_for("ardupilot", found, None)
+    assert params.settings[0].name == "COMPASS_DIA2_X"
 
 
 # --- an autopilot's log of a board that was turned by hand -------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from sinan.calibration.poses.triad import calibrate_norm
-from sinan.experiments.autopilots.calibrated import calibration_terms, parameter_names
+from sinan.experiments.autopilots.calibrated import calibration_params, parameter_names
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.capture.clock import LiveClock, Message
 from sinan.experiments.capture.faces import FaceWatch
@@ -172,8 +172,8 @@ def test_a_compass_that_is_mounted_turned_and_was_calibrated_before(autopilot: s
     sent = correct(raw, none, before)
     norm = float(np.mean(np.linalg.norm(sent, axis=1)))
     result = calibrate_norm("mag", sent / norm, 1.0, axes, normalised_by=norm)  # type: ignore[arg-type]
-    terms = calibration_terms(autopilot, "mag", result, before)
-    new = correct(raw, none, {**before, **of_file(as_file(terms))})
+    params = calibration_params(autopilot, "mag", result, before)
+    new = correct(raw, none, {**before, **of_file(as_file(params))})
     length = np.linalg.norm(new, axis=1)
     wanted = np.linalg.norm(result.apply(sent), axis=1) * norm
     np.testing.assert_allclose(length, wanted, atol=1e-6)
@@ -191,8 +191,8 @@ def test_an_accelerometer_on_a_board_that_is_turned(autopilot: str) -> None:
     warm = np.full(len(raw), 30.0)
     sent = correct(raw, warm, before, "accel")
     assert np.std(np.linalg.norm(sent, axis=1)) > 0.05
-    terms = calibration_terms(autopilot, "accel", calibrate_norm("accel", sent, G), before)
-    new = correct(raw, warm, {**before, **of_file(as_file(terms))}, "accel")
+    params = calibration_params(autopilot, "accel", calibrate_norm("accel", sent, G), before)
+    new = correct(raw, warm, {**before, **of_file(as_file(params))}, "accel")
     np.testing.assert_allclose(np.linalg.norm(new, axis=1), G, atol=1e-5)
 
 
@@ -203,12 +203,12 @@ def test_what_no_parameter_can_hold_is_refused_and_what_was_not_told_is_said() -
     sent = G * directions / np.linalg.norm(directions, axis=1)[:, None] @ np.linalg.inv(skew).T
     result = calibrate_norm("accel", sent, G, "triangular")
     with pytest.raises(InputError, match="axes that are not at right angles"):
-        calibration_terms("px4", "accel", result, {})
+        calibration_params("px4", "accel", result, {})
     with pytest.raises(InputError, match="mounted in a way that is not known"):
-        calibration_terms("ardupilot", "accel", calibrate_norm("accel", sent, G), {"AHRS_ORIENTATION": 77.0})
-    terms = calibration_terms("ardupilot", "accel", calibrate_norm("accel", sent, G), {"AHRS_ORIENTATION": 0.0})
-    assert "INS_ACCSCAL_X" in terms.notes[0]
-    assert "AHRS" not in terms.notes[0]
+        calibration_params("ardupilot", "accel", calibrate_norm("accel", sent, G), {"AHRS_ORIENTATION": 77.0})
+    params = calibration_params("ardupilot", "accel", calibrate_norm("accel", sent, G), {"AHRS_ORIENTATION": 0.0})
+    assert "INS_ACCSCAL_X" in params.notes[0]
+    assert "AHRS" not in params.notes[0]
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sinan.calibration.cameras.views import write_corners
-from sinan.experiments.autopilots.terms import Terms
+from sinan.experiments.autopilots.parameter_set import ParameterSet
 from sinan.experiments.blind.maker.make import make
 from sinan.experiments.commands.cli import app
 from sinan.experiments.schemas import schema, titles
@@ -132,11 +132,11 @@ def test_every_key_of_a_file_says_what_it_means(name: str) -> None:
 
 
 def test_an_autopilots_parameters_fit_the_schema_of_a_trace() -> None:
-    terms = Terms("px4", {})
-    terms.put("EKF2_MAG_DELAY", 100.7, "mag.time_offset")
-    terms.refuse("gyro.scale", "none")
+    params = ParameterSet("px4", {})
+    params.put("EKF2_MAG_DELAY", 100.7, "mag.time_offset")
+    params.refuse("gyro.scale", "none")
     part = schema("trace")["properties"]["autopilot"]
-    jsonschema.validate(terms.as_table() | {"call": None}, part)
+    jsonschema.validate(params.as_table() | {"call": None}, part)
     assert part["additionalProperties"] is False
 
 

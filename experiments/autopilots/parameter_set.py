@@ -32,7 +32,7 @@ class Setting:
 
 
 @dataclass
-class Terms:
+class ParameterSet:
     """The parameters of one autopilot that take out what was found, filled effect by effect.
 
     Attributes

@@ -10,7 +10,7 @@ from sinan.experiments.measured.logs import Entry
 
 
 @dataclass
-class Finding:
+class TracedLog:
     """What the loop said of one log.
 
     Attributes
