@@ -10,8 +10,8 @@ import numpy as np
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
-from sinan.sensors.ranging import descent, scan_beams, slant_range, slant_range_jacobian
-from sinan.sensors.rotation import rotate, tilted
+from sinan.sensors.ranging import height_from_beams, scan_beams, slant_range, slant_range_jacobian
+from sinan.sensors.rotation import rotate
 from sinan.sensors.sensor_type import PER_READING, SensorType
 
 
@@ -86,9 +86,8 @@ class Laser:
 def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
     """Height above flat ground [m] from a scan, exactly: least squares over the beams.
 
-    A beam at angle a in the right-down plane goes down by c_i = cos(pitch) cos(roll - a_i) over one metre, the
-    `descent` that the model of the filter has too, so it meets the ground at range_i = h / c_i. With equal noise on the
-    ranges the best h minimises sum (range_i - h / c_i)^2:  h = sum(range_i / c_i) / sum(1 / c_i^2).
+    `height_from_beams` of beams at angles a in the right-down plane, which go down by cos(pitch) cos(roll - a_i) over
+    one metre.
 
     Parameters
     ----------
@@ -96,8 +95,7 @@ def scan_height(ranges: FloatArray, angles: FloatArray, roll: FloatArray, pitch:
     angles : (beams,) rad
     roll, pitch : (n,) rad
     """
-    c = descent(tilted(roll, pitch)[:, None, :], scan_beams(angles))
-    return np.asarray(np.sum(ranges / c, axis=1) / np.sum(1.0 / c**2, axis=1))
+    return height_from_beams(ranges, scan_beams(angles), roll, pitch)
 
 
 def scan_range_of_the_course(ranges: FloatArray, angles: FloatArray) -> FloatArray:

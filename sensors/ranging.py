@@ -55,6 +55,23 @@ def slant_range_jacobian(motion: Motion, beam_b: FloatArray = BODY_DOWN) -> dict
     return {"position": position, "attitude": attitude[:, None, :]}
 
 
+def height_from_beams(ranges: FloatArray, beams_b: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
+    """Height above flat ground [m] from ranges along several beams, exactly: least squares over the beams.
+
+    Beam i goes down by c_i = (C_nb beam_i)_down over one metre, the `descent` that the model of the filter has too, so
+    it meets the ground at range_i = h / c_i. With equal noise on the ranges the best h minimises
+    sum (range_i - h / c_i)^2:  h = sum(range_i / c_i) / sum(1 / c_i^2).
+
+    Parameters
+    ----------
+    ranges : (n, beams) m
+    beams_b : (beams, 3) unit vectors in the body
+    roll, pitch : (n,) rad
+    """
+    c = descent(tilted(roll, pitch)[:, None, :], beams_b)
+    return np.asarray(np.sum(ranges / c, axis=1) / np.sum(1.0 / c**2, axis=1))
+
+
 def tilt_compensated_height(slant: FloatArray, roll: FloatArray, pitch: FloatArray) -> FloatArray:
     """Height above flat ground [m] from a slant range along body down: h = range cos(pitch) cos(roll).
 

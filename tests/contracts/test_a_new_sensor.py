@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import sinan.sensors as sensors
 from sinan.estimator.evidence.flights.source import FlightSource
@@ -22,7 +23,9 @@ from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors import registry
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.plain import read_recording, write_recording
+from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
+from sinan.sensors.sensor_type import Given
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
 
@@ -30,6 +33,7 @@ GUIDE = Path(__file__).parents[2] / "docs" / "how_to_add_a_sensor.md"
 LATE = 0.08  # s, as the guide's command has it
 THREE_SIGMA = 3.0
 AGREEMENT = 1e-9  # of sigma
+HIGH, MILLIMETRE = 10.0, 1e-3  # m
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +73,25 @@ def recording(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> Recor
 def beginning(scenario: Path) -> Recording:
     """Four seconds without the effect."""
     return window(simulate(load_scenario(scenario), np.random.default_rng(2))[0], (0.0, 4.0))
+
+
+def test_its_height_is_that_of_the_rotation_matrix(scenario: Path) -> None:
+    roll, pitch = np.deg2rad([20.0, -35.0, 12.0]), np.deg2rad([20.0, 15.0, -30.0])
+    C_nb = Rotation.from_euler("ZYX", np.column_stack([np.full(3, 0.7), pitch, roll])).as_matrix()
+    fan = registry.sensor("fan")
+    model = fan.make(Given(0.03))
+    ranges = HIGH / (C_nb @ model.beams_b.T)[:, 2]  # to flat ground: beam by beam the height over its way down
+    assert np.all(ranges > 0.0)
+    np.testing.assert_allclose(fan.height(model, ranges, roll, pitch), HIGH, rtol=0, atol=MILLIMETRE)
+
+
+@pytest.mark.parametrize(("slant", "softness", "heard"), [(11.9, 0.0, True), (5.9, 0.75, True), (6.1, 0.75, False)])
+def test_soft_ground_is_heard_to_half_the_range(scenario: Path, slant: float, softness: float, heard: bool) -> None:
+    """The outer beams have the longest way: `slant` m, level, at 25 deg; of 12 m a share sqrt(1 - 0.75) is left."""
+    fan = registry.sensor("fan")
+    above = np.array([[0.0, 0.0, -slant * np.cos(np.deg2rad(25.0))]])
+    level = Motion(np.zeros(1), above, q_nb=np.array([[1.0, 0.0, 0.0, 0.0]]))
+    assert fan.heard(fan.make(Given(0.03, maximum=12.0)), level, softness).tolist() == [heard]
 
 
 def test_both_engines_filter_it(beginning: Recording) -> None:
