@@ -52,7 +52,11 @@ def at_a_desk(tmp_path: Path, measured_data: Path, monkeypatch: pytest.MonkeyPat
     pyplot.close("all")
 
 
-def test_the_lines_of_the_first_page_run(at_a_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_lines_of_the_first_page_run(
+    at_a_desk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[list[int]] = []
+    monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.get_fignums()))
     stepped, found, simulated = ten_minutes_figure.blocks()
     names: dict[str, Any] = {}
     exec(compile(stepped, "ten_minutes.md, first", "exec"), names)
@@ -69,6 +73,8 @@ def test_the_lines_of_the_first_page_run(at_a_desk: Path, capsys: pytest.Capture
     assert "0.090 ± 0.004 s" in page
     exec(compile(simulated, "ten_minutes.md, third", "exec"), names)
     assert np.all(names["result"].biases()["off"].abs() < 4.0)
+    assert len(shown) == 3
+    assert all(shown)  # each block's figure
 
 
 def test_the_commands_of_the_first_page_are_commands(at_a_desk: Path) -> None:

@@ -26,6 +26,24 @@ from sinan.experiments.benchmarks import bounds_of_work  # noqa: E402
 from sinan.experiments.benchmarks.bounds_of_work import BOUNDS, CHOICES  # noqa: E402
 
 
+def test_a_page_says_which_of_its_links_are_of_the_site_alone() -> None:
+    """A clone has no `_generated`: the words before the first such link of a paragraph say where it leads."""
+    for path in sorted((ROOT / "docs").rglob("*.md")):
+        if path.is_relative_to(ROOT / "docs" / "_generated"):
+            continue
+        for paragraph in re.split(r"\n\n|\n(?=- )", path.read_text(encoding="utf-8")):
+            before, link, _ = paragraph.partition("](_generated/")
+            told = "on the site" in before.replace("\n", " ") or before.endswith("[Parameters")  # as face.md says above
+            assert not link or told, f"{path.name}: {paragraph[:200]}"
+
+
+def test_a_plot_is_shown_in_a_script() -> None:
+    for name in ("README.md", "docs/ten_minutes.md"):
+        for code in re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL):
+            drawn, _, after = code.rpartition(".plot_")
+            assert not drawn or "plt.show()" in after, f"{name}: {code}"
+
+
 def test_every_effect_has_its_figure() -> None:
     numbers = json.loads(effect_figures.NUMBERS.read_text(encoding="utf-8"))
     assert set(numbers) == set(effect_figures.CATALOGUE) == {path.stem for path in effect_figures.FOLDER.glob("*.png")}

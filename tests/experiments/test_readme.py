@@ -83,3 +83,18 @@ def test_every_command_is_one(command: list[str]) -> None:
     assert set(effects) <= set(CATALOGUE)
     if command[1] in ("simulate", "montecarlo", "observability"):
         assert command[2] in scenario_names()
+
+
+def test_the_lines_of_python_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    import matplotlib as mpl
+    from matplotlib import pyplot
+
+    mpl.use("agg")
+    shown: list[list[int]] = []
+    monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.get_fignums()))
+    (code,) = re.findall(r"```python\n(.+?)```", README, re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})
+    pyplot.close("all")
+    assert len(shown) == 1
+    assert shown[0], "no figure"
+    assert "0.0 start [" in capsys.readouterr().out
