@@ -38,13 +38,10 @@ def estimate_page(
     review : the recording over time
     """
     page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {verdict(document)}")
-    agrees = not _outside(document)
+    outside = _outside(document)
+    agrees = not outside
     page.verdict("consistent" if agrees else "not as expected", "no_effect" if agrees else "ambiguous")
-    looks = f"`{document['call']}` " if "call" in document else "`sinan trace` "
-    page.text(
-        f"What to do next: {looks}"
-        + ("looks for smaller effects and says how small one could have hidden." if agrees else "looks for the cause.")
-    )
+    page.text(f"What to do next: {_next(document, outside)}")
     page.numbers([(value, name) for name, value in reference_rows(document)])
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
@@ -63,6 +60,17 @@ def estimate_page(
         page.heading("The log over time")
         page.part(review)
     page.write(path)
+
+
+def _next(document: Mapping[str, Any], outside: Sequence[str]) -> str:
+    """What to do about innovations of another size than expected: a trace finds what makes them larger, not smaller."""
+    looks = f"`{document.get('call', 'sinan trace')}` looks for"
+    if not outside:
+        return f"{looks} smaller effects and says how small one could have hidden."
+    if all(innovations(document, sensor) == "smaller" for sensor in outside):
+        named = ", ".join(SENSORS.get(sensor, sensor) for sensor in outside)
+        return f"declare less noise ({named}), since the filter expects more than there is; no effect does that."
+    return f"{looks} the cause of those that are larger."
 
 
 def bias_part(page: Page, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:

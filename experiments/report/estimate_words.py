@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,13 +24,16 @@ from sinan.experiments.report.words import (
 _NIS_LOW, _NIS_HIGH = 0.8, 1.25
 
 
-def warnings_of(document: Mapping[str, Any], call: str = "sinan trace INPUT") -> list[str]:
+def warnings_of(
+    document: Mapping[str, Any], call: str = "sinan trace INPUT", undeclared: Collection[str] = ()
+) -> list[str]:
     """A sentence for each sensor that the filter refuses, then for each whose innovations are not as large as expected;
     not for what nobody declared: levels from the log, of which its notes speak, and the level's sigma, an assumption.
 
     Parameters
     ----------
     call : the command that looks for what is missing
+    undeclared : sensors whose noise the recording does not declare
     """
     not_used = refused(document.get("doubted", {}))
     found = list(not_used.values())
@@ -42,15 +45,15 @@ def warnings_of(document: Mapping[str, Any], call: str = "sinan trace INPUT") ->
             continue
         if nis is None or low is None or low <= nis <= high or _NIS_LOW <= nis <= _NIS_HIGH:
             continue
+        than = "than the model expects" if sensor in undeclared else "than declared"
         relation, why = (
-            ("larger", "lacks something, or the noise is larger")
+            ("larger", f"its model lacks something, or the noise is larger {than}: `{call}` looks for it")
             if nis > 1.0
-            else ("smaller", "expects too much noise: it is smaller")
+            else ("smaller", f"there is less noise {than}")
         )
-        next_step = f": `{call}` looks for it" if nis > 1.0 else ""
         found.append(
             f"the {SENSORS.get(sensor, sensor)} innovations are {relation} than the filter expects (NIS {number(nis)}, "
-            f"not 1): its model {why} than declared{next_step}"
+            f"not 1): {why}"
         )
     return found
 

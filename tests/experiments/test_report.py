@@ -18,7 +18,7 @@ from sinan.experiments.labs.magnetometer import sign_errors
 from sinan.experiments.report.calibration_words import summary as calibration_summary
 from sinan.experiments.report.calibration_words import warnings_of as calibration_warnings
 from sinan.experiments.report.console import progress, working
-from sinan.experiments.report.estimate_page import innovations, verdict
+from sinan.experiments.report.estimate_page import estimate_page, innovations, verdict
 from sinan.experiments.report.estimate_words import summary as estimate_summary
 from sinan.experiments.report.estimate_words import warnings_of as innovation_warnings
 from sinan.experiments.report.figures import biases_over_time
@@ -282,6 +282,25 @@ def test_estimate_remarks_upon_innovations_of_another_size(nis: float | None, re
     assert len(warnings) == remarks
     if nis is not None and nis > 1.5:
         assert "`sinan trace run1`" in warnings[0]
+
+
+@pytest.mark.parametrize("nis", [1.8, 0.5])
+def test_a_noise_is_smaller_than_declared_only_where_it_is(nis: float) -> None:
+    document = {"nis": {"mag": nis}, "nis_interval": {"mag": [0.97, 1.03]}}
+    assert "than declared" in innovation_warnings(document)[0]
+    (undeclared,) = innovation_warnings(document, undeclared=["mag"])
+    assert "declared" not in undeclared
+    assert "than the model expects" in undeclared
+
+
+@pytest.mark.parametrize(("nis", "said"), [({"mag": 0.5}, False), ({"mag": 1.8}, True), ({"mag": 1.0}, True)])
+def test_the_page_sends_nobody_to_a_trace_for_too_little_noise(
+    nis: dict[str, float], said: bool, tmp_path: Path
+) -> None:
+    document = an_estimate(nis=nis, nis_interval={"mag": [0.9, 1.1]})
+    estimate_page(tmp_path / "page.html", "run", document, [])
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ("sinan trace" in page) == said
 
 
 def test_a_refused_stream_comes_first_and_as_another_unit() -> None:
