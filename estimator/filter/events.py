@@ -296,9 +296,7 @@ def _part_of(flight: Flight, name: str, form: StreamForm | None, late: float) ->
     z, t = readings(flight, name)
     t = t - late
     status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
-    notes, outside = list[Note](), int(np.sum(status == OUTSIDE))
-    if outside:
-        notes.append(Note(name, f"{outside} readings outside the IMU's time", float(t[0]), float(t[-1]), "left out"))
+    notes = _outside(name, t[t < imu[0]]) + _outside(name, t[t > imu[-1]])
     if is_sensor(name) and sensor(name).components and name != "base":
         notes += _faults(name, z, t, status)
     if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear
@@ -309,6 +307,14 @@ def _part_of(flight: Flight, name: str, form: StreamForm | None, late: float) ->
         z = np.where(there[:, None], z - np.where(there[:, None], form.offset, 0.0), z)
     status[(status == ACCEPTED) & model.withholds(name, t + model.latency.get(name, 0.0) + late)] = WITHHELD
     return _Part(t, z, status, form), notes
+
+
+def _outside(name: str, t: FloatArray) -> list[Note]:
+    """The readings before the IMU's first sample, or those after its last: each side is a stretch of its own."""
+    if not len(t):
+        return []
+    count = "1 reading" if len(t) == 1 else f"{len(t)} readings"
+    return [Note(name, f"{count} outside the IMU's time", float(t[0]), float(t[-1]), "left out")]
 
 
 def _faults(name: str, z: FloatArray, t: FloatArray, status: IntArray) -> list[Note]:

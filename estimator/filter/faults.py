@@ -25,7 +25,8 @@ class Note:
     action: str
 
     def __str__(self) -> str:
-        return f"{self.stream}: {self.kind} from {self.start:.3f} to {self.stop:.3f} s, {self.action}"
+        when = f"from {self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"at {self.start:.3f} s"
+        return f"{self.stream}: {self.kind} {when}, {self.action}"
 
 
 def _equal_runs(same: BoolArray, least: float) -> list[tuple[int, int]]:

@@ -146,6 +146,17 @@ def test_readings_outside_the_imu_are_journalled(flown) -> None:
     assert worst(journal, truth) < BOUND
 
 
+def test_readings_before_and_after_the_imu_are_two_stretches(flown) -> None:
+    recording, _ = flown
+    short = without_rows(without_rows(recording, "imu", 0.0, 2.0), "imu", 28.0, 40.0).replace(initial=Initial())
+    imu, gps = short.streams["imu"].t, short.streams["gps"].t
+    sides = [gps[gps < imu[0]], gps[gps > imu[-1]]]
+    flight = Flight.of(short)
+    notes = [note for note in prepare(flight).events.notes if note.stream == "gps" and "outside" in note.kind]
+    assert [(note.start, note.stop) for note in notes] == [(side[0], side[-1]) for side in sides]
+    assert [int(note.kind.split()[0]) for note in notes] == [len(side) for side in sides]
+
+
 def test_no_aiding_at_all(flown) -> None:
     recording, _ = flown
     alone = recording.replace(streams={"imu": recording.streams["imu"]})
