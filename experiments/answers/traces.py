@@ -221,8 +221,9 @@ def in_its_terms(
     logs that were flown with different ones.
     """
     from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log, lines_of, params_of_document
+    from sinan.experiments.datasets import log_of
 
-    logs = [Path(one) for one in inputs]
+    logs = [log_of(one) for one in inputs]
     if not document["effects"] or not all(log.is_file() for log in logs):
         return None, []
     facts = [facts_of_log(log) for log in logs]

@@ -9,7 +9,7 @@ from sinan.experiments.answers.asked import Asked
 from sinan.experiments.answers.calibrations import Calibrations, calibrate
 from sinan.experiments.autopilots.calibrated import params_of_log
 from sinan.experiments.autopilots.parameters import lines_of
-from sinan.experiments.datasets import called, resolve
+from sinan.experiments.datasets import called, log_of, resolve
 from sinan.experiments.report.console import tell_notes
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
@@ -44,7 +44,7 @@ def run(
         answer.to_json(json)
     if html is not None:
         answer.to_html(html)
-    return "\n".join([answer.summary(), *_parameters(answer, Path(input), choice)])
+    return "\n".join([answer.summary(), *_parameters(answer, log_of(input), choice)])
 
 
 def _parameters(answer: Calibrations, log: Path, choice: Choice) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.experiments.datasets import called, resolve
+from sinan.experiments.datasets import called, log_of, resolve
 from sinan.experiments.report.words import columns_in_words, counted, reference_words, trace_call
 from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
@@ -45,7 +45,7 @@ def run(
     """
     from sinan.sensors.formats import facts_of
 
-    path = Path(input)
+    path = log_of(input)
     facts = facts_of(path) if map_file is None and path.exists() else None
     try:
         recording = resolve(input, map_file, span, choice)

@@ -10,7 +10,7 @@ from sinan.experiments.alpha import ALPHA
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, params_of_document
 from sinan.experiments.commands.trace import trace_log
-from sinan.experiments.datasets import resolve
+from sinan.experiments.datasets import log_of, resolve
 from sinan.experiments.report.made import made
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import write_text
@@ -33,7 +33,8 @@ def run(
     ------
     InputError : nobody says whose parameters, or the report is of another log
     """
-    name = autopilot or autopilot_of(facts_of_log(Path(input)))
+    log = log_of(input)
+    name = autopilot or autopilot_of(facts_of_log(log))
     if not name:
         raise InputError("--for", f"nothing, and {input} does not say whose log it is", " or ".join(AUTOPILOTS))
     if report is None:
@@ -42,7 +43,7 @@ def run(
     else:
         recording = resolve(input, map_file, span, choice)
         document = _report(report, recording.name)
-    params = params_of_document(document, name, recording, Path(input))
+    params = params_of_document(document, name, recording, log)
     text = as_file(params, f"{made()}: {document['verdict']}, {document['headline']}")
     if out is None:
         return text.rstrip("\n")

@@ -4,7 +4,7 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from sinan.experiments.datasets.inputs import called, convert, resolve
+from sinan.experiments.datasets.inputs import called, convert, log_of, resolve
 from sinan.experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
 __all__ = [
@@ -14,5 +14,6 @@ __all__ = [
     "convert",
     "dataset_names",
     "load_dataset",
+    "log_of",
     "resolve",
 ]

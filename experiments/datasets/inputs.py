@@ -114,6 +114,21 @@ def locate(text: str) -> tuple[Path, Path | None]:
     raise InputError(text, "not there", f"`sinan fetch {dataset.name}`, or {DATA_VARIABLE}=FOLDER of a local mirror")
 
 
+def log_of(text: str) -> Path:
+    """The log that an INPUT names, to be asked what it says of itself: a path, or one of a data set that no map reads.
+
+    Where there is none it is the text as a path, at which nothing is.
+    """
+    if not Path(text).exists():
+        try:
+            path, kept = locate(text)
+        except InputError:
+            return Path(text)
+        if kept is None:
+            return path
+    return Path(text)
+
+
 def file_of(text: str) -> Path | None:
     """The file that an INPUT names, a path or a log of a data set; None: it is none, or a folder."""
     path = Path(text)

@@ -18,10 +18,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from sinan.experiments.answers.traces import in_its_terms
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.findings import Findings, findings_of
-from sinan.experiments.autopilots.parameters import params_for
+from sinan.experiments.autopilots.parameters import autopilot_of, facts_of_log, params_for
 from sinan.experiments.commands.cli import app
+from sinan.experiments.datasets import log_of, resolve
 from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.formats.choice import Choice
@@ -580,6 +582,28 @@ def test_a_report_of_another_log_is_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["params", str(log), "--trace", str(tmp_path / "report.json")])
     assert result.exit_code != 0
     assert "a report of another" in str(result.exception) + result.output
+
+
+@pytest.mark.measured
+def test_the_log_of_a_data_set_is_asked_as_its_path_is(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    name = "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg"
+    entry = {"name": "gps.latency", "beta": [0.12], "std": [0.01], "unit": "s", "predicts": True, "confused_with": []}
+    document = {"verdict": "effects", "effects": [entry], "choice": {}}
+    recording = resolve(name)
+    by_path = in_its_terms(document, recording, [str(measured_data / name)])
+    assert by_path[0] is not None
+    assert in_its_terms(document, recording, [name]) == by_path
+    assert autopilot_of(facts_of_log(log_of(name))) == "px4"
+
+
+@pytest.mark.measured
+def test_a_log_that_a_kept_map_reads_is_not_asked(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a map makes of a log are not the sensors that the autopilot's parameters are about."""
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    name = "rfly_course/MagRaw.mat"
+    assert log_of(name) == Path(name)
+    assert log_of("nowhere/at_all.ulg") == Path("nowhere/at_all.ulg")
 
 
 def test_a_choice_of_sensors_is_that_of_the_report() -> None:

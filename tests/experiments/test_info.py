@@ -138,8 +138,11 @@ def test_it_takes_a_second(tmp_path: Path) -> None:
 
 
 @pytest.mark.measured
-def test_a_measured_log(measured_data: Path) -> None:
-    text = run(str(measured_data / "px4_v6xrt_flight" / "corrupt_unregistered_msg_id.ulg"), None, None)
+def test_a_measured_log(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "px4_v6xrt_flight/corrupt_unregistered_msg_id.ulg"
+    text = run(str(measured_data / name), None, None)
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    assert run(name, None, None) == text.replace(str(measured_data / name), name)
     assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
     assert "3 gaps, the longest 6 s at 60.27 s" in text
     assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
