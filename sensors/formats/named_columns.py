@@ -53,6 +53,7 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     """
     known, left = _known(path, columns)
     values = {key: converted(_since_first(columns[name], one), one) for key, (name, one) in known.items()}
+    _require_three_axes(path, known)
     notes = _one_force(values)
     _require_all_inertial(path, values, left)
     kind: Kind = "flight" if ("accel", "accel_x") in values and ("gyro", "gyro_x") in values else "poses"
@@ -139,6 +140,24 @@ def _one_force(values: dict[tuple[str, str], FloatArray]) -> list[str]:
     for key in (*ways[0], *ways[2], *gravity, *(ways[1] if there else ())):
         values.pop(key, None)
     return notes if not values.update(zip(ways[1], found, strict=False)) else []
+
+
+def _require_three_axes(path: Path, known: Mapping[tuple[str, str], tuple[str, Meaning]]) -> None:
+    """Raise where one axis of an accelerometer or a gyroscope is missing: the rest would be taken for less than it is.
+
+    An accelerometer is whole, too, where one of the ways to tell it is.
+    """
+    forces = [(stream, columns) for stream, columns in (("g", ACCEL), ("accel", ACCEL), ("free", FREE))]
+    for title, ways in (("an accelerometer", forces), ("a gyroscope", [("gyro", GYRO)])):
+        there = [[(stream, column) in known for column in columns] for stream, columns in ways]
+        if any(map(all, there)):
+            continue
+        for (stream, columns), axes in zip(ways, there, strict=True):
+            if sum(axes) == len(columns) - 1:
+                named = ", ".join(f"`{known[stream, one][0]}`" for one in columns if (stream, one) in known)
+                found = f"{title} without {'xyz'[axes.index(False)]}: {named} alone"
+                hint = "a third column beside them, or --map FILE.toml of what is to be read without them"
+                raise InputError(path, found, hint, "stream imu")
 
 
 def _require_all_inertial(path: Path, values: Mapping[tuple[str, str], FloatArray], left: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -155,6 +156,21 @@ def test_what_is_wrong_is_said(tmp_path: Path, header: str, expected: str) -> No
     rows[:, 4:7] *= 20.0  # faster than any instrument, if these were rad/s
     with pytest.raises(InputError, match=expected.replace("[", r"\[")):
         open_log(table(tmp_path / "log", header, rows))
+
+
+@pytest.mark.parametrize(
+    ("column", "expected"),
+    [
+        (3, "stream imu: an accelerometer without z: `ax [g]`, `ay [g]` alone"),
+        (5, "stream imu: a gyroscope without y: `gx [deg/s]`, `gz [deg/s]` alone"),
+    ],
+)
+def test_an_imu_that_lacks_an_axis_is_not_left_out(tmp_path: Path, column: int, expected: str) -> None:
+    """The magnetometer that remains would be a flight, which then has no IMU."""
+    names, rows = HEADER.split(","), turning()
+    left = [k for k in range(len(names)) if k != column]
+    with pytest.raises(InputError, match=re.escape(expected)):
+        open_log(table(tmp_path / "log", ",".join(names[k] for k in left), rows[:, left]))
 
 
 def test_a_header_that_says_nothing_needs_a_map(tmp_path: Path) -> None:
