@@ -63,7 +63,11 @@ def _streams(page: Page, document: Mapping[str, Any]) -> None:
         rows.append([called, f"{stream['rows']}", f"{rate:.4g}" if rate else "", f"{stream['from']:.4g}",
                      f"{stream['to']:.4g}", columns_in_words(stream["columns"]), holes])  # fmt: skip
     page.table(["stream", "rows", "rate / Hz", "from / s", "to / s", "columns", "gaps"], rows, (1, 2, 3, 4))
-    page.text("A gap is where three or more readings in a row are missing at the usual rate.", note=True)
+    page.text(
+        "The rate is that of all readings over all the time, gaps too. A gap is where three or more readings in a row "
+        "are missing at the usual rate.",
+        note=True,
+    )
     known = document["reference"]
     if known:
         page.text(f"Reference: {', '.join(known['known'])} by {reference_words(known['kind'])}, {known['rows']} rows.")

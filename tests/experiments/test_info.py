@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import time
 from pathlib import Path
 
@@ -144,6 +145,7 @@ def test_a_measured_log(measured_data: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("SINAN_DATA", str(measured_data))
     assert run(name, None, None) == text.replace(str(measured_data / name), name)
     assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
+    assert re.search(r"baro +477 rows +5\.0\d+ Hz", text)  # over 95 s, though most steps are of 0.173 s
     assert "3 gaps, the longest 6 s at 60.27 s" in text
     assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
 
