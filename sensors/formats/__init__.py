@@ -69,12 +69,13 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         return _nothing_in(path)
     if content == "matlab":
         return _of_matlab(path)
-    from sinan.sensors.formats.columns import read_named, seen_in
+    from sinan.sensors.formats.columns import notes_of, read_named, seen_in
 
     if content in ("text", "parquet") and (columns := read_named(path)) is not None:
         from sinan.sensors.formats.named_columns import recording_of_names
 
-        return recording_of_names(path, columns)
+        recording = recording_of_names(path, columns)
+        return recording.replace(notes=(*notes_of(columns), *recording.notes))
     found = {
         "empty": "an empty file", "mwlog": "an MWLOGV01 log, which does not say what its signals are",
         "zip": "a zip", "text": "text or unknown data",

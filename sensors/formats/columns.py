@@ -20,7 +20,15 @@ from sinan.sensors.formats.column_names import INERTIAL, meanings
 from sinan.sensors.formats.named_columns import describes_itself
 from sinan.sensors.formats.packed import kind_of, read_packed, require_columns, require_numbers
 from sinan.sensors.formats.records import RecordLayout, read_records
-from sinan.sensors.formats.text_table import NO_READING, TextTable, decimal_of, doubled_name, is_number, text_lines
+from sinan.sensors.formats.text_table import (
+    NO_READING,
+    TextColumns,
+    TextTable,
+    decimal_of,
+    doubled_name,
+    is_number,
+    text_lines,
+)
 
 #: Names of columns that a message shows.
 _SHOWN = 6
@@ -103,7 +111,8 @@ def content_of(path: Path) -> str:
 
 def notes_of(columns: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """What a reader of `read_columns` could not read and passed over."""
-    return columns.notes if isinstance(columns, ulog_messages.Topics | dataflash_messages.Columns) else ()
+    known = ulog_messages.Topics | dataflash_messages.Columns | TextColumns
+    return columns.notes if isinstance(columns, known) else ()
 
 
 def read_columns(path: Path, options: FileOptions, wanted: Collection[str]) -> Mapping[str, FloatArray]:
@@ -161,6 +170,7 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     names, delimiter = _layout(str(path), _text(path, options), options)
     wanted = list(meanings(names))
     table = TextTable(path, _text(path, options), names, delimiter, options.skip_lines + options.header, NO_READING)
+    table, notes = table.without_cut_line()
     moments = {name for name, what in meanings(names).items() if what.column == "t" and _is_moment(table.first(name))}
     numbers = [name for name in wanted if name not in moments]
     found = table.read(numbers)
@@ -170,7 +180,7 @@ def read_named(path: Path) -> dict[str, FloatArray] | None:
     for name, what in meanings(names).items():
         if (what.column == "t" or what.stream in INERTIAL) and not np.all(np.isfinite(found[name])):
             raise replace(table, gaps=()).culprit([name])[1]
-    return {name: found.get(name, np.empty(0)) for name in names}
+    return TextColumns({name: found.get(name, np.empty(0)) for name in names}, notes)
 
 
 def _is_moment(cell: str) -> bool:
@@ -344,11 +354,12 @@ def _read_text(path: Path, options: FileOptions, wanted: Collection[str]) -> dic
     text = _text(path, options)
     names, delimiter = _layout(where, text, options)
     table = TextTable(where, text, names, delimiter, options.skip_lines + options.header)
+    table, notes = table.without_cut_line()
     present = [name for name in names if name in wanted]
     columns = table.read(present)
     if columns is None:
         raise table.culprit(present)[1]
-    return columns | {name: np.empty(0) for name in names if name not in columns}
+    return TextColumns(columns | {name: np.empty(0) for name in names if name not in columns}, notes)
 
 
 def _text(path: Path, options: FileOptions) -> Callable[[], BinaryIO]:

@@ -7,11 +7,11 @@ import io
 import math
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
@@ -59,6 +59,40 @@ class _Lines(io.RawIOBase):
         super().close()
 
 
+class _Beginning(io.RawIOBase):
+    """The first bytes of a file.
+
+    Parameters
+    ----------
+    file : of text
+    size : so many of it
+    """
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file, self._left = file, size
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        part = self._file.read(min(len(buffer), self._left))
+        self._left -= len(part)
+        buffer[: len(part)] = part
+        return len(part)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+class TextColumns(dict[str, FloatArray]):
+    """The columns of a text by name, each (n,), and `notes` of what of it was not read."""
+
+    def __init__(self, columns: Mapping[str, FloatArray], notes: tuple[str, ...] = ()) -> None:
+        super().__init__(columns)
+        self.notes = notes
+
+
 def text_lines(file: BinaryIO, where: Path | str) -> io.BufferedReader:
     """A file of text, as bytes, that gives no line of more than `LONGEST_LINE`.
 
@@ -89,6 +123,33 @@ class TextTable:
     delimiter: str = ","
     skip_lines: int = 1
     gaps: Collection[str] = ()
+
+    def without_cut_line(self) -> tuple[TextTable, tuple[str, ...]]:
+        """The table without a last line that lost its end, as a logger without power leaves it, and a note of it.
+
+        Such a line has no end of line and fewer cells than there are columns; one with all of them is a row.
+        """
+        with self.open() as file:
+            size = file.seek(0, io.SEEK_END)
+            file.seek(max(0, size - LONGEST_LINE))
+            end = file.read(LONGEST_LINE)
+        before, mark, last = end.rpartition(b"\n")
+        if not mark or not last.strip() or (len(end) == size and before.count(b"\n") + 1 < self.skip_lines):
+            return self, ()
+        try:
+            text = last.decode("utf-8")
+            rows = (
+                csv.reader([text], delimiter=self.delimiter, skipinitialspace=True)
+                if self.delimiter
+                else [text.split()]
+            )
+            cells = len(next(iter(rows), []))
+        except (UnicodeDecodeError, csv.Error):
+            return self, ()
+        if cells >= len(self.names):
+            return self, ()
+        whole = replace(self, open=lambda: cast(BinaryIO, _Beginning(self.open(), size - len(last))))
+        return whole, (f"the last line is cut off after {cells} of {len(self.names)} columns, left out",)
 
     def read(self, wanted: Sequence[str]) -> dict[str, FloatArray] | None:
         """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number.

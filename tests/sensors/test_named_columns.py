@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -239,3 +240,47 @@ def test_poses_that_say_when_they_were_taken_stay_poses(tmp_path: Path) -> None:
     rows = np.column_stack([3.0 * k, GRAVITY * np.cos(k), GRAVITY * np.sin(k), 0 * k])
     recording = open_log(table(tmp_path / "log", "t,ax,ay,az", rows))
     assert (recording.kind, len(recording.streams["poses"])) == ("poses", 20)
+
+
+def cut(path: Path, text: str) -> Path:
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    return path
+
+
+CUT = "the last line is cut off after 4 of 10 columns, left out"
+
+
+def test_a_last_line_that_lost_its_end_is_left_out_with_a_note(tmp_path: Path) -> None:
+    text = table(tmp_path / "whole", HEADER, turning()).read_text()
+    recording = open_log(cut(tmp_path / "log.csv", text + "500,0,0,-1"))
+    check(recording)
+    assert recording.notes[0] == CUT
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
+def test_a_map_leaves_such_a_line_out_too(tmp_path: Path, name: str) -> None:
+    text = table(tmp_path / "whole", HEADER, turning()).read_text()
+    rules = (
+        'kind = "flight"\n[file]\nheader = true\n[streams.imu]\ntime = { column = "t_ms", unit = "ms" }\n'
+        'accel = { columns = ["ax [g]", "ay [g]", "az [g]"], unit = "g" }\n'
+        'gyro = { columns = ["gx [deg/s]", "gy [deg/s]", "gz [deg/s]"], unit = "deg/s" }\n'
+    )
+    (tmp_path / "map.toml").write_text(rules)
+    mapped = open_log(cut(tmp_path / name, text + "500,0,0,-1"), tmp_path / "map.toml")
+    assert len(mapped.streams["imu"]) == 50
+    assert CUT in mapped.notes
+
+
+@pytest.mark.parametrize("short", ["500,0,0,-1\n", "500,0,0\n510,0,0,-1,0,0,0,20,0,40", "500,0,0,-1,0,0,0,20,0,4O"])
+def test_any_other_bad_row_is_an_error(tmp_path: Path, short: str) -> None:
+    """Short, but ended; short, and not the last; with all its columns, but no number."""
+    text = table(tmp_path / "whole", HEADER, turning()).read_text()
+    with pytest.raises(InputError, match=r"row 51 \(line 52\)"):
+        open_log(cut(tmp_path / "log.csv", text + short))
+
+
+def test_a_last_line_with_all_its_columns_is_a_row(tmp_path: Path) -> None:
+    text = table(tmp_path / "whole", HEADER, turning()).read_text()
+    recording = open_log(cut(tmp_path / "log.csv", text.rstrip("\n")))
+    check(recording)
+    assert not any("cut off" in note for note in recording.notes)
