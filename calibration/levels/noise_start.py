@@ -124,7 +124,7 @@ def datum(recording: Recording, name: str) -> float:
 
 
 def _first_down(recording: Recording, name: str) -> float:
-    """The position, down [m], by the first reading of a height sensor; of a scan by the beam nearest to the vertical."""
+    """Position down [m] by the first reading of a height sensor; of a scan by the beam nearest to the vertical."""
     first = float(np.min(readings_of(recording, name)[0]))
     return recording.environment.ground_down - first if sensor(name).kernel == "range" else -first
 

@@ -178,7 +178,7 @@ def test_a_lateness_at_its_bound_is_told_as_such(bare: Recording) -> None:
 
 
 def test_a_barometer_may_count_from_the_sea_where_a_laser_sees_the_ground() -> None:
-    """Nothing was known of that without a GPS: a `baro.step` of 166 m was named in a log whose barometer stood at 189."""
+    """Without a GPS nothing was known of that: a log whose barometer stood at 189 m had a `baro.step` of 166 m."""
     flown, _ = fly(4, duration=20.0, sensors=("mag", "baro", "laser"))
     baro = flown.streams["baro"]
     high = Stream(baro.t, {name: column + 190.0 for name, column in baro.columns.items()})
