@@ -11,7 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
 Point = TypeVar("Point")
-#: Share of the cost by which rounding may raise it where it is least.
+#: Share of the cost by which rounding may raise it where it is least: of ten thousand squares n eps = 2e-12.
 _ROUNDING = 1e-12
 
 

@@ -67,6 +67,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "poses": {
         _POSES + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),
         _POSES + "bias_walk": ("_MOST_KNOTS",),
+        _POSES + "gauss_newton": ("_MOST_STEPS", "_MOST_HALVINGS", "_SETTLED"),
         _POSES + "source": ("_ROWS_A_BLOCK", "_WORTH_LEAVING_OUT"),
         _LOOP + "select": ("_MOST_ROUNDS",),
         _LOOP + "trials": ("_RELOCATIONS",),

@@ -10,9 +10,9 @@ from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.errors import InputError
 
-#: Points, and halvings of a step, at most.
+#: Points, and halvings of a step, at most: bound of work (`bounds_of_work poses`).
 _MOST_STEPS, _MOST_HALVINGS = 100, 11
-#: Relative gain of a step at which the sum of squares is at its minimum.
+#: Relative gain of a step at which the sum of squares is at its minimum: bound of work (`bounds_of_work poses`).
 _SETTLED = 1e-10
 
 
