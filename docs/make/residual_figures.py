@@ -15,11 +15,11 @@ import numpy as np
 from drawing import AFTER, BAND, BEFORE, SOFT, panels
 from matplotlib.figure import Figure
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.positioning.location import locate
 from sinan.estimator.positioning.pseudorange_trace import find_faults
 from sinan.estimator.positioning.pseudoranges import FAULT, Candidate, full_sizes, seen_by
-from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.simulated import load, simulate
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import BoolArray, FloatArray

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.score import Statistic
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.pseudoranges import Called, next_effect, next_fault, next_steady_fault
@@ -54,7 +55,7 @@ class RangeTrace:
 
 
 def trace_ranges(
-    ranges: Pseudoranges, mask: float, alpha: float = 0.01, known_position: FloatArray | None = None
+    ranges: Pseudoranges, mask: float, alpha: float = ALPHA, known_position: FloatArray | None = None
 ) -> RangeTrace:
     """Run the loop.
 

@@ -42,6 +42,7 @@ from sinan.sensors.pseudorange import (
     line_of_sight,
     sum_of,
 )
+from sinan.sensors.range_noise import LOWEST_ELEVATION
 from sinan.sensors.range_noise import USUAL_ACCURACY as USUAL_ACCURACY
 
 #: Satellites for which the onset of a fault is searched: bound of work (`bounds_of_work ranges`).
@@ -200,7 +201,7 @@ def blocks_of(ranges: Pseudoranges) -> IntArray:
 def changing_variance(ranges: Pseudoranges, elevation: FloatArray) -> FloatArray:
     """(n,) variance of what is new in a row [m^2]: code errors that last a minute count once in a minute."""
     interval = float(np.median(np.diff(ranges.t))) if len(ranges.t) > 1 else MULTIPATH_TIME
-    sine = np.sin(np.maximum(elevation, np.deg2rad(5.0)))
+    sine = np.sin(np.maximum(elevation, LOWEST_ELEVATION))
     return np.asarray(CHANGING_NOISE**2 * (1.0 + 1.0 / sine**2) * max(1.0, MULTIPATH_TIME / interval))
 
 
@@ -208,7 +209,7 @@ def state_variance(location: Location, position: FloatArray, rows: IntArray) -> 
     """(satellites + 3,) variance of each satellite's lasting error [m^2], and one for each column of the ionosphere."""
     ranges = location.ranges.rows(rows)
     motion = circumstances(ranges, np.where(np.isfinite(position), position, 1e7))
-    sine = np.sin(np.maximum(motion.covariates["elevation"], np.deg2rad(5.0)))
+    sine = np.sin(np.maximum(motion.covariates["elevation"], LOWEST_ELEVATION))
     space = np.array([SIGNAL_IN_SPACE[system] for system in ranges.system.tolist()])
     variance = np.where(ranges.accuracy > USUAL_ACCURACY, np.maximum(space, ranges.accuracy), space) ** 2
     variance = variance + (MULTIPATH / sine) ** 2

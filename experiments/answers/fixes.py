@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.positioning.location import Location
-from sinan.experiments.alpha import ALPHA
 from sinan.experiments.answers.asked import Answer
 from sinan.experiments.gnss.study import solution_table, solved, write_solution
 

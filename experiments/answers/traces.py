@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sinan.calibration.levels.assumptions import as_rows
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Source
 from sinan.estimator.filter.assumption import Assumption
-from sinan.experiments.alpha import ALPHA
 from sinan.experiments.answers.asked import PLAIN, Answer, Asked
 from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused

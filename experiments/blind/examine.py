@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from sinan.experiments.alpha import ALPHA
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.experiments.blind.maker.make import INDEX_FILE
 from sinan.experiments.datasets import resolve
 from sinan.experiments.residual_loop.report import report

@@ -13,7 +13,7 @@ import numpy as np
 
 from sinan.calibration.cameras.camera import CameraFit, Form, blocks_of, compare, fit, form
 from sinan.calibration.cameras.views import View
-from sinan.experiments.alpha import ALPHA
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 

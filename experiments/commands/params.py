@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sinan.experiments.alpha import ALPHA
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.experiments.autopilots.files import as_file
 from sinan.experiments.autopilots.parameters import AUTOPILOTS, autopilot_of, facts_of_log, lines_of, params_of_document
 from sinan.experiments.commands.trace import trace_log

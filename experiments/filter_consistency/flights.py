@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.score import statistic_of
-from sinan.experiments.alpha import ALPHA
 from sinan.experiments.filter_consistency.scenarios import matched_scenarios
 from sinan.experiments.monte_carlo.study import FAMILY_LEVEL, averaged
 from sinan.experiments.residual_loop.open_flight import flight_source

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import pymap3d
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.positioning import integrity
 from sinan.estimator.positioning.location import Location, locate
 from sinan.estimator.positioning.noise_fit import fitted
 from sinan.estimator.positioning.pseudorange_trace import RangeTrace, held_out_epochs, trace_ranges
 from sinan.estimator.positioning.pseudoranges import Called
-from sinan.experiments.alpha import ALPHA
 from sinan.experiments.gnss.base import Differential, differential
 from sinan.experiments.gnss.reference import position_error, read_reference
 from sinan.sensors.arrays import FloatArray

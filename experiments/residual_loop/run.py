@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Fit
 from sinan.experiments.reference import Mounted, described, errors_of, reference_of
@@ -14,7 +15,7 @@ from sinan.sensors.recording import Recording
 
 
 def trace_recording(
-    recording: Recording, sensor: str | None = None, alpha: float = 0.01, gravity: float | None = None
+    recording: Recording, sensor: str | None = None, alpha: float = ALPHA, gravity: float | None = None
 ) -> Traced:
     """Open a recording as a source, or several, and trace it; a flight is scored, after the decision, against what it
     has for that.

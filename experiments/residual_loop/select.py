@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.score import (
     Evidence,
     Statistic,
@@ -113,7 +114,7 @@ class Selection:
 
 def select(
     source: Source,
-    alpha: float = 0.01,
+    alpha: float = ALPHA,
     part: Part = "all",
     given: Mapping[Term, FloatArray] | None = None,
     intervals: bool = True,

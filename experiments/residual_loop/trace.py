@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.noise_left import noise_left
 from sinan.estimator.evidence.score import CONFUSED, DETECTABLE_LAMBDA, Statistic, statistic_of
 from sinan.estimator.evidence.source import Fit, LocalFinding, Source
@@ -45,7 +46,7 @@ class Trace:
     final: Fit
 
 
-def trace(source: Source, alpha: float = 0.01, scores: Scores | None = None) -> Trace:
+def trace(source: Source, alpha: float = ALPHA, scores: Scores | None = None) -> Trace:
     """Run the loop on a source.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sinan.experiments.alpha import ALPHA
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.experiments.commands.arguments.saying import choice_of, know, say
 from sinan.experiments.commands.arguments.shared import (
     Baro,
