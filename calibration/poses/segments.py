@@ -1,6 +1,6 @@
 """Static segments of a full-rate log: where the sensor lay still, and the mean reading of each pose.
 
-The course finds them by hand: the mean of 100 readings a pose.
+The course finds them by hand: the mean of 100 readings a pose, poses at least a threshold apart.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ WINDOW = 0.5
 SHORTEST = 1.0
 #: What is cut from each end of a pose: the hand still touches it [s].
 MARGIN = 0.2
+#: Poses closer than this to the one before are the same pose [rad]: a touch makes no second pose of one rest. Measured:
+#: without it the five rests of one log (`mpu6050_hmc5883l/set-2/full-sphere`) were enough for an accelerometer.
+APART = np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ def find_poses(
     accel: FloatArray,
     gyro: FloatArray | None = None,
     where: str = "imu",
+    apart: float = APART,
     at_least: int = 1,
 ) -> Poses:
     """Find the static poses of a full-rate log.
@@ -122,6 +126,7 @@ def find_poses(
     accel : (n, 3) m/s^2
     gyro : (n, 3) rad/s; makes the search surer
     where : how messages call the log
+    apart : poses closer than this to the one before belong to it and are dropped [rad]
     at_least : poses needed
 
     Returns
@@ -137,11 +142,17 @@ def find_poses(
     rate = 1.0 / np.median(np.diff(t)) if len(t) > 1 else 1.0
     margin, shortest = round(float(MARGIN * rate)), round(float(SHORTEST * rate))
     kept: list[tuple[int, int]] = []
+    directions: list[FloatArray] = []
     for first, last in runs_of(still):
         start, stop = first + margin, last - margin
         if stop - start < shortest:
             continue
+        mean = accel[start:stop].mean(axis=0)
+        direction = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)
+        if directions and float(np.linalg.norm(direction - directions[-1])) < apart:
+            continue
         kept.append((start, stop))
+        directions.append(direction)
     if len(kept) < at_least:
         found = f"{len(kept)} static pose{'' if len(kept) == 1 else 's'}"
         raise InputError(where, found, f"at least {at_least}, each {SHORTEST + 2 * MARGIN:.1f} s or longer")

@@ -36,14 +36,6 @@ def test_means_are_those_at_rest() -> None:
     np.testing.assert_allclose(poses.mean[:, :3], expected, atol=4 * 0.03 / np.sqrt(poses.count.min()))
 
 
-def test_a_rest_behind_a_knock_is_a_pose_of_its_own() -> None:
-    """Though it lies as it lay before."""
-    _, accel, gyro = hand_turned(np.random.default_rng(3), 1)
-    lying = np.tile(accel[:250], (2, 1))
-    lying[240:260] += 2.0 * np.random.default_rng(4).standard_normal((20, 3))
-    assert len(find_poses(0.01 * np.arange(500), lying, np.tile(gyro[:250], (2, 1)))) == 2
-
-
 def test_a_log_that_never_rests_is_refused() -> None:
     t = np.arange(2000) / 100.0
     angle = 2.0 * t + 0.3 * np.sin(5 * t)

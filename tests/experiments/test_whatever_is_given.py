@@ -178,7 +178,7 @@ def strangers() -> dict[str, bytes]:
         "cut.ulg": log[: len(ulog.HEAD) + 3],
         "cut.bin": flash[:90],
         "cut.tlog": sent[:20],
-        "cut.csv": table([*ROWS])[:777],
+        "cut.csv": table([*ROWS])[:777] + b"\n",  # a line that ends is wrong; one that does not was cut
         "cut.bag": b"#ROSBAG V2.0\nE\0\0\0" + bytes(50),
         "cut.zip": b"PK\x03\x04" + bytes(100),
         "nan.csv": with_one("nan", column=2),
