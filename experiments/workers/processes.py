@@ -14,7 +14,7 @@ from multiprocessing.context import ForkServerContext, SpawnContext
 from threading import Thread
 from typing import TypeVar
 
-from sinan.experiments.workers.stopping import AT_ONCE
+from sinan.experiments.workers.stopping import AT_ONCE, in_whole
 from sinan.sensors.errors import InputError
 
 Task = TypeVar("Task")
@@ -53,7 +53,8 @@ def in_processes(
     left = dict(enumerate(tasks))
     for _ in range(1 + MOST_RESTARTS):
         with suppress(BrokenProcessPool), _pool(workers, loaded or module_of(work)) as pool:
-            jobs = {pool.submit(work, task): number for number, task in left.items()}
+            with in_whole():  # the first of them start the processes
+                jobs = {pool.submit(work, task): number for number, task in left.items()}
             for job in as_completed(jobs):
                 result = job.result()
                 done(left.pop(jobs[job]), result)
