@@ -85,12 +85,13 @@ class _Log:
         """Of a run."""
         return _with_lapses(self.readings.inputs(levels.flight(self.recording)), self.lapses)
 
-    def run(self, levels: Levels) -> Journal | None:
-        """A run; None where no state follows from these levels."""
-        try:
-            return run(self.inputs(levels), "numba", 0)
-        except InputError:
-            return None
+
+def _run(inputs: RunInputs) -> Journal | None:
+    """A run; None where no state follows."""
+    try:
+        return run(inputs, "numba", 0)
+    except InputError:
+        return None
 
 
 def with_upsets(recording: Recording, levels: Levels) -> Levels:
@@ -103,7 +104,7 @@ def with_upsets(recording: Recording, levels: Levels) -> Levels:
     if "gps" not in recording.streams or levels.tail is None or len(recording.streams["gps"]) < LEAST:
         return levels
     step = float(np.median(np.diff(recording.streams["gps"].t)))
-    log, refused = _Log(recording, Readings.of(levels.flight(recording)), step), list[IntArray]()
+    log, refused = _Log(recording, Readings.of(levels.flight(recording)), step), np.zeros(0, dtype=np.int64)
     for _ in range(MOST):
         inputs = log.inputs(levels)
         journal = run(inputs, "numba", 0)
@@ -114,7 +115,7 @@ def with_upsets(recording: Recording, levels: Levels) -> Levels:
         erred += float(np.log(RATE * step))
         upset, other = _likeliest_upsets(log, levels, journal, refused, erred)
         if max(upset, erred) <= journal.log_likelihood:
-            refused.append(rows)
+            refused = np.concatenate([refused, rows])
         elif upset > erred:
             levels = other
         else:
@@ -122,11 +123,11 @@ def with_upsets(recording: Recording, levels: Levels) -> Levels:
     return levels
 
 
-def _most_doubted(journal: Journal, refused: Sequence[IntArray]) -> IntArray:
+def _most_doubted(journal: Journal, refused: IntArray) -> IntArray:
     """(k,) events of the fixes in a row that are doubted most, by what their weights lack in all; none: no two."""
     mine = np.flatnonzero((journal.sensor == journal.sensors.index("gps")) & journal.accepted)
     doubt = np.log(journal.model.spread("gps", journal.nis[mine])) - np.log(DOUBTED)
-    doubt[np.isin(mine, np.concatenate([*refused, np.zeros(0, dtype=np.int64)]))] = -np.inf
+    doubt[np.isin(mine, refused)] = -np.inf
     best, begin, total, found = 0.0, 0, 0.0, mine[:0]
     for k, one in enumerate(doubt):
         if total <= 0.0:
@@ -138,7 +139,7 @@ def _most_doubted(journal: Journal, refused: Sequence[IntArray]) -> IntArray:
 
 
 def _likeliest_upsets(
-    log: _Log, levels: Levels, journal: Journal, refused: Sequence[IntArray], rival: float
+    log: _Log, levels: Levels, journal: Journal, refused: IntArray, rival: float
 ) -> tuple[float, Levels]:
     """Log-likelihood and prior with the likeliest upset of the fixes that are doubted most, and the levels with it.
 
@@ -147,14 +148,14 @@ def _likeliest_upsets(
     """
     value = journal.log_likelihood
     prior = float(np.log(RATE * log.step * APART / (len(ATTITUDE) * len(VELOCITY))))
-    for _ in range(IN_A_ROW):
+    for count in range(IN_A_ROW):
         rows = _most_doubted(journal, refused)
         if not len(rows):
             break
         found, other = _likeliest_upset(log, levels, journal, float(journal.t[rows[0]]))
         if found.log_likelihood + prior <= journal.log_likelihood:
             break
-        value, levels, journal = value + found.log_likelihood + prior - journal.log_likelihood, other, found
+        value, levels, journal = found.log_likelihood + (count + 1) * prior, other, found
         if value > rival:
             break
     return value, levels
@@ -167,7 +168,7 @@ def _likeliest_upset(log: _Log, levels: Levels, journal: Journal, about: float) 
 
     def tried(upset: Upset) -> tuple[float, Journal, Levels]:
         other = replace(levels, upsets=tuple(sorted((*levels.upsets, upset), key=lambda one: one.t)))
-        found = log.run(other)
+        found = _run(log.inputs(other))
         return (-np.inf, journal, levels) if found is None else (found.log_likelihood, found, other)
 
     def likeliest(upsets: Iterable[Upset]) -> tuple[Upset, tuple[float, Journal, Levels]]:
@@ -183,14 +184,17 @@ def _likeliest_upset(log: _Log, levels: Levels, journal: Journal, about: float) 
 
 
 def _likeliest_lapse(inputs: RunInputs, rows: IntArray) -> tuple[float, _Lapse]:
-    """Log-likelihood where the receiver erred in some fixes, its positions being right or as wrong as before after it.
+    """Log-likelihood where the receiver erred in some fixes, its positions being right or as wrong as before after it;
+    minus infinity where no state follows without them.
 
     What they are off by, against the motion that the readings before and those of other sensors tell, walks: each
     component's steps from one to the next are by Student's law, of the likeliest of some sizes. The end of a lapse is
     no step: the receiver is then right again, or its positions stay off by what they are.
     """
     events, back = inputs.events, _Lapse(rows, np.zeros(3))
-    journal = run(_with_lapses(inputs, [back]), "numba", 0)
+    journal = _run(_with_lapses(inputs, [back]))
+    if journal is None:
+        return -np.inf, back
     stream = journal.stream("gps")
     off = stream.nu[np.isin(stream.events, rows)]
     white = np.sqrt(np.mean(events.r[events.row[rows][:, None] + np.arange(off.shape[1])], axis=0))
@@ -199,9 +203,10 @@ def _likeliest_lapse(inputs: RunInputs, rows: IntArray) -> tuple[float, _Lapse]:
     each = np.sum(law.logpdf(steps / size) - np.log(size), axis=1)
     walked = float(np.sum(np.max(each, axis=0) - np.log(len(STEPS))))
     stays = _Lapse(rows, off[-1, :3])
-    after = run(_with_lapses(inputs, [stays]), "numba", 0)
-    ends = ((journal.log_likelihood + walked, back), (after.log_likelihood + walked, stays))
-    return max(ends, key=lambda one: one[0])
+    after = _run(_with_lapses(inputs, [stays]))
+    if after is not None and after.log_likelihood > journal.log_likelihood:
+        return after.log_likelihood + walked, stays
+    return journal.log_likelihood + walked, back
 
 
 def _with_lapses(inputs: RunInputs, lapses: Sequence[_Lapse]) -> RunInputs:

@@ -11,11 +11,14 @@ from sinan.calibration.levels import upsets
 from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.flight_model import Upset
 from sinan.estimator.filter.imu import imu_table
-from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 from sinan.sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.calibration.upset_study import SHOCKS, minutes
@@ -187,3 +190,13 @@ def test_upsets_are_told_from_a_receiver_that_errs() -> None:
     found = [(one.kind in SHOCKS, bool(with_upsets(one.recording, one.levels).upsets)) for one in drawn]
     assert all(upset for shock, upset in found if shock)
     assert sum(upset for shock, upset in found if not shock) <= 0.15 * len(found)
+
+
+def test_fixes_without_which_no_state_follows_are_no_lapse(shaken: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fragile(inputs: RunInputs, engine: str, stride: int) -> Journal:
+        if np.any(inputs.events.status == WITHHELD):
+            raise InputError("log", "no finite state", "fixes")
+        return run(inputs, engine, stride)
+
+    monkeypatch.setattr(upsets, "run", fragile)
+    assert len(with_upsets(shaken, levels_of(shaken)).upsets) == 1
