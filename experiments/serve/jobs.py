@@ -187,11 +187,13 @@ class Queue:
     def _work(self) -> None:
         while (job := self._next()) is not None:
             try:
-                self._do(job)
+                state, said = self._done(job)
             except Exception as error:  # whatever it was, the next log is not to suffer from it
-                self._end(job, FAILED, {"why": f"{type(error).__name__}: {error}"})
+                state, said = FAILED, {"why": f"{type(error).__name__}: {error}"}
             with suppress(OSError):
                 job.log.unlink()
+            with self._changed:  # last of all: whoever sees the end finds the log gone
+                job.said, job.state, job.stage, job.ended = said, state, "", time.monotonic()
 
     def _next(self) -> Job | None:
         with self._changed:
@@ -203,8 +205,8 @@ class Queue:
                 self._changed.wait()
         return None
 
-    def _do(self, job: Job) -> None:
-        """One log, in a process that leads a session of its own and ends when this one does."""
+    def _done(self, job: Job) -> tuple[str, dict[str, Any]]:
+        """State and words of one log, in a process that leads a session of its own and ends when this one does."""
         words = [sys.executable, "-m", "sinan.experiments.serve.one_job", str(job.log), job.name, str(job.page.parent),
                  str(self.limits.memory)]  # fmt: skip
         late, answer = Event(), dict[str, Any]()
@@ -225,16 +227,11 @@ class Queue:
                 _kill(process)
         if late.is_set():
             why = f"stopped after {self.limits.seconds:.0f} s, the longest that a log may take (--time)"
-            self._end(job, FAILED, {"why": why})
-        elif answer.get("answer") == DONE and job.page.is_file():
-            self._end(job, DONE, {key: str(answer[key]) for key in ("verdict", "headline") if key in answer})
-        else:
-            died = f"the process that read it ended without an answer ({process.returncode})"
-            self._end(job, FAILED, {"why": str(answer.get("why", died))})
-
-    def _end(self, job: Job, state: str, said: dict[str, Any]) -> None:
-        with self._changed:
-            job.said, job.state, job.stage, job.ended = said, state, "", time.monotonic()
+            return FAILED, {"why": why}
+        if answer.get("answer") == DONE and job.page.is_file():
+            return DONE, {key: str(answer[key]) for key in ("verdict", "headline") if key in answer}
+        died = f"the process that read it ended without an answer ({process.returncode})"
+        return FAILED, {"why": str(answer.get("why", died))}
 
 
 def _environment() -> dict[str, str]:

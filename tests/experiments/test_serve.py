@@ -67,7 +67,17 @@ def is_gone(process: int) -> bool:
     return False
 
 
-def test_job_that_takes_too_long_is_ended(queue: Queue, short_jobs: Callable[[str], None]) -> None:
+def test_job_that_takes_too_long_is_ended(
+    queue: Queue, short_jobs: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a disk that takes its time: whoever sees the end of a job finds its log gone."""
+    unlink = Path.unlink
+
+    def slow(path: Path, missing_ok: bool = False) -> None:
+        time.sleep(0.3)
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", slow)
     short_jobs(SLEEPS)
     job = add(queue)
     waited(lambda: job.state == FAILED)
