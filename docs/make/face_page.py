@@ -14,6 +14,7 @@ from typing import Any
 
 import sinan
 from sinan.experiments.answers.asked import Answer
+from sinan.experiments.report.made import sinan_version
 
 HEAD = """# Python: every name
 
@@ -202,10 +203,10 @@ def _is_member(name: str, value: object) -> bool:
 
 
 def entries() -> list[Entry]:
-    """Every function and class of the face, and of `sinan.testing`."""
+    """Every function and class of the face and of `sinan.testing`, and the version, a property of the module."""
     found = [Entry(f"sinan.{name}", getattr(sinan, name)) for name in sinan.__all__ if name != "testing"]
     found += [Entry(f"sinan.testing.{name}", getattr(sinan.testing, name)) for name in sinan.testing.__all__]
-    return found
+    return [*found, Entry("sinan.__version__", property(sinan_version), type(sinan))]
 
 
 def undocumented() -> list[str]:
@@ -244,7 +245,7 @@ def _types() -> str:
 
 def _section(entry: Entry) -> str:
     lines = [f"## `{entry.name}`", ""]
-    if not callable(entry.what):  # the catalogue
+    if not callable(entry.what) and not entry.is_property:  # the catalogue
         return "\n".join([*lines, _prose(inspect.getdoc(type(entry.what)) or ""), ""])
     lines += _described(entry)
     for member in entry.members:

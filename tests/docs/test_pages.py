@@ -149,6 +149,7 @@ def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
 
 def test_every_name_of_the_face_is_on_its_page_with_every_parameter() -> None:
     sections = dict(re.findall(r"^## `([\w.]+)`$(.*?)(?=^## |\Z)", face_page.page(), re.MULTILINE | re.DOTALL))
+    assert "**Type** `str`" in sections["sinan.__version__"]
     for name in sinan.__all__:
         if name == "testing":
             assert {f"sinan.testing.{one}" for one in sinan.testing.__all__} <= set(sections)
