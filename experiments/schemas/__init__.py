@@ -29,5 +29,5 @@ def schema(name: str) -> dict[str, Any]:
 
     if name not in titles():
         raise InputError(name, "no such schema", "one of " + ", ".join(titles()))
-    inner = described(READ[name][1]()) if name in READ else document(name)
+    inner = described(name, READ[name][1]()) if name in READ else document(name)
     return {"$schema": DRAFT, "title": titles()[name], **inner}

@@ -2,7 +2,7 @@
 
 A `Table` notes every key that its reader asks for, with types and bounds, so that a reader that runs over a file with
 every table leaves the schema of all such files behind. What a reader checks besides (keys that exclude one another) is
-not in it. What keys mean is in the last table of `keys.md`, where they are in it.
+not in it. What keys mean is in the last tables of `keys.md`: that of the file, and before it that of what files share.
 """
 
 from __future__ import annotations
@@ -106,25 +106,25 @@ def _numbers(size: int) -> Schema:
     }  # fmt: skip
 
 
-def described(schema: Schema, path: str = "") -> Schema:
-    """The schema with what its keys mean."""
-    for name, inner in schema.get("properties", {}).items():
-        key = f"{path}.{name}" if path else name
-        if meaning := next((said for pattern, said in _meanings() if pattern.fullmatch(key)), ""):
-            inner["description"] = meaning
-        described(inner, key)
+def described(name: str, schema: Schema, path: str = "") -> Schema:
+    """The schema of a file with what its keys mean."""
+    for key, inner in schema.get("properties", {}).items():
+        whole = f"{path}.{key}" if path else key
+        inner["description"] = next((said for pattern, said in _meanings(name) if pattern.fullmatch(whole)), "")
+        described(name, inner, whole)
     for inner in schema.get("anyOf", ()):
-        described(inner, path)
+        described(name, inner, path)
     for inner in (schema.get("items"), schema.get("additionalProperties")):
         if isinstance(inner, dict):
-            described(inner, f"{path}.*")
+            described(name, inner, f"{path}.*")
     return schema
 
 
 @cache
-def _meanings() -> list[tuple[re.Pattern[str], str]]:
-    """The paths of keys, `*` for any name, with what they mean."""
-    text = PAGE.read_text(encoding="utf-8").split(FILES_READ)[1]
+def _meanings(name: str) -> list[tuple[re.Pattern[str], str]]:
+    """The paths of keys, `*` for any name, with what they mean: those of the file itself, then those of several."""
+    shared, *own = re.split(r"^### `(.+)`$", PAGE.read_text(encoding="utf-8").split(FILES_READ)[1], flags=re.MULTILINE)
+    text = dict(zip(own[::2], own[1::2], strict=True))[name] + shared
     said = [(path, meaning) for paths, meaning in rows(text) for path in re.findall(r"`([^`]+)`", paths)]
     return [(re.compile(re.escape(path).replace(r"\*", "[^.]+")), meaning) for path, meaning in said]
 

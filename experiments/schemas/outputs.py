@@ -56,9 +56,9 @@ def document(name: str) -> dict[str, Any]:
 
 
 def _add(schema: dict[str, Any], path: str, kind: str, meaning: str) -> None:
-    """Add one key, and the tables that it is in."""
+    """Add one key, and the tables that it is in: one without a row of its own means what its first key does."""
     for key in path.removesuffix("?").split("."):
-        schema = _below(_object(schema), key, not path.endswith("?"))
+        schema = _below(_object(schema), key, not path.endswith("?"), meaning)
     for word, value in _of(kind).items():
         schema[word] = [*schema.get("type", ()), *value] if word == "type" else value
     schema["description"] = meaning
@@ -72,7 +72,7 @@ def _object(schema: dict[str, Any]) -> dict[str, Any]:
     return schema
 
 
-def _below(schema: dict[str, Any], key: str, required: bool) -> dict[str, Any]:
+def _below(schema: dict[str, Any], key: str, required: bool, meaning: str) -> dict[str, Any]:
     """The schema of a key of a table: `name`, `name[]` for the entries of a list, `*` for any name, `*_rms`."""
     name = key.rstrip("[]")
     if name == "*":
@@ -84,6 +84,7 @@ def _below(schema: dict[str, Any], key: str, required: bool) -> dict[str, Any]:
         if required and name not in schema.get("properties", {}):
             schema.setdefault("required", []).append(name)
         below = schema.setdefault("properties", {}).setdefault(name, {})
+    below.setdefault("description", meaning)
     for _ in range((len(key) - len(name)) // 2):
         if "array" not in below.setdefault("type", []):
             below["type"].append("array")
