@@ -548,6 +548,12 @@ def one_log(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
+def require_files_fit(out: Path) -> None:
+    """What the benchmark keeps in order to go on."""
+    for path in sorted(out.glob("*/*.json")):
+        require_fit(f"blind-measured-{path.parent.name}", json.loads(path.read_text(encoding="utf-8")))
+
+
 def test_benchmark_goes_on_where_it_was_stopped(one_log: list[str], tmp_path: Path) -> None:
     benchmark.run(tmp_path, ["a log"], 8, 4)
     controls, done = benchmark.collected(tmp_path)
@@ -561,6 +567,7 @@ def test_benchmark_goes_on_where_it_was_stopped(one_log: list[str], tmp_path: Pa
     benchmark.run(tmp_path, ["a log"], 8, 4)
     assert benchmark.collected(tmp_path)[1][5] == done[5]
     assert len(one_log) == traced + (done[5]["status"] == PUT)
+    require_files_fit(tmp_path)
 
 
 def test_a_log_without_a_minute_is_told(one_log: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -572,6 +579,7 @@ def test_a_log_without_a_minute_is_told(one_log: list[str], tmp_path: Path, monk
     found = benchmark.collected(tmp_path)[1]
     assert found[0]["status"] == "refused"
     assert "nothing" in page([], found)
+    require_files_fit(tmp_path)
 
 
 def test_an_unknown_log_is_named(tmp_path: Path) -> None:

@@ -16,8 +16,10 @@ from typer.testing import CliRunner
 
 from sinan.calibration.cameras.views import write_corners
 from sinan.experiments.autopilots.parameter_set import ParameterSet
+from sinan.experiments.blind.benchmark import REPORTS, refused
 from sinan.experiments.blind.maker.make import make
 from sinan.experiments.commands.cli import app
+from sinan.experiments.monte_carlo.study import run
 from sinan.experiments.schemas import schema, titles
 from sinan.experiments.student_labs.files import Kind, begin
 from sinan.sensors.errors import InputError
@@ -26,6 +28,7 @@ from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream
 from tests.calibration.test_camera import SIZE, simulated
 from tests.experiments.conftest import require_fit
 from tests.experiments.test_camera import BENT
+from tests.experiments.test_monte_carlo import short
 from tests.experiments.test_student_labs import solve
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -113,6 +116,25 @@ def test_what_blind_recordings_hide_and_how_they_were_graded_fit_their_schemas(t
     for path in answers:
         require_fit("blind-answer", json.loads(path.read_text(encoding="utf-8")))
     require_fit("blind", json.loads((tmp_path / "rates.json").read_text(encoding="utf-8")))
+    (report,) = (tmp_path / REPORTS).glob("*.json")
+    kept = json.loads(report.read_text(encoding="utf-8"))
+    require_fit("blind-reports", kept)
+    assert set(kept["report"]) <= {"cpu_seconds", *schema("trace")["properties"]}
+    require_fit("blind-reports", kept | {"report": refused("no readings")})
+
+
+def test_runs_that_are_kept_fit_their_schemas(tmp_path: Path) -> None:
+    run(short(), 2, workers=1, resume=tmp_path, relinearise=True)
+    plan = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
+    require_fit("montecarlo-plan", plan)
+    kept = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(tmp_path.glob("run-*.json"))]
+    assert len(kept) == 2
+    for one in kept:
+        require_fit("montecarlo-run", one)
+    with pytest.raises(AssertionError, match="seed"):
+        require_fit("montecarlo-plan", {**plan, "seed": "7"})
+    with pytest.raises(AssertionError, match="more"):
+        require_fit("montecarlo-run", {**kept[0], "more": 1})
 
 
 def test_files_of_a_lab_fit_their_schemas(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

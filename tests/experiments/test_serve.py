@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import json
 import os
 import re
 import signal
@@ -18,6 +19,7 @@ import pytest
 from sinan.experiments.serve import jobs
 from sinan.experiments.serve.jobs import DONE, FAILED, WAITING, Job, Limits, Queue, Refused
 from sinan.experiments.serve.server import Server
+from tests.experiments.conftest import require_fit
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 20.0  # s, of what takes one
@@ -208,6 +210,15 @@ def test_upload_is_taken_or_refused_by_its_size(server: Server, short_jobs: Call
     status, body, _ = asked(server, "POST", "/jobs?name=large", b"x" * 1001, X_Sinan=server.secret)
     assert status == 413
     assert "at most" in body
+
+
+def test_list_of_jobs_fits_its_schema(server: Server, short_jobs: Callable[[str], None]) -> None:
+    short_jobs(DIES)
+    job = add(server.queue)
+    waited(lambda: job.state == FAILED)
+    require_fit("serve-jobs", json.loads(asked(server, "GET", "/jobs")[1]))
+    job.state, job.said = DONE, {"verdict": "no_effect", "headline": "No effect."}
+    require_fit("serve-jobs", json.loads(asked(server, "GET", "/jobs")[1]))
 
 
 def test_page_of_a_log_has_no_origin_and_nothing_else_is_served(

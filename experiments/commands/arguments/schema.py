@@ -18,6 +18,6 @@ def schema(
     from sinan.experiments.schemas import schema, titles
 
     if name is None:
-        typer.echo("\n".join(f"{known:16}{title}" for known, title in titles().items()))
+        typer.echo("\n".join(f"{known:26}{title}" for known, title in titles().items()))
     else:
         typer.echo(json.dumps(schema(name), indent=1, ensure_ascii=False))
