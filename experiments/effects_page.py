@@ -107,12 +107,12 @@ def facts(effect: Effect) -> list[tuple[str, str]]:
 
 
 def parameters(effect: Effect) -> str:
-    """Names, units and plausible sizes; parameters that share unit and size together."""
-    groups = groupby(effect.parameters, key=lambda p: (p.unit, p.plausible))
+    """Names, units and plausible sizes, and which are positive; parameters that share all that together."""
+    groups = groupby(effect.parameters, key=lambda p: (p.unit, p.plausible, p.positive))
     field = ", with the field in units of its norm" if effect.in_field_units else ""
     return "; ".join(
-        f"{', '.join(p.name for p in members)} [{unit}], plausible {plausible:g}{field}"
-        for (unit, plausible), members in groups
+        f"{', '.join(p.name for p in members)} [{unit}], plausible {plausible:g}{field}{', positive' * positive}"
+        for (unit, plausible, positive), members in groups
     )
 
 

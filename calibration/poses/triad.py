@@ -269,7 +269,8 @@ def _require_centre(readings: FloatArray, calibrated: FloatArray, where: str) ->
         return float(np.sqrt(np.sum(np.var(e, axis=0))))
 
     if spread(calibrated) < 0.5 * spread(readings):
-        raise InputError(where, "directions too much alike to fix scale and offset", "readings all round the sphere")
+        expected = "readings all round the sphere, or the attitude of each (`sinan lab reference` shows both)"
+        raise InputError(where, "directions too much alike to fix scale and offset", expected)
 
 
 def _of_size(largest: float) -> str:

@@ -325,7 +325,9 @@ class _Path:
 
 
 def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
-    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
+    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model, or whose
+    estimate is now one that cannot be.
+    """
     if len(findings) < 2:
         return fit, findings
     evidence = source.evidence(fit, own_terms_only=True)
@@ -333,6 +335,8 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
         term, dof = finding.term, len(finding.beta)
         if not term.in_mean:
             continue
+        if not term.effect.exists(fit.beta[term]):
+            return _prune(source, fit_without(source, fit, term), [f for f in findings if f.term != term], threshold)
         predicted = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_given(term))
         if evidence.noise_known and log_p_value(_PREDICTED * predicted, dof) < threshold:
             continue  # a refit would not find otherwise

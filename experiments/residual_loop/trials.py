@@ -163,21 +163,37 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
     computed.
     """
     first, *others = trials
-    rivals = list[Trial]()
     for other in others:
-        if not (first[1].term.in_mean and other[1].term.in_mean) or other[1].term.name == first[1].term.name:
-            continue
-        if _are_held_against(source, first, other) and not source.predicts(first[0], other[0], surely=False):
-            if _is_left(source, first, other, threshold):
-                continue
-            if source.predicts(other[0], first[0]):
-                first, other = other, first
-            rivals.append(other)
-        elif 2.0 * (first[1].log_odds - other[1].log_odds) < CONFUSED:
-            rivals.append(other)
+        if _goes_before(source, other, first, threshold):
+            first = other
+    rivals = [one for one in trials if one is not first and _is_as_likely(source, first, one, threshold)]
     same = alike_to(source, {finding.term.name for _, finding in (first, *rivals)})
     rivals += [one for one in trials if one[1].term.name in same]
     return first[0], replace(first[1], rivals=tuple(finding for _, finding in rivals))
+
+
+def _are_for_one_place(first: Trial, other: Trial) -> bool:
+    """Whether two trials are of different effects, either of which could take the place of the other."""
+    return first[1].term.in_mean and other[1].term.in_mean and first[1].term.name != other[1].term.name
+
+
+def _goes_before(source: Source, other: Trial, first: Trial, threshold: float) -> bool:
+    """Whether withheld readings, which can tell two trials apart, are surely predicted better by the other one."""
+    return (
+        _are_for_one_place(first, other)
+        and _are_held_against(source, first, other)
+        and source.predicts(other[0], first[0])
+        and not _is_left(source, first, other, threshold)
+    )
+
+
+def _is_as_likely(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
+    """Whether an effect is a rival of another: not predicted worse by it, or as likely by the odds."""
+    if not _are_for_one_place(first, other):
+        return False
+    if _are_held_against(source, first, other) and not source.predicts(first[0], other[0], surely=False):
+        return not _is_left(source, first, other, threshold)
+    return 2.0 * (first[1].log_odds - other[1].log_odds) < CONFUSED
 
 
 def _why(option: Option, tried: Trial | None, threshold: float) -> str:
@@ -229,7 +245,8 @@ def best_pair(source: Source, fit: Fit, evidence: Evidence, threshold: float) ->
 
 def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     """Refit with one more effect; None where it cannot be: the estimate of one that lasts or is on the IMU is far
-    outside its plausible size, no model follows from it, or hardly a reading is left that could say otherwise.
+    outside its plausible size, or negative where nothing is, no model follows from it, or hardly a reading is left that
+    could say otherwise.
     """
     term = option.term
     try:
@@ -253,6 +270,8 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
         )  # fmt: skip
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
+    if not term.effect.exists(beta):
+        return None
     plausible = evidence.plausible[evidence.columns(term.key)]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None

@@ -69,7 +69,7 @@ EFFECT = Effect(
         "`baro.time_offset` cannot be told from it."
     ),
     source="K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed. (first-order response)",
-    parameters=(Parameter("b", "s", PLAUSIBLE),),
+    parameters=(Parameter("b", "s", PLAUSIBLE, positive=True),),
     needs=("p_n", "v_n"),
     regressor=regressor,
     exact=exact,

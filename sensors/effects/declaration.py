@@ -34,11 +34,19 @@ _DIFFERENCE = 1e-4  # of a plausible size: rounding and curvature both stay belo
 
 @dataclass(frozen=True)
 class Parameter:
-    """One component of beta: its name, its unit, and its standard deviation among instruments on the market."""
+    """One component of beta.
+
+    Attributes
+    ----------
+    name, unit : as in the effect's equation
+    plausible : its standard deviation among instruments on the market, about zero
+    positive : there is none below zero: a time in which a filter settles, the half angle of a cone
+    """
 
     name: str
     unit: str
     plausible: float
+    positive: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,6 +124,15 @@ class Effect:
         beta : (parameters,)
         """
         return bool(self.opposite) and bool(beta[0] < 0.0)
+
+    def exists(self, beta: FloatArray | Sequence[float]) -> bool:
+        """Whether there may be an effect of that size: of positive parameters there is no negative one.
+
+        Parameters
+        ----------
+        beta : (parameters,)
+        """
+        return all(b > 0.0 for b, parameter in zip(beta, self.parameters, strict=True) if parameter.positive)
 
     @property
     def plausible(self) -> FloatArray:

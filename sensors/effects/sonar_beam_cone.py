@@ -40,7 +40,7 @@ EFFECT = Effect(
         "lower bound."
     ),
     source="L. Kleeman, R. Kuc, Sonar sensing, Springer Handbook of Robotics",
-    parameters=(Parameter("half_angle", "rad", PLAUSIBLE),),
+    parameters=(Parameter("half_angle", "rad", PLAUSIBLE, positive=True),),
     needs=("p_n", "q_nb"),
     regressor=regressor,
     exact=exact,

@@ -12,32 +12,31 @@ from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Offered, option_of
-from sinan.experiments.residual_loop.select import _Path
+from sinan.experiments.residual_loop.select import _Path, _prune
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 
-PLAUSIBLE = effect("baro.scale").parameters[0].plausible
-
 
 class Line:
-    """White noise and one candidate, `baro.scale`; size and sigma in plausible sizes, held to zero as in a flight."""
+    """White noise and one candidate; size and sigma in plausible sizes, held to zero as in a flight."""
 
     noise_known, prior_sigma = True, IMPLAUSIBLE
     alike: Sequence[frozenset[str]] = ()
 
-    def __init__(self, size: float, sigma: float, n: int = 400) -> None:
+    def __init__(self, size: float, sigma: float, name: str = "baro.scale", n: int = 400) -> None:
         rng = np.random.default_rng(1)
+        self._name, self._plausible = name, effect(name).parameters[0].plausible
         G = rng.standard_normal(n)
-        self.W = (G / np.linalg.norm(G) / (sigma * PLAUSIBLE))[:, None]
+        self.W = (G / np.linalg.norm(G) / (sigma * self._plausible))[:, None]
         noise = rng.standard_normal(n)
         noise -= self.W[:, 0] * (self.W[:, 0] @ noise) / (self.W[:, 0] @ self.W[:, 0])
-        self.white = self.W[:, 0] * size * PLAUSIBLE + noise
+        self.white = self.W[:, 0] * size * self._plausible + noise
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Least squares with the prior of `FlightPasses`."""
         information = self.W.T @ self.W
-        prior = (IMPLAUSIBLE * PLAUSIBLE) ** -2.0
+        prior = (IMPLAUSIBLE * self._plausible) ** -2.0
         beta = np.linalg.solve(information + prior, self.W.T @ self.white) if terms else np.zeros(1)
         left = self.white - self.W @ beta
         std = 1.0 / np.sqrt(np.diag(information))
@@ -47,7 +46,7 @@ class Line:
         """In ten blocks."""
         parts = list(zip(np.array_split(self.W, 10), np.array_split(cast(FloatArray, fit.detail), 10), strict=True))
         information, score = np.stack([W.T @ W for W, _ in parts]), np.stack([W.T @ left for W, left in parts])
-        return Evidence(("baro.scale",), (1,), information, score, np.full(1, PLAUSIBLE))
+        return Evidence((self._name,), (1,), information, score, np.full(1, self._plausible))
 
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """Nothing is out of sight."""
@@ -58,13 +57,13 @@ class Line:
         return ()
 
 
-def tried(size: float, sigma: float) -> tuple[float | None, dict[str, str]]:
+def tried(size: float, sigma: float, name: str = "baro.scale") -> tuple[float | None, dict[str, str]]:
     """The estimate, in plausible sizes, where it is taken; and why it is not."""
-    source = cast(Source, Line(size, sigma))
+    source = cast(Source, Line(size, sigma, name))
     fit, refused = source.fit(()), dict[str, str]()
-    options = [option_of(statistic_of(source.evidence(fit), "baro.scale"))]
+    options = [option_of(statistic_of(source.evidence(fit), name))]
     found = best_of(source, fit, options, np.log(1e-4), refused, most=3)
-    return (None if found is None else float(found[1].beta[0]) / PLAUSIBLE), refused
+    return (None if found is None else float(found[1].beta[0]) / effect(name).parameters[0].plausible), refused
 
 
 def test_what_holds_an_estimate_to_zero_does_not_make_it_plausible() -> None:
@@ -76,6 +75,32 @@ def test_a_plausible_one_is_taken_as_the_readings_have_it() -> None:
     taken, refused = tried(3.0, 0.3)
     assert taken == pytest.approx(3.0, rel=2e-3)
     assert refused == {}
+
+
+@pytest.mark.parametrize("name", ["baro.lag", "sonar.beam_cone"])
+def test_what_is_positive_is_not_found_negative(name: str) -> None:
+    """A pressure port does not know the height in advance."""
+    assert tried(-2.0, 0.1, name) == (None, {name: IMPOSSIBLE})
+    taken, _ = tried(2.0, 0.1, name)
+    assert taken == pytest.approx(2.0, rel=2e-3)
+
+
+def test_what_turns_negative_given_another_effect_is_dropped() -> None:
+    """Of a lag and a scale together the lag is below zero."""
+    lag, scale = Term("baro.lag"), Term("baro.scale")
+    both = Fit((lag, scale), {lag: -np.ones(1), scale: np.ones(1)}, {}, 0.0, "all", None)
+
+    class Two(Line):
+        def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+            return Fit(tuple(terms), {term: np.ones(1) for term in terms}, {}, 0.0, part, None)
+
+        def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+            return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
+
+    findings = [tried_alone(term.name, 500.0)[1] for term in (lag, scale)]
+    fit, kept = _prune(cast(Source, Two(1.0, 1.0)), both, findings, -9.0)
+    assert fit.terms == (scale,)
+    assert [finding.term for finding in kept] == [scale]
 
 
 class Predicting:

@@ -69,7 +69,9 @@ class Share:
 
     @property
     def is_there(self) -> bool:
-        """Whether withheld readings are predicted better with the effect, and that is no chance of the windows."""
+        """Whether withheld readings are predicted better with the effect, and part of it is there by no chance of the
+        windows: a share of 0, not of one half, is what chance has to be ruled out of.
+        """
         from scipy import stats
 
         n = np.count_nonzero(self.squares)
@@ -160,7 +162,8 @@ class Prediction:
     def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:
         """The fit's effects without what is predicted, to first order, each held to zero by its plausible size.
 
-        Of what lasts without all readings from `first` to `last`, of an interval without those in the windows there.
+        Of what lasts without all readings from `first` to `last` and what of the windows reaches beyond; of an interval
+        without those in the windows.
         """
         state = fit.detail
         assert isinstance(state, Fitted)
@@ -174,15 +177,14 @@ class Prediction:
             V, p = W[np.ix_(rows, columns)], prior[columns]
             return np.asarray(np.linalg.solve(V.T @ V + np.diag(p), V.T @ white[rows] - p * beta[columns]))
 
-        seen = (t < first) | (t >= last)
+        given = np.ones(len(t), dtype=bool)
+        for begin, end in windows:
+            given &= (t < begin) | (t >= end)
         if np.any(lasts):
-            change = step(seen, np.ones(len(beta), dtype=bool), white)[lasts]
+            change = step(given & ((t < first) | (t >= last)), np.ones(len(beta), dtype=bool), white)[lasts]
             white = white - W[:, lasts] @ change
             beta[lasts] += change
         if not np.all(lasts):
-            given = np.ones(len(t), dtype=bool)
-            for begin, end in windows:
-                given &= (t < begin) | (t >= end)
             beta[~lasts] += step(given, ~lasts, white)
         return state.own.at(beta)
 
