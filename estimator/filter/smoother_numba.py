@@ -45,6 +45,72 @@ def _transposed_step(c, r, phi):
         r[j] *= phi[j]
 
 
+def _adjoint(stride):
+    """The compiled M <- Phi' M for a flat M with `stride` columns: its offsets are constants, so that loops fill vector
+    registers.
+    """
+
+    @njit(**_OPTIONS)
+    def transpose(M, columns, c):
+        """`_transposed_step` of the first fifteen rows of each column; what is below them decays for itself."""
+        r0, r1, r2, r3, r4, r5, r6, r7, r8 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
+        j0, j1, j2, j3, j4, j5, j6, j7, j8 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
+        a0, a1, a2, a3, a4, a5, a6, a7, a8 = c[18], c[19], c[20], c[21], c[22], c[23], c[24], c[25], c[26]
+        d0, d1, d2, d3, d4, d5, d6, d7, d8 = c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34], c[35]
+        b0, b1, b2 = c[36] + c[45], c[37] + c[46], c[38] + c[47]
+        b3, b4, b5 = c[39] + c[48], c[40] + c[49], c[41] + c[50]
+        b6, b7, b8 = c[42] + c[51], c[43] + c[52], c[44] + c[53]
+        half = c[54]
+        for j in range(columns):
+            p0, p1, p2 = half * M[j], half * M[stride + j], half * M[2 * stride + j]
+            v0, v1, v2 = M[3 * stride + j], M[4 * stride + j], M[5 * stride + j]
+            w0, w1, w2 = v0 + p0, v1 + p1, v2 + p2
+            n0 = M[6 * stride + j] - d0 * w0 - d3 * w1 - d6 * w2
+            n1 = M[7 * stride + j] - d1 * w0 - d4 * w1 - d7 * w2
+            n2 = M[8 * stride + j] - d2 * w0 - d5 * w1 - d8 * w2
+            M[3 * stride + j], M[4 * stride + j], M[5 * stride + j] = v0 + 2.0 * p0, v1 + 2.0 * p1, v2 + 2.0 * p2
+            M[6 * stride + j] = r0 * n0 + r3 * n1 + r6 * n2 - a0 * w0 - a3 * w1 - a6 * w2
+            M[7 * stride + j] = r1 * n0 + r4 * n1 + r7 * n2 - a1 * w0 - a4 * w1 - a7 * w2
+            M[8 * stride + j] = r2 * n0 + r5 * n1 + r8 * n2 - a2 * w0 - a5 * w1 - a8 * w2
+            M[9 * stride + j] -= b0 * w0 + b3 * w1 + b6 * w2
+            M[10 * stride + j] -= b1 * w0 + b4 * w1 + b7 * w2
+            M[11 * stride + j] -= b2 * w0 + b5 * w1 + b8 * w2
+            M[12 * stride + j] -= j0 * n0 + j3 * n1 + j6 * n2
+            M[13 * stride + j] -= j1 * n0 + j4 * n1 + j7 * n2
+            M[14 * stride + j] -= j2 * n0 + j5 * n1 + j8 * n2
+
+    return transpose
+
+
+#: Columns of the block in which position, velocity, attitude and the IMU's biases meet: fifteen, to fill registers.
+_BLOCK = 16
+_adjoint_G, _adjoint_block = _adjoint(CAP), _adjoint(_BLOCK)
+
+
+@njit(**_OPTIONS)
+def _adjoint_step(c, G, block, phi, states):
+    """G <- Phi' G Phi for a symmetric flat G, both triangles equal."""
+    _adjoint_G(G, states, c)
+    for i in range(15):
+        for j in range(15):
+            block[_BLOCK * j + i] = G[CAP * i + j]
+    _adjoint_block(block, 15, c)
+    for i in range(15):
+        for j in range(15):
+            G[CAP * i + j] = block[_BLOCK * min(i, j) + max(i, j)]
+    for i in range(15, states):
+        if phi[i] != 1.0:
+            for j in range(15):
+                G[CAP * j + i] *= phi[i]
+            for j in range(15, states):
+                G[CAP * i + j] *= phi[i]
+            for j in range(15, states):
+                G[CAP * j + i] *= phi[i]
+    for i in range(15, states):
+        for j in range(15):
+            G[CAP * i + j] = G[CAP * j + i]
+
+
 @njit(**_OPTIONS)
 def _step(c, d, phi):
     """d <- Phi d."""
@@ -185,7 +251,7 @@ def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
 @njit(**_OPTIONS)
 def backward_scores(trail, row, out, used, tail, world, r, G, by):
     """Carry r, d log L / dx, and G, d log L / dP, from the end of the stretch to its start, and write down what they
-    say of every noise on the way; derived in `estimator.evidence.level_scores`.
+    say of every noise on the way; derived in `estimator.evidence.level_scores`. G is symmetric, and flat.
 
     H here is L^-1 H and U = L^-1 H P, with L L' = S / weight; `tail` of each reading, 0: its law is normal.
     """
@@ -198,7 +264,7 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
         m_max = max(m_max, row[k + 1] - row[k])
     y, Ur, Hy = np.zeros(m_max), np.zeros(m_max), np.zeros(CAP)
     L, inverse, own = np.zeros((m_max, m_max)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
-    UG, UGU = np.zeros((m_max, CAP)), np.zeros((m_max, m_max))
+    UG, UGU, block = np.zeros((m_max, CAP)), np.zeros((m_max, m_max)), np.zeros(15 * _BLOCK)
     k, s, i = len(step_of_event) - 1, len(steps), len(step_of_imu) - 2
     while True:
         while k >= 0 and step_of_event[k] == s:
@@ -214,9 +280,7 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
                 y[a], Ur[a] = np.sqrt(weight) * out.white[first + a], 0.0
                 for j in range(states):
                     Ur[a] += U[first + a, j] * r[j]
-                    UG[a, j] = 0.0
-                    for n in range(states):
-                        UG[a, j] += U[first + a, n] * G[n, j]
+                _row_times(a, U[first + a], G, states, UG)
                 for b in range(m):
                     UGU[a, b] = 0.0
                     for j in range(states):
@@ -240,25 +304,23 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
             for a in range(m):  # G <- (1 - H'U) G (1 - U'H), one side after the other: what cancels does so once
                 for j in range(states):
                     for n in range(states):
-                        G[j, n] -= UG[a, j] * H[first + a, n]
+                        G[CAP * j + n] -= UG[a, j] * H[first + a, n]
             for a in range(m):
-                for n in range(states):
-                    value = 0.0
-                    for j in range(states):
-                        value += U[first + a, j] * G[j, n]
-                    for b in range(m):
-                        value -= (own[a, b] + (1.0 - weight) * UGU[a, b]) / weight * H[first + b, n]
-                    UG[a, n] = value
+                _row_times(a, U[first + a], G, states, UG)
+                for b in range(m):
+                    also = (own[a, b] + (1.0 - weight) * UGU[a, b]) / weight
+                    for n in range(states):
+                        UG[a, n] -= also * H[first + b, n]
             Hy[:] = 0.0
             for a in range(m):
                 for j in range(states):
                     Hy[j] += H[first + a, j] * y[a]
                     for n in range(states):
-                        G[j, n] -= H[first + a, j] * UG[a, n]
+                        G[CAP * j + n] -= H[first + a, j] * UG[a, n]
             for j in range(states):
                 for n in range(j + 1):
-                    G[j, n] = 0.5 * (G[j, n] + G[n, j] + r[j] * Hy[n] + Hy[j] * r[n])
-                    G[n, j] = G[j, n]
+                    both = 0.5 * (G[CAP * j + n] + G[CAP * n + j] + r[j] * Hy[n] + Hy[j] * r[n])
+                    G[CAP * j + n], G[CAP * n + j] = both, both
             for a in range(m):
                 for j in range(states):
                     r[j] += H[first + a, j] * (share * y[a] - Ur[a])
@@ -271,27 +333,22 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
         h = steps[s, 55]
         _decay_over(h, states, world, phi, q)
         for j in range(3):
-            by.q_gyro[i] += h * G[6 + j, 6 + j]
+            by.q_gyro[i] += h * G[(CAP + 1) * (6 + j)]
             if translation:
-                by.q_accel[i] += h * (G[3 + j, 3 + j] + h * G[j, 3 + j] + h * h / 3.0 * G[j, j])
+                with_v = G[(CAP + 1) * (3 + j)] + h * G[CAP * j + 3 + j]
+                by.q_accel[i] += h * (with_v + h * h / 3.0 * G[(CAP + 1) * j])
         for j in range(9, 15):
-            by.bias[j] += walk2[j] * h * G[j, j]
+            by.bias[j] += walk2[j] * h * G[(CAP + 1) * j]
         for j in range(15, states):
-            by.bias[j] += q[j] * G[j, j]
+            by.bias[j] += q[j] * G[(CAP + 1) * j]
         for c in range(len(trail.coloured)):
             j = trail.coloured[c]
-            value = -0.5 * walk2[j] / world.rate[j] * G[j, j]
+            value = -0.5 * walk2[j] / world.rate[j] * G[(CAP + 1) * j]
             for n in range(states):
-                value += G[j, n] * trail.after[s, c, n + 1]
+                value += G[CAP * j + n] * trail.after[s, c, n + 1]
             by.time[j] += h * world.rate[j] * (r[j] * trail.after[s, c, 0] + 2.0 * value)
         _transposed_step(steps[s], r, phi)
-        for j in range(states):
-            _transposed_step(steps[s], G[j], phi)
-        for j in range(states):
-            for n in range(j):
-                G[j, n], G[n, j] = G[n, j], G[j, n]
-        for j in range(states):
-            _transposed_step(steps[s], G[j], phi)
+        _adjoint_step(steps[s], G, block, phi, states)
 
 
 @njit(**_OPTIONS)
@@ -311,11 +368,21 @@ def _inverse_factor(m, weight, S, at, L, inverse):
 
 
 @njit(**_OPTIONS)
-def _turn_both(J, N, states):
-    """N <- J' N J on the attitude block."""
+def _row_times(a, u, G, states, out):
+    """out[a] <- u G, G flat."""
     for j in range(states):
-        _turned(J, N[j], True)
+        out[a, j] = 0.0
+    for n in range(states):
+        for j in range(states):
+            out[a, j] += u[n] * G[CAP * n + j]
+
+
+@njit(**_OPTIONS)
+def _turn_both(J, G, states):
+    """G <- J' G J on the attitude block of a flat G."""
     for j in range(states):
-        a, b, c = N[6, j], N[7, j], N[8, j]
+        _turned(J, G[CAP * j : CAP * (j + 1)], True)
+    for j in range(states):
+        a, b, c = G[6 * CAP + j], G[7 * CAP + j], G[8 * CAP + j]
         for i in range(3):
-            N[6 + i, j] = J[i] * a + J[3 + i] * b + J[6 + i] * c
+            G[(6 + i) * CAP + j] = J[i] * a + J[3 + i] * b + J[6 + i] * c
