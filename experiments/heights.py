@@ -15,7 +15,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.laser import scan_height
 from sinan.sensors.motion import Motion
 from sinan.sensors.ranging import tilt_compensated_height
-from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.recording import Recording, Stream, tells_height
 from sinan.sensors.rotation import cos_tilt, rpy_from_quaternion
 
 HEIGHT_SENSORS = ("sonar", "laser", "baro", "gps")
@@ -132,7 +132,9 @@ def _column(recording: Recording, name: str) -> str:
     """The column that holds a height or a range; empty: there is none."""
     stream = recording.streams.get(name)
     columns = {"baro": ("height",), "gps": ("down",)}.get(name, ("range", "range_0"))
-    return "" if stream is None else next((column for column in columns if column in stream), "")
+    if stream is None or (name == "gps" and not np.all(tells_height(stream))):
+        return ""
+    return next((column for column in columns if column in stream), "")
 
 
 def _course(recording: Recording, name: str, motion: Motion | None) -> HeightCourse:

@@ -23,6 +23,8 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 #: What a receiver says of its own fix: 1-sigma of the position, horizontal and down [m], and of the velocity [m/s] (a
 #: standard deviation, whatever the name says: it is PX4's); dilutions of precision; satellites used.
 FIX_QUALITY = ("eph", "epv", "s_variance", "hdop", "vdop", "pdop", "satellites")
+#: `epv` of a fix in two dimensions, which tells no height [m]: no height on the Earth is known worse beforehand.
+NO_HEIGHT = 1e4
 
 #: The columns that a stream must have; where several alternatives exist, one of them.
 REQUIRED_COLUMNS: Mapping[str, tuple[tuple[str, ...], ...]] = BySensor(
@@ -278,6 +280,16 @@ class Recording:
         changes : attributes by name
         """
         return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def tells_height(fixes: Stream) -> BoolArray:
+    """(n,) whether a fix has three dimensions, by the receiver's own word.
+
+    Parameters
+    ----------
+    fixes : of a receiver; without `epv` all have
+    """
+    return fixes["epv"] < NO_HEIGHT if "epv" in fixes else np.ones(len(fixes), dtype=bool)
 
 
 def check_stream(where: str | Path, name: str, stream: Stream) -> None:

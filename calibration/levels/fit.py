@@ -68,6 +68,9 @@ SAME_ZERO = 0.5
 #: Steps of the search for a lateness, in those of the IMU, and of the first one in its spread; rounds of times and
 #: sizes.
 WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 6
+#: Lateness of a compass, median and spread [s]: autopilots' filters take 0 (PX4's `EKF2_MAG_DELAY`, which may be 0.3)
+#: and 0.06 (ArduPilot's `magDelay_ms`), one spread on either side.
+LATE_COMPASS = 0.03, 0.03
 #: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
 PARTS = 64
 
@@ -200,7 +203,7 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
             Size("mag", "colour_time", 3.0, 0.7),
             Size("mag", "bias_std", iron * norm, 0.7),
             Size("stamps", "mag", STAMP_STD, 1.0),
-            Size("latency", "mag", 0.01, 0.01, linear=True),
+            Size("latency", "mag", *LATE_COMPASS, linear=True),
         ]
     for entry in sensors():
         if entry.levels and entry.name in streams:

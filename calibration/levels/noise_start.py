@@ -9,7 +9,7 @@ from sinan.calibration.poses.segments import still_rows
 from sinan.estimator.filter.events import gives_place, own_readings, position_of
 from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording
+from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import sensor, where
 from sinan.sensors.rounding import rounding_of_places, rounding_variance
 
@@ -114,7 +114,7 @@ def datum(recording: Recording, name: str) -> float:
     Neglects the tilt at the first reading.
     """
     seen = [other for other in height_sensors() if other in recording.streams and sensor(other).kernel == "range"]
-    if "gps" in recording.streams:
+    if "gps" in recording.streams and tells_height(recording.streams["gps"])[0]:
         down = float(position_of(recording, "gps")[0, 2])
     elif seen:
         down = _first_down(recording, min(seen, key=lambda other: sensor(other).height_turn))

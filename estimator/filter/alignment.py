@@ -18,7 +18,7 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.rotation import (
     cross,
@@ -234,19 +234,21 @@ def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q:
 
 def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Position [m] and its 1-sigma from the first GPS fix, else the first height; a range's with the first tilt."""
+    from sinan.estimator.filter.events import readings
+
     p, sigma = np.zeros(3), np.full(3, UNKNOWN_POSITION)
     model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors:
         stream, gps = streams["gps"], model.sensors["gps"]
         waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
         spread = np.hypot(np.sqrt(gps.R[0, 0]), 0.0 if gps.bias is None else gps.bias.std)
-        return stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
+        p, sigma = stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
+        if tells_height(stream)[0]:
+            return p, sigma
     heights = [sensor(name) for name in model.sensors if is_sensor(name)]
     for entry in sorted(heights, key=lambda entry: entry.height_turn):
         if entry.height is None:
             continue
-        from sinan.estimator.filter.events import readings
-
         instrument = model.sensors[entry.name]
         first = readings(flight, entry.name)[0][:1]
         roll, pitch, _ = rpy_from_quaternion(q_nb[None]).T

@@ -13,7 +13,7 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.atmosphere import height_from_pressure
 from sinan.sensors.bounds import RATE
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, NO_HEIGHT, POSITION, VELOCITY, Recording, Stream, tells_height
 from sinan.sensors.registry import is_sensor, sensor
 
 #: What became of a reading.
@@ -142,6 +142,8 @@ def variances(flight: Flight, name: str) -> FloatArray:
     r = np.tile(np.diag(model.sensors[name].R), (len(stamps(flight, name)), 1))
     if name == "mag" and model.stamp_std > 0.0:
         r += stamp_variances(flight)[:, None]
+    if name == "gps":
+        r[~tells_height(flight.recording.streams[name]), 2] = NO_HEIGHT**2
     if name in model.rounding:
         r += model.rounding[name][: r.shape[1]]
     return r

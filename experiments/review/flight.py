@@ -17,7 +17,7 @@ from sinan.experiments.review.curves import vector_curves as vector
 from sinan.experiments.review.readings import readings_section, vibration_section
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording
+from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Recording, tells_height
 from sinan.sensors.rotation import rpy_from_quaternion
 
 #: A normal innovation is outside in one case of twenty.
@@ -125,7 +125,9 @@ def _heights(flown: Flown) -> Iterator[Curve]:
     yield Curve("filter", *broken(flown.t, height))
     streams = flown.recording.streams
     if "gps" in streams and "down" in streams["gps"]:
-        yield Curve("GPS", streams["gps"].t, -streams["gps"]["down"], DOTS, 1)
+        fixes = streams["gps"].rows(tells_height(streams["gps"]))
+        if len(fixes):
+            yield Curve("GPS", fixes.t, -fixes["down"], DOTS, 1)
     for k, (name, column) in enumerate((("baro", "height"), ("sonar", "range"), ("laser", "range")), 2):
         if name in streams and column in streams[name] and len(streams[name]):
             stream = streams[name]

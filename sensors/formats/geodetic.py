@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import GEODETIC, POSITION, Stream
+from sinan.sensors.recording import GEODETIC, NO_HEIGHT, POSITION, Stream
 
 Origin = tuple[float, float, float]
 
@@ -22,7 +22,8 @@ def to_ned(
     Parameters
     ----------
     where : of the recording, for messages
-    streams : by name; latitude, longitude in deg, height in m above the ellipsoid
+    streams : by name; latitude, longitude in deg, height in m above the ellipsoid; a GPS without heights is taken to be
+        at that of the origin, its fixes marked by `epv` as such that tell none
     origin : of the NED frame; None: the first fix of `gps`, else of `base`
 
     Returns
@@ -38,6 +39,11 @@ def to_ned(
     changed, notes = dict(streams), []
     for name in ("gps", "base"):
         stream = streams.get(name)
+        if stream is not None and name == "gps" and stream.has(GEODETIC[:2]) and "height" not in stream:
+            level = np.full(len(stream), 0.0 if origin is None else origin[2])
+            epv = np.full(len(stream), NO_HEIGHT)
+            stream = Stream(stream.t, {**stream.columns, "height": level, "epv": epv})
+            notes.append("gps: the log has no height of the receiver's: its fixes are those of latitude and longitude")
         if stream is None or not stream.has(GEODETIC) or stream.has(POSITION) or len(stream) == 0:
             continue
         lla = stream.array(GEODETIC)

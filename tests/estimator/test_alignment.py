@@ -18,7 +18,7 @@ from sinan.estimator.filter.layout import B_ACCEL, B_GYRO, DTHETA, P_N, Q_NB, St
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios import load_scenario
-from sinan.sensors.recording import ACCEL, GYRO, MAG, Initial, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, Initial, Stream
 from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_rpy,
@@ -83,6 +83,26 @@ def test_without_a_declared_start_the_filter_finds_its_way() -> None:
     journal = run_filter(Flight(recording, model), engine="numba")
     error = model.layout.difference(truth[-1:], journal.x_end[None])[0]
     assert np.max(np.abs(error) / np.sqrt(np.diag(journal.P_end))) < 5.0
+
+
+def test_a_fix_in_two_dimensions_leaves_the_height_to_the_barometer() -> None:
+    """Whatever stands in the place of the height: north and east are those of the whole fix, both engines the same."""
+    recording, truth = fly(2, duration=30.0, sensors=("gps", "mag", "baro"))
+    gps = recording.streams["gps"]
+    ends = []
+    for down in (0.0, 500.0):
+        flat = Stream(gps.t, {**gps.columns, "down": np.full(len(gps), down), "epv": np.full(len(gps), NO_HEIGHT)})
+        without = recording.replace(initial=Initial(), streams={**recording.streams, "gps": flat})
+        model = flight_model(without)
+        x, P = first_state(Flight(without, model))
+        assert x[2] == pytest.approx(truth[0, 2], abs=5.0 * np.sqrt(P[2, 2]))
+        journals = [run_filter(Flight(without, model), engine=engine) for engine in ("numba", "filterpy")]
+        np.testing.assert_allclose(journals[0].x_end, journals[1].x_end, rtol=1e-7, atol=1e-9)
+        error = model.layout.difference(truth[-1:], journals[0].x_end[None])[0]
+        assert np.max(np.abs(error) / np.sqrt(np.diag(journals[0].P_end))) < 5.0
+        assert journals[0].P_end[2, 2] > 3.0 * journals[0].P_end[0, 0]
+        ends.append(journals[0].x_end)
+    assert ends[0] == pytest.approx(ends[1], abs=0.02)
 
 
 def test_field_of_a_log_has_the_dip_of_the_field() -> None:

@@ -11,7 +11,7 @@ import scipy.io
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
-from sinan.sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording
+from sinan.sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording, tells_height
 
 ROUNDING = 1e-12
 TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"
@@ -303,6 +303,24 @@ spin = 4
     assert baro["height"][0] == pytest.approx(110.9, abs=0.1)  # ISO 2533: 1000 hPa
     assert recording.streams["motors"]["motor_2"][0] == pytest.approx(0.002)
     assert recording.streams["motors"]["spin"][0] == 1.0
+
+
+def test_fixes_without_a_height_say_so(tmp_path: Path) -> None:
+    """Latitude and longitude alone: the height that an estimate needs is another sensor's."""
+    rules = (
+        IMU
+        + """
+[streams.gps]
+time = { column = 1, unit = "ms" }
+latitude = { columns = 5, unit = "1e-7 deg" }
+longitude = { columns = 6, unit = "1e-7 deg" }
+"""
+    )
+    recording = read(tmp_path, rules)
+    gps = recording.streams["gps"]
+    assert gps.has(("north", "east", "down"))
+    assert not np.any(tells_height(gps))
+    assert any("no height" in note for note in recording.notes)
 
 
 def test_reference_is_apart(tmp_path: Path) -> None:
