@@ -29,7 +29,7 @@ from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import ALIGNING, first_state
 from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
-from sinan.estimator.filter.events import stamp_variances
+from sinan.estimator.filter.events import stamp_variances, white_shares
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import InStep, Upset
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
@@ -489,9 +489,12 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
         k = np.flatnonzero(events.sensor == events.sensors.index(name))
         width = model.sensors[name].size
         columns = np.arange(width)[_ROWS.get(size.key, slice(None))] if name == "gps" else np.arange(width)
-        grown = stamp_variances(inputs.flight)[events.index[k]] if size.sensor == "stamps" else levels.value(size) ** 2
+        if size.sensor == "stamps":
+            grown = stamp_variances(inputs.flight)[:, None]
+        else:
+            grown = levels.value(size) ** 2 * white_shares(inputs.flight, name)[:, columns]
         of_reading = np.zeros(len(events))
-        of_reading[k] = grown * np.sum(scores.r[events.row[k][:, None] + columns], axis=1)
+        of_reading[k] = np.sum(grown[events.index[k]] * scores.r[events.row[k][:, None] + columns], axis=1)
         return 2.0 * sums_from(of_reading, scores.first_reading)
     if size.key == "colour_time":
         blocks = [block for block in (f"c_{size.sensor}", f"c_{size.sensor}_velocity") if layout.has(block)]

@@ -234,12 +234,9 @@ def _of_play(stream: str, spread: float) -> Effect:
 
 def play(x: FloatArray, half: float) -> FloatArray:
     """(n,) what follows x with a play of that half width."""
-    out = np.empty_like(x)
-    state = float(x[0])
-    for k, value in enumerate(x.tolist()):
-        state = min(max(state, value - half), value + half)
-        out[k] = state
-    return out
+    from sinan.estimator.evidence.play_numba import follow
+
+    return np.asarray(follow(np.ascontiguousarray(x), half))
 
 
 def is_probe(name: str) -> bool:

@@ -139,7 +139,7 @@ def stamps(flight: Flight, name: str) -> FloatArray:
 def variances(flight: Flight, name: str) -> FloatArray:
     """(k, m) variances of the white noise of each reading of one sensor, of a magnetometer also `stamp_variances`."""
     model = flight.model
-    r = np.tile(np.diag(model.sensors[name].R), (len(stamps(flight, name)), 1))
+    r = np.diag(model.sensors[name].R) * white_shares(flight, name)
     if name == "mag" and model.stamp_std > 0.0:
         r += stamp_variances(flight)[:, None]
     if name == "gps":
@@ -147,6 +147,29 @@ def variances(flight: Flight, name: str) -> FloatArray:
     if name in model.rounding:
         r += model.rounding[name][: r.shape[1]]
     return r
+
+
+def white_shares(flight: Flight, name: str) -> FloatArray:
+    """(k, m) variance of the white noise of each reading over that of the level.
+
+    Of a receiver whose noise nobody declared it goes with what it says of each fix itself (`eph`, `epv`, `s_variance`):
+    the level is that of the median, and a fix without fixed ambiguities, or behind a house, counts less by its own
+    word.
+    """
+    model = flight.model
+    shares = np.ones((len(stamps(flight, name)), model.sensors[name].size))
+    if name == "gps" and name in model.rounding:
+        fixes = flight.recording.streams[name]
+        for said, columns in _SAID_OF:
+            accuracy = fixes[said] if said in fixes else np.zeros(len(fixes))
+            known = (accuracy > 0.0) & (accuracy < NO_HEIGHT)
+            if np.any(known):
+                shares[known, columns] = (accuracy[known, None] / np.median(accuracy[known])) ** 2
+    return shares
+
+
+#: Components of a fix, of which a receiver says how well it knows them.
+_SAID_OF = (("eph", slice(0, 2)), ("epv", slice(2, 3)), ("s_variance", slice(3, 6)))
 
 
 def stamp_variances(flight: Flight) -> FloatArray:

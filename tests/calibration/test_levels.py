@@ -18,7 +18,7 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
-from sinan.sensors.recording import MAG, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, Stream
 from tests.estimator.analytic_flight import fly
 
 #: A size from a minute of readings.
@@ -57,7 +57,16 @@ def rough(bare: Recording) -> Recording:
     return bare.replace(streams=streams)
 
 
-@pytest.mark.parametrize("log", ["bare", "rough"])
+@pytest.fixture(scope="module")
+def said(bare: Recording) -> Recording:
+    """The same with what the receiver says of each fix, from half to twice the usual, and with fixes of no height."""
+    rng, gps = np.random.default_rng(13), bare.streams["gps"]
+    quality = {name: rng.uniform(0.5, 2.0, len(gps)) for name in ("eph", "epv", "s_variance")}
+    quality["epv"][::10] = NO_HEIGHT
+    return bare.replace(streams={**bare.streams, "gps": Stream(gps.t, {**gps.columns, **quality})})
+
+
+@pytest.mark.parametrize("log", ["bare", "rough", "said"])
 def test_the_gradient_is_that_of_the_posterior(
     log: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from sinan.estimator.evidence.consistency import chi_square, nees
 from sinan.estimator.filter.alignment import align, attitude_from_vectors, first_state
 from sinan.estimator.filter.engine import choose_engine
+from sinan.estimator.filter.events import variances, white_shares
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
@@ -156,3 +157,20 @@ def test_the_first_height_is_that_of_a_leaning_body(name: str, declared: bool) -
     recording = recording.replace(initial=initial)
     x, _ = first_state(Flight.of(recording))
     assert x[2] == pytest.approx(-5.0, abs=0.15)  # 0.02 rad of the declared attitude across the outer beam
+
+
+def test_a_receiver_says_itself_how_well_it_knows_a_fix() -> None:
+    """Where nobody declares its noise: ten times the median makes a hundred times the variance, on its own axes."""
+    recording, _ = fly(2, duration=10.0, sensors=("gps", "mag", "baro"))
+    gps = recording.streams["gps"]
+    eph, s_variance = np.full(len(gps), 0.4), np.full(len(gps), 0.1)
+    eph[5], s_variance[7], eph[9] = 4.0, 0.05, 0.0  # of the last it says nothing
+    told = Stream(gps.t, {**gps.columns, "eph": eph, "s_variance": s_variance})
+    recording = recording.replace(streams={**recording.streams, "gps": told})
+    for rounding, shares in (({"gps": np.zeros(6)}, (100.0, 0.25)), ({}, (1.0, 1.0))):
+        flight = Flight(recording, flight_model(recording, rounding=rounding))
+        expected = np.ones((len(gps), 6))
+        expected[5, :2], expected[7, 3:] = shares
+        np.testing.assert_allclose(white_shares(flight, "gps"), expected)
+        level = np.diag(flight.model.sensors["gps"].R)
+        np.testing.assert_allclose(variances(flight, "gps"), level * expected)
