@@ -347,6 +347,22 @@ def test_a_trial_that_leads_to_no_number_is_refused(monkeypatch: pytest.MonkeyPa
         source.fit([Term("mag.current")])
 
 
+@pytest.mark.parametrize("first", [np.nan, np.inf, -1e4])
+def test_a_plain_model_without_a_likelihood_is_refused_and_one_that_loses_it_is_the_one_before(
+    first: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the first pass has of it; the second has none."""
+    flight = Flight.of(shortened(flown("hover", 3)[0], 5.0))
+    values = [first, np.nan]
+    monkeypatch.setattr(FlightPasses, "deviance", lambda *_: values.pop(0))
+    if np.isfinite(first):
+        assert np.all(np.isfinite(FlightPasses(flight).plain_motion.p_n))
+        assert values == []
+    else:
+        with pytest.raises(InputError, match="a fit that does not converge"):
+            FlightPasses(flight)
+
+
 def shortened(recording: Recording, seconds: float) -> Recording:
     """The beginning of a flight."""
     return recording.replace(streams={n: s.rows(s.t < s.t[0] + seconds) for n, s in recording.streams.items()})

@@ -40,26 +40,27 @@ _SETTLED = 0.05
 #: So has the plain model when a pass gains no more than this of -2 log L, and a fit whose step fails though no more
 #: than this was predicted of it: bound of work (`bounds_of_work brief`).
 _SETTLED_DEVIANCE = 1.0
-#: Two deviances that differ by less are those of one and the same likelihood; where they cease to be alike is found to
-#: this share.
+#: Two deviances that differ by less are those of one and the same likelihood, and the share to which it is found where
+#: they cease to be alike: bound of work (`bounds_of_work brief`).
 _ALIKE, _BOUND_KNOWN = 0.1, 0.02
-#: An effect whose loss the derivative predicts to cost less of -2 log L may have a size that no derivative sees; it
-#: has none where its loss costs no more than that.
+#: An effect whose loss the derivative predicts to cost less of -2 log L than 3^2 = 9, three sigma of one parameter, may
+#: have a size that no derivative sees; it has none where its loss costs no more than that.
 _HARDLY = 9.0
 #: What a size that may be a bound is multiplied by to see whether the readings change. Above a bound all sizes do the
-#: same, so that any factor shows it that exceeds what `_BOUND_KNOWN` leaves open.
+#: same, so that any factor shows it that exceeds 1 + 0.02, what `_BOUND_KNOWN` leaves open.
 _LARGER = 1.5
-#: Shares of the plausible size by which a first step is limited: the regressors hold along the motion of the last pass.
+#: Plausible sizes by which a step is limited, since the regressors hold along the motion of the last pass: bound of
+#: work (`bounds_of_work brief`).
 _LONGEST_STEP = 20.0
-#: Sigma of the start over that which all readings leave of the first attitude: it adds a 25th to what they know.
+#: Sigma of the start over that which all readings leave of the first attitude: it adds 1 / 5^2 = 4 % to what they know.
 _TIMES_KNOWN = 5.0
 #: 1-sigma of an attitude found from the first readings beyond which it is started from as it is [rad]: the
 #: vertical force is then off by g theta^2 / 2 = 0.2 m/s^2, of second order, and so is what a pass about it says.
 _WIDE_START = 0.2
-#: Declared 1-sigma of the first attitude up to which its heading is kept: forces along the ground turn with it, to 1 %
-#: of second order at that sigma [rad].
+#: Declared 1-sigma of the first attitude up to which its heading is kept: forces along the ground turn with it, and
+#: 1 - cos(0.1) = 0.5 % of them are of second order at that sigma [rad].
 _LINEAR_HEADING = 0.1
-#: Declared 1-sigma of the first attitude from which on its square matters: two sigma are 2 mm/s^2 [rad].
+#: Declared 1-sigma of the first attitude from which on its square matters: of two sigma g theta^2 / 2 = 2 mm/s^2 [rad].
 _SECOND_ORDER = 0.01
 
 
@@ -310,7 +311,7 @@ class FlightPasses:
 
     def _settled(self, motion: Motion) -> Motion:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""
-        best = np.inf
+        best, settled = np.inf, motion
         for _ in range(_MOST_STEPS):
             along = self.along(Terms(), motion)
             journal, _ = self.run([], along)
@@ -319,6 +320,7 @@ class FlightPasses:
                 break
             best, settled = deviance, motion
             motion = self.follow(journal, along)
+        self._require_numbers(best)
         return settled
 
     def _prior(self, effects: Sequence[Effect]) -> FloatArray:
