@@ -79,28 +79,32 @@ def solved(
     ranges = usable_ranges(observation, messages, letters, code)
     mask = math.radians(mask_deg)
     truth = known_positions(ranges, position, reference)
-    full = locate(ranges, mask=mask)
-    if not full.fixes.solved.any():
-        raise InputError(
-            observation, reasons(full), "an epoch with four satellites above the mask, or one more a system"
-        )
-    found = trace_ranges(ranges, mask, alpha, truth)
-    first = locate(ranges, mask=mask, excluded=found.faulty)
-    noise = fitted(first)
-    final = locate(ranges, mask=mask, excluded=found.faulty, noise=noise)
+    require_a_fix(observation, locate(ranges, mask=mask))
+    traced, final = entries(ranges, mask, trace_ranges(ranges, mask, alpha, truth), truth)
     report: Report = {
         "format": 1,
         "recording": Path(observation).name,
         "alpha": alpha,
-        "epochs": int(final.fixes.solved.sum()),
         "systems": [SYSTEM_NAMES[letter] for letter in letters],
         "code": code,
         "mask_deg": mask_deg,
-        "reference": "the position given"
-        if position is not None
-        else None
-        if reference is None
-        else Path(reference).name,
+        "reference": reference_name(position, reference),
+        **traced,
+    }
+    if base is not None and base_position is not None:
+        at_base, place = usable_ranges(base, messages, letters, code), np.asarray(base_position, dtype=np.float64)
+        entry = dgps_entry(differential(ranges, at_base, place, messages, mask, over), truth, place)
+        report["dgps"] = {**entry, "link": None if over is None else asdict(over)}
+    return finite(report), final  # type: ignore[return-value]
+
+
+def entries(ranges: Pseudoranges, mask: float, found: RangeTrace, truth: FloatArray | None) -> tuple[Report, Location]:
+    """What a trace found, as the report says it, and the fixes of the full model."""
+    first = locate(ranges, mask=mask, excluded=found.faulty)
+    noise = fitted(first)
+    final = locate(ranges, mask=mask, excluded=found.faulty, noise=noise)
+    report: Report = {
+        "epochs": int(final.fixes.solved.sum()),
         "verdict": found.verdict,
         "effects": [effect_entry(called) for called in found.called],
         "rolled_back": list(found.rolled_back),
@@ -112,12 +116,22 @@ def solved(
         "excluded": excluded(final, found),
         "journal": journal(ranges, final),
     }
-    if base is not None and base_position is not None:
-        at_base = usable_ranges(base, messages, letters, code)
-        result = differential(ranges, at_base, np.asarray(base_position, dtype=np.float64), messages, mask, over)
-        report["dgps"] = dgps_entry(result, truth, np.asarray(base_position, dtype=np.float64))
-        report["dgps"]["link"] = None if over is None else asdict(over)  # type: ignore[index]
-    return finite(report), final  # type: ignore[return-value]
+    return report, final
+
+
+def require_a_fix(observation: Path | str, location: Location) -> None:
+    """Raise where no epoch has a solution."""
+    if not location.fixes.solved.any():
+        raise InputError(
+            observation, reasons(location), "an epoch with four satellites above the mask, or one more a system"
+        )
+
+
+def reference_name(position: Sequence[float] | None, reference: Path | str | None) -> str | None:
+    """What the report calls the known place."""
+    if position is not None:
+        return "the position given"
+    return None if reference is None else Path(reference).name
 
 
 def run(observation: Path | str, navigation: Sequence[Path | str], *arguments: Any, **named: Any) -> Report:
