@@ -19,11 +19,11 @@ from sinan.sensors.files import write_text
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm")
 COLUMNS = ("image", "x", "y", "z", "u", "v")
-#: Corners that a view needs: a pose has six unknowns, a corner says two, and four are the least that a plane's picture
-#: of its own needs; six leave something to judge by.
+#: Corners that a view needs. Four are the least of a plane's picture, since a homography has 8 = 2 * 4 unknowns; of six
+#: 2 * 6 - 8 = 4 coordinates are left to judge by.
 LEAST_CORNERS = 6
-#: Half of the window in which a corner is refined: a fraction of the distance to its neighbour, within these [pixels].
-_WINDOW = (3, 11)
+#: Half of the window in which a corner is refined, at most [pixels]: that of OpenCV's tutorial on camera calibration.
+_WINDOW = 11
 _MARKERS_DEFAULT = "DICT_5X5_100"
 
 
@@ -173,7 +173,7 @@ def chessboard(name: str, grey: FloatArray, board: Board) -> View:
     apart = min(
         float(np.min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1))) for axis in (0, 1) if grid.shape[axis] > 1
     )
-    half = int(np.clip(apart / 2.0, *_WINDOW))
+    half = int(np.clip(apart / 2.0, 1, _WINDOW))  # no neighbour within it
     until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     fine = cv2.cornerSubPix(grey, np.asarray(corners, dtype=np.float32), (half, half), (-1, -1), until)
     return View(name, board.points, np.asarray(fine, dtype=np.float64).reshape(-1, 2))
