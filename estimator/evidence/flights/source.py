@@ -59,11 +59,12 @@ from sinan.sensors.effects.streams import STREAMS
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 
-#: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared: instruments that
-#: are sold have one, and nothing but the prior holds what the motion hardly shows.
+#: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared, since nothing but
+#: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
+#: move a lateness by 0.4 % of its sigma (`bounds_of_work sold`).
 SOLD = 2.0
-_LEAST_OUTLIERS = 3
-#: How far the end of an interval may be off before it is looked for about its own fit: share of the log.
+#: How far the end of an interval may be off before it is looked for about its own fit, as a share of the log: bound of
+#: work (`bounds_of_work flight`).
 _RELOCATION = 0.01
 
 
@@ -322,21 +323,21 @@ class FlightSource(OfFlight):
         return [
             LocalFinding(Term(f"{stream}.outliers"), one.gain, WRONG_DOF, one.log_p, np.array([one.share]))
             for stream, one in self._wrong_among_logged.items()
-            if len(one.row) >= _LEAST_OUTLIERS
+            if len(one.row) >= SHORTEST
         ]
 
     def _wrong_about_the_filter(self, state: Fitted) -> list[LocalFinding]:
         """Wrong readings where the noise is declared: those that the filter would not expect in as many."""
         from scipy import stats
 
-        if max((wrong for wrong, _ in self.wrong.values()), default=0) < _LEAST_OUTLIERS:
+        if max((wrong for wrong, _ in self.wrong.values()), default=0) < SHORTEST:
             return []
         along = self._passes.along(state.own, state.motion, self._opened.recording)
         journal, _ = self._passes.run([], along)
         found = []
         for stream, (before, count) in self.wrong.items():
             wrong = min(before, len(wrong_rows(journal, stream)))
-            if wrong >= _LEAST_OUTLIERS:
+            if wrong >= SHORTEST:
                 tail = self.model.tail_of(stream)
                 chance = 2.0 * (stats.norm.sf(OUTLIER) if tail is None else stats.t.sf(OUTLIER, tail))
                 log_p = float(stats.binom.logsf(wrong - 1, count, chance))

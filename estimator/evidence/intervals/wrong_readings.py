@@ -13,10 +13,13 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.recording import Recording
 
-#: A reading is called wrong when it leaves its neighbours by this many sigma: one in 5e8 Gaussian readings does; in a
-#: coloured residual also by so many times the residual's own spread.
-OUTLIER, _OUTLIER_SPREAD = 6.0, 4.0
-#: Readings of the shortest disturbance: fewer are wrong readings.
+#: A reading is called wrong when it leaves its neighbours by this many sigma, as 2 norm.sf(6) = 1 in 5e8 Gaussian
+#: readings do.
+OUTLIER = 6.0
+#: In a coloured residual also by so many times the residual's own spread: 2 norm.sf(4) = 1 in 16,000.
+_OUTLIER_SPREAD = 4.0
+#: Readings of the shortest disturbance, or of wrong ones that are worth a word: one or two in a row are wrong readings,
+#: since the median of seven about them does not follow them (`isolated_outliers`).
 SHORTEST = 3
 
 
