@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.fields import beforehand, fitted
+from sinan.calibration.levels.fields import DECLINATION_STD, beforehand, fitted
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.sensors.geomagnetism import direction_at, field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream
@@ -98,3 +98,10 @@ def test_a_declared_kind_of_samples_stays() -> None:
     declared = board.replace(sensors={"accel": accel})
     assert fitted(declared, beforehand(declared)).specs["accel"].imu_samples == "instant"
     assert fitted(board, beforehand(board)).specs["accel"].imu_samples == "average"
+
+
+def test_most_of_the_earth_between_60_degrees_has_a_smaller_declination_than_its_sigma() -> None:
+    high = np.sin(np.deg2rad(60.0))
+    latitudes = np.rad2deg(np.arcsin(np.linspace(-high, high, 22)[1:-1]))  # of equal areas
+    east = [direction_at((lat, lon, 0.0))[1] for lat in latitudes for lon in np.arange(-180.0, 180.0, 15.0)]
+    assert np.mean(np.abs(east) < DECLINATION_STD) == pytest.approx(0.62, abs=0.03)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sinan.calibration.levels import instants as rule
 from sinan.calibration.levels.instants import at_regular_instants, regular_instants
 from sinan.sensors.recording import Recording, Stream
 
@@ -27,6 +28,36 @@ def test_lateness_that_grows_is_followed() -> None:
     instants, stamps = logged()
     growing = 0.05 * np.sin((instants - instants[0]) / 60.0)
     assert np.max(np.abs(regular_instants(stamps + growing) - instants - growing - 0.11)) < 3e-3
+
+
+@pytest.mark.parametrize("neighbours", [rule.NEIGHBOURS, 2 * rule.NEIGHBOURS])
+def test_as_many_and_twice_as_many_neighbours_follow_a_lateness(
+    neighbours: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rule, "NEIGHBOURS", neighbours)
+    test_lateness_that_grows_is_followed()
+
+
+def test_half_as_many_neighbours_take_stamps_that_are_early_for_a_lateness(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rule, "NEIGHBOURS", rule.NEIGHBOURS // 2)
+    instants, stamps = logged()
+    assert np.max(np.abs(regular_instants(stamps) - instants - 0.11)) > 0.015
+
+
+@pytest.mark.parametrize(("factor", "stay"), [(0.5, [True, True]), (1.0, [False, True]), (2.0, [False, False])])
+def test_half_and_twice_of_what_is_regular(factor: float, stay: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stamps of which three in four scatter by less than 0.07 and 0.15 of the period; one off by 0.18 and 0.35."""
+    instants, _ = logged()
+    spread = np.random.default_rng(2).uniform(-1.0, 1.0, len(instants)) / 0.75
+    with monkeypatch.context() as changed:
+        changed.setattr(rule, "REGULAR", factor * rule.REGULAR)
+        stamps = [instants + 0.2 * scatter * spread for scatter in (0.07, 0.15)]
+        assert [np.array_equal(regular_instants(t), t) for t in stamps] == stay
+    monkeypatch.setattr(rule, "NEAR", factor * rule.NEAR)
+    for off, stays in zip((0.18, 0.35), stay, strict=True):
+        t = instants.copy()
+        t[200] += 0.2 * off
+        assert (regular_instants(t)[200] == t[200]) == stays
 
 
 def test_stamps_that_are_regular_or_that_are_of_no_regular_receiver_stay() -> None:

@@ -13,7 +13,7 @@ from scipy import stats
 from sinan.estimator.evidence.probes import followed, is_probe, play, probes_for, what_it_follows
 from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.remaining import _bursts, patches, remaining
+from sinan.experiments.residual_loop.remaining import _MIXED, _bursts, patches, remaining
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, Effect
 from sinan.sensors.effects.streams import STREAMS
@@ -291,3 +291,14 @@ def test_a_second_echo_at_random_is_structure(share: float) -> None:
 def test_a_second_echo_as_small_as_the_noise_is_noise() -> None:
     other = np.random.default_rng(14).uniform(size=(3000, 1)) < 0.3
     assert variance_left(white(15) + 2.0 * (other - 0.3)) == [False]
+
+
+def test_heavy_tails_and_coarse_counts_are_nearer_to_noise_than_two_kinds_of_readings() -> None:
+    """`_MIXED` is between them; half of it would take the first for the last, twice the last for the first."""
+    rng = np.random.default_rng(1)
+    white = rng.standard_normal(20_000)
+    tails, counts = rng.standard_t(3.0, len(white)), np.round(white / 0.45) * 0.45
+    two = white * np.where(rng.random(len(white)) < 0.1, 6.0, 1.0)
+    away = [float(stats.kstest(z / np.std(z), "norm").statistic) for z in (tails, counts, two)]
+    assert min(away[:2]) > 0.5 * _MIXED
+    assert max(away[:2]) < _MIXED < away[2] < 2.0 * _MIXED
