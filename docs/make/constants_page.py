@@ -2,9 +2,10 @@
 
 A comment belongs to a constant when it stands above it (`#:`) or behind it, or above the lines that it begins. What it
 says of the origin is told by its words: *cited* (an author and a year, a standard, a data sheet), *measured* (a note, a
-command, a simulation, a log), *derived* (a formula, or a reason in words), *stated risk* (a level of a test), *bound of
-work* (checked by halving and doubling), *choice* (halved and doubled, with what it changes); a comment that says only
-what the number is gives no origin.
+command, a simulation, a log), *derived* (a formula, or a reason with the number that it follows from), *stated risk* (a
+level of a test), *bound of work* (checked by halving and doubling), *choice* (halved and doubled, with what it
+changes); a comment that says only what the number is gives no origin. Each assignment has its own, not that of the line
+above.
 """
 
 from __future__ import annotations
@@ -19,20 +20,23 @@ FOLDERS = ("estimator", "calibration", "experiments/residual_loop")
 #: Modules whose numbers are bits and sizes of the machine, not of the question.
 _MACHINE = ("engine_numba.py", "smoother_numba.py", "kernel_cache.py")
 _RISK = re.compile(r"\bstated\s+risk\b")
-#: "A choice" alone is none: the case that puts it to the test is named.
-_CHOICE = re.compile(r"\b[Aa] choice\b.*`bounds_of_work \w+`")
+#: "A choice" alone is none: the case, or the test, that puts it to the test is named.
+_CHOICE = re.compile(r"\b[Aa] choice\b.*`(?:bounds_of_work \w+|test_\w+)`")
 _WORK = re.compile(r"\bbounds? of work\b|bounds_of_work")
 _CITED = re.compile(
     r"\b(19|20)\d\d\b|data ?sheet|standard(?! deviation| normal)|IS-GPS|WGS|RTCA|ISO"
-    r"|Welsch|Cauchy|Huber|Baarda|the course"
+    r"|Welsch|Cauchy|Huber|Baarda|the course|\bAP_\w+|EKF2_\w+|RTKLIB \d|OpenCV's"
 )
 _MEASURED = re.compile(
-    r"docs/notes|python -m|simulat|measured|of \d[\d,]* (?:logs|cases|minutes|messages)|in logs|of the logs|cases at"
-    r"|docs/blind"
+    r"docs/notes|docs/blind|python -m|\bsimulat|\bmeasured:|of \d[\d,]* (?:logs|cases|minutes|messages)|in logs"
+    r"|of the logs|cases at",
+    re.IGNORECASE,
 )
-#: A colon begins a reason where four words or more follow.
-_DERIVED = re.compile(
-    r"[;=<>]|\bbecause\b|\bso that\b|\bsince\b|\bof which\b|sqrt|\bexact\b|chi-square|\bnorm\.|:(?:\s+\S+){4}"
+#: Words alone derive nothing. A formula does, and a reason in which a number is said, in digits or as a word.
+_FORMULA = re.compile(r"[<=>]|\bsqrt\(|\b\w+\.(?:ppf|isf|sf|cdf)\(|\blog\(|\d (?:[-+*/]|to the) \d")
+_REASON = re.compile(r"\bbecause\b|\bso that\b|\bsince\b|\bof which\b")
+_NUMBER = re.compile(
+    r"\d|\b(?:one|two|three|four|five|six|seven|eight|nine|ten|half|third|quarter|fifth|tenth|twice|hundred)\b"
 )
 
 HEAD = """# Constants
@@ -42,14 +46,14 @@ the code is its reason; the last column says of what sort that is, by the words 
 
 - **cited**: an author and a year, a standard, a data sheet ({cited});
 - **measured**: a note, a named command, a simulation, a log ({measured});
-- **derived**: a formula, or a reason in words ({derived});
+- **derived**: a formula, or a reason in which the number, or one that gives it, is said ({derived});
 - **stated risk**: the level of a test, the share of false alarms that is accepted: a choice by its nature ({stated});
 - **bound of work**: rounds, lengths of lists, steps of differences; `python -m
   sinan.experiments.benchmarks.bounds_of_work` halves and doubles each and shows what an answer does, where its
   case reaches it ({bound}; figures:
   [bounds of work](../notes/bounds_of_work.md));
-- **choice**: nothing gives it, and an example on either side of it is decided by it; the same command shows what half
-  and twice change, and the comment says it ({choice});
+- **choice**: nothing gives it; the same command, or a test that is named, shows what half and twice change, and the
+  comment says it ({choice});
 - **no origin**: the comment says what the number is and not why it is that one, or there is none ({none}).
 
 The table is made whenever the site is built (`docs/make/constants_page.py`). The sort is told by a few patterns, so
@@ -79,7 +83,9 @@ class Constant:
             return "cited"
         if _MEASURED.search(self.comment):
             return "measured"
-        return "derived" if _DERIVED.search(self.comment) else "no origin"
+        said = re.sub(r"\[[^]]*\]|`[^`]*`", "", self.comment)  # neither units nor names of code
+        is_reason = _REASON.search(said) and _NUMBER.search(said)
+        return "derived" if _FORMULA.search(said) or is_reason else "no origin"
 
 
 def constants() -> list[Constant]:
@@ -93,7 +99,6 @@ def _of(path: Path) -> list[Constant]:
     lines = text.splitlines()
     module = path.relative_to(ROOT).with_suffix("").as_posix()
     found: list[Constant] = []
-    end = 0
     for node in ast.parse(text).body:
         target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
         value = getattr(node, "value", None)
@@ -104,9 +109,6 @@ def _of(path: Path) -> list[Constant]:
         if not names or not all(re.fullmatch(r"_?[A-Z][A-Z0-9_]+", name) for name in names) or not _is_number(value):
             continue
         comment = _comment(lines, node.lineno - 1, node.end_lineno or node.lineno)
-        if not comment and found and node.lineno == end + 1:
-            comment = found[-1].comment
-        end = node.end_lineno or node.lineno
         found.append(Constant(module, ", ".join(names), " ".join(ast.unparse(value).split()), comment))
     return found
 

@@ -99,13 +99,18 @@ def test_a_constant_is_read_with_its_comment(tmp_path: Path, monkeypatch: pytest
         "#: One of it.\nCC, DD = 3, 4\nEE = 0.5\n\nNAMES = ('a',)\nFF = 7\n"
         "\n#: Length of what a log has: of it.\nGG = 8\n#: A choice.\nHH = 9\n"
         "#: Share: a choice; twice moves it (`bounds_of_work few`).\nII = 10\n"
+        "#: What is far: it is near to any of them, and no more; a choice.\nJJ = 11\n"
+        "#: Readings that nobody has measured, since they are few [m/s^2].\nKK = 12\n"
+        "#: Of four the sigma is known to a third, since two are left.\nLL = 13\nMM = 14\n"
+        "#: Of a normal law norm.sf(3) is more.\nNN = 15\n#: Share: a choice; half moves it (`test_pages`).\nOO = 16\n"
     )
     (tmp_path / "part.py").write_text(text, encoding="utf-8")
     monkeypatch.setattr(constants_page, "ROOT", tmp_path)
     monkeypatch.setattr(constants_page, "FOLDERS", (".",))
     found = {c.name: c.origin for c in constants_page.constants()}
-    none = dict.fromkeys(("CC, DD", "EE", "FF", "GG", "HH"), "no origin")
-    assert found == {"AA": "cited", "BB": "measured", **none, "II": "choice"}
+    none = dict.fromkeys(("CC, DD", "EE", "FF", "GG", "HH", "JJ", "KK", "MM"), "no origin")
+    said = {"LL": "derived", "NN": "derived", "II": "choice", "OO": "choice"}
+    assert found == {"AA": "cited", "BB": "measured", **none, **said}
 
 
 def test_every_constant_has_an_origin() -> None:
@@ -115,21 +120,22 @@ def test_every_constant_has_an_origin() -> None:
 
 
 def test_a_bound_of_work_or_a_choice_is_one_that_was_halved_and_doubled() -> None:
-    """By the command, in a case that the comment names, or by a test that it names."""
+    """By the command, in a case that the comment names, or by a test that it names, which knows the constant."""
     tried = {
         (f"{module.removeprefix('sinan.')}.{name}", case)
         for case, constants in (*BOUNDS.items(), *CHOICES.items())
         for module, names in constants.items()
         for name in names
     }
-    tests = {path.stem for path in (constants_page.ROOT / "tests").rglob("test_*.py")}
+    tests = {path.stem: path.read_text(encoding="utf-8") for path in (constants_page.ROOT / "tests").rglob("test_*.py")}
     for c in constants_page.constants():
         if c.origin not in ("bound of work", "choice"):
             continue
         said = set(re.findall(r"`(?:bounds_of_work )?(\w+)`", c.comment))
         where = c.module.replace("/", ".")
         for name in c.name.split(", "):
-            assert said & tests or any((f"{where}.{name}", case) in tried for case in said), (where, name, said)
+            by_test = any(re.search(rf"\b{name}\b", tests[one]) for one in said & tests.keys())
+            assert by_test or any((f"{where}.{name}", case) in tried for case in said), (where, name, said)
 
 
 def test_half_and_twice_of_a_bound_are_given_and_taken_back(capsys: pytest.CaptureFixture[str]) -> None:
