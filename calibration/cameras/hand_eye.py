@@ -38,12 +38,14 @@ X = TypeVar("X")
 #: Rotation of the camera, its lateness [s] and the gyroscope's bias [rad/s].
 _Rates = tuple[FloatArray, float, FloatArray]
 
-#: Gauss-Newton from a closed form: each round doubles the digits.
-_ROUNDS = 20
-_SETTLED = 1e-10
-#: Lateness that is searched for at the start [s]: USB cameras are late by some tens of milliseconds.
+#: Rounds of Gauss-Newton from a closed form at most, and the step at which it ends: bound of work (`bounds_of_work
+#: mounting`).
+_ROUNDS, _SETTLED = 20, 1e-10
+#: Lateness that is searched for at the start [s], ten times the some 30 ms of USB cameras: bound of work
+#: (`bounds_of_work mounting`). Twice leaves out pictures at either end, by which numbers move by 0.1 of their sigma.
 REACH = 0.3
-#: Plausible sizes, by which null directions are judged: rotation [rad], arm and place [m], delay [s], bias [rad/s].
+#: Plausible sizes, which bring the columns to like sizes before null directions are judged: rotation [rad], arm and
+#: place [m], delay [s], bias [rad/s]: bound of work (`bounds_of_work mounting`).
 _TURN, _ARM, _DELAY, _BIAS = 0.1, 0.1, 0.03, 0.02
 
 

@@ -24,9 +24,11 @@ from sinan.sensors.camera import Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.rotation import rotation_exp, skew
 
-#: An essential matrix has eight unknowns up to scale; with fewer common markers there is no linear start.
+#: An essential matrix has 9 - 1 = 8 unknowns up to scale, so that there is no linear start from fewer common markers.
 _LEAST_COMMON = 8
-_TURN, _PLACE = 0.1, 1.0  # rad, m: plausible sizes, by which null directions are judged
+#: Plausible sizes, which bring turns [rad] and places [m] to like columns: a factor between them is no null direction,
+#: since `least_squares._RANK_TOLERANCE` = 1e-9.
+_TURN, _PLACE = 0.1, 1.0
 
 
 @dataclass(frozen=True)

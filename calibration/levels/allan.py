@@ -101,7 +101,8 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
     return AllanFit(tau, deviation, error, N, B, w, std, R, first)
 
 
-#: So many times stay in the fit at least; the shortest stays where the others predict it within so many sigmas.
+#: So many times stay in the fit at least, since it has four unknowns and two are left to judge by; the shortest stays
+#: where the others predict it within so many sigmas, as 2 norm.sf(2) = 5 % of good ones do not.
 LEAST_TIMES, PREDICTED_WITHIN = 6, 2.0
 
 

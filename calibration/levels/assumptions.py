@@ -73,7 +73,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     return tuple(rows)
 
 
-#: A last digit is listed from this part of the white noise on: what is less changes the sum by a part in 20 000.
+#: A last digit is listed from this part of the white noise on: less changes the sum by sqrt(1 + 0.01^2), 1 in 20,000.
 WORTH_A_ROW = 0.01
 
 

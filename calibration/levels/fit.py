@@ -45,17 +45,19 @@ from sinan.sensors.registry import sensor, sensors, where
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
 TAIL = 4.0
 #: How far the stamps of a magnetometer are off those of the gyroscope, one by one [s], median of the prior: it is read
-#: from a register that is written a hundred times a second.
+#: from a register that is written some 100 times a second, so that a reading may be 1 / 100 s old.
 STAMP_STD = 0.01
 
 
 #: Hard iron that a calibration which was accepted leaves, as a part of the Earth's field: ArduPilot accepts one whose
 #: residual is 16 milligauss RMS (AP_COMPASS_CALIBRATION_FITNESS_DEFAULT, AP_Compass.h), of a field of 490.
 CALIBRATED = 16.0 / 490.0
-#: Hard iron of a compass that was never calibrated: a choice, offsets of 600 milligauss being two sigma; how large it
-#: is in a log its likelihood says, to a factor of sixteen.
+#: Hard iron of a compass that was never calibrated: two sigma are offsets of 600 milligauss, beyond which ArduPilot
+#: would not fly (AP_ARMING_COMPASS_OFFSETS_MAX, AP_Arming.cpp); how large it is in a log its likelihood says, to a
+#: factor of sixteen.
 AS_IT_COMES = 300.0 / 490.0
-#: Noise below this, in SI units, is that of numbers which nobody has measured.
+#: Noise below this, in SI units, is that of numbers which no sensor gave: numbers
+#: of about 1 are rounded to 2^-53 = 1e-16.
 NO_NOISE = 1e-15
 #: Iterations of the search at most, what one gains at least of log L, and a round of it: bound of work
 #: (`bounds_of_work sizes`). Half of the first moves a size by 0.3 sigma, half of the second by 0.12.
@@ -65,13 +67,16 @@ OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m]: a choice. Half moves the height of a hover whose
 #: zeros differ by 0.3 m by 8 cm, twice that of one with 0.7 m by 23 cm, half a sigma (`bounds_of_work zeros`).
 SAME_ZERO = 0.5
-#: Steps of the search for a lateness, in those of the IMU, and of the first one in its spread; rounds of times and
-#: sizes.
-WITHIN, FIRST_MOVE, ROUNDS = (0.5, 0.25), 0.5, 6
+#: Steps of the search for a lateness within one of the IMU, in that: a choice, half and twice of which move it by 0.4
+#: and 0.7 of its sigma (`bounds_of_work sizes`).
+WITHIN = (0.5, 0.25)
+#: Its first step, in its spread, and rounds of times and sizes: bound of work (`bounds_of_work sizes`).
+FIRST_MOVE, ROUNDS = 0.5, 6
 #: Lateness of a compass, median and spread [s]: autopilots' filters take 0 (PX4's `EKF2_MAG_DELAY`, which may be 0.3)
 #: and 0.06 (ArduPilot's `magDelay_ms`), one spread on either side.
 LATE_COMPASS = 0.03, 0.03
-#: Parts of a log whose gradients show how well it tells the sizes: three for each of up to twenty.
+#: Parts of a log whose gradients show how well it tells the sizes, three for each of up to twenty: bound of work
+#: (`bounds_of_work sizes`). Half and twice move a size by 0.06 and 0.11 of its sigma.
 PARTS = 64
 
 
@@ -171,8 +176,9 @@ class Levels:
         return float(getattr(holder, size.key))
 
 
-#: What the scale, the axes and the lever arm of a consumer IMU make of a hand's motion, as white noise; where no
-#: position is measured nothing in the log tells it from the motion [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)].
+#: What the scale, the axes and the lever arm of a consumer IMU make of a hand's motion, as white noise
+#: [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; where no position is known nothing in the log tells it from the motion. A choice,
+#: half and twice of which move the sizes of flights without a GPS by 0.13 and 0.09 sigma (`bounds_of_work hand`).
 OF_THE_MOTION = {"accel": 0.05, "gyro": 1e-3}
 
 
@@ -549,10 +555,11 @@ def fit_levels(
     return _likeliest(Problem(recording, sizes, first), start)
 
 
-#: How far declared white noise of a receiver is off, in the logarithm: a choice, half as much again at one sigma. Else
-#: white noise would be called slow.
+#: How far declared white noise of a receiver is off, in the logarithm: a choice, 1.6 times as much at one sigma. Half
+#: calls white noise slow that is 8 times as declared, twice calls none (`bounds_of_work slow`).
 AS_DECLARED = 0.5
-#: A slow error that is tried first: its size over the white noise, and its time constant [s].
+#: A slow error that is tried first, its size over the white noise and its time constant [s]: bound of work
+#: (`bounds_of_work slow`).
 TRIED = tuple(product((0.3, 1.0), (3.0, 10.0)))
 _WHITE_OF = {"colour_std": "noise_std", "velocity_colour_std": "velocity_noise_std"}
 
@@ -602,7 +609,8 @@ def _likeliest(problem: Problem, start: FloatArray) -> Levels:
     return replace(problem.levels(theta), found=problem.sizes, sigmas=sigmas, log_posterior=value)
 
 
-#: Bounds that are tried: those of a hand, a swing or a robot arm, and so many times as wide.
+#: Bounds that are tried, those of a hand, a swing or a robot arm, and so many times as wide: a choice. Of half and
+#: twice a hover takes the narrowest, a figure of eight 7.5 and 10 m for 5 m (`bounds_of_work hand`).
 HAND, WIDER = Bounds(0.5, 1.0), (1.0, 3.0, 10.0, 30.0, 100.0)
 
 

@@ -19,14 +19,15 @@ from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.rotation import quaternion_multiply
 
-#: Headings that are tried [rad] and the step of the second round: a filter started within 10 deg
-#: finds home.
+#: Headings that are tried and the step of the second round [rad]: a filter started within 20 / 2 = 10 deg finds home.
+#: Half and twice of the second move a heading by a step: bound of work (`bounds_of_work headings`).
 COARSE, FINE = np.deg2rad(20.0), np.deg2rad(4.0)
-#: 1-sigma of a first attitude that needs no search [rad]: twice that is within 10 deg.
+#: 1-sigma of a first attitude that needs no search [rad]: 2 * 5 = 10 deg is within `COARSE` / 2.
 KNOWN = np.deg2rad(5.0)
 #: What the search leaves, about each axis [rad]: steps of `FINE` leave less, and what needs no search as much.
 LEFT = KNOWN
-#: Readings with a smaller tail probability of their NIS weigh less: far from the right heading most of them do.
+#: Readings with a smaller tail probability of their NIS weigh less, as far from the right heading most of them do: a
+#: choice, half and twice of which move no heading (`bounds_of_work headings`).
 OUTLIER_LEVEL = 1e-3
 
 

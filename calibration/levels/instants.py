@@ -7,11 +7,14 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import Recording, Stream
 
-#: Fixes about one whose stamps say how late its instant is logged: a clock that is off by 50 ppm drifts by less than
-#: a tenth of a millisecond over half of them at 5 Hz, a queue that lengthens is followed.
+#: Fixes on either side of one whose stamps say how late its instant is logged: where one in five is early more than
+#: half of 31 are so once in 10,000 times, binom.sf(15, 31, 0.2), of half as many once in 240, and a lateness that
+#: swings by 50 ms in six minutes is followed to 3 ms by 31 and by 61: a choice (`test_instants`).
 NEIGHBOURS = 15
 #: Stamps scatter about regular instants by less than this part of the period, three of four, else they are no regular
-#: ones; and one that is farther from its instant than so much of it may be of another.
+#: ones; and one that is farther from its instant than so much of it may be of another: a choice. Half of the first lets
+#: be what scatters by 0.07, twice moves what does by 0.15; half of the second lets be one stamp that is off by 0.18,
+#: twice moves one by 0.35 (`test_instants`).
 REGULAR, NEAR = 0.1, 0.25
 
 

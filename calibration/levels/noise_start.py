@@ -13,7 +13,8 @@ from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, tells_heig
 from sinan.sensors.registry import sensor, where
 from sinan.sensors.rounding import rounding_of_places, rounding_variance
 
-#: A still stretch counts when it is at least this long [s]: the differences of fewer readings scatter by over 10 %.
+#: A still stretch counts when it is at least this long [s]: 50 readings a second tell a
+#: sigma to 1 / sqrt(2 * 50) = 10 %.
 LEAST_STILL = 1.0
 #: Median of the magnitude of a standard normal: the 75 % point, norm.ppf(0.75).
 MEDIAN_NORMAL = 0.6745

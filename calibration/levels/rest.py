@@ -15,17 +15,23 @@ from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Recording, Stream
 
-#: At rest is what scatters and turns less than a table or an idle vehicle does: more is a flight, whose quietest part
-#: would be found just as well [m/s^2], [rad/s].
+#: At rest is what scatters less than a table or an idle vehicle does [m/s^2], [rad/s]; more is a flight, whose quietest
+#: part would be found just as well: a choice. Of scatters of 0.3 and 0.8 m/s^2 and of 0.03 and 0.08 rad/s half calls
+#: all flights, twice none (`bounds_of_work rest`).
 SCATTER = {"accel": 0.5, "gyro": 0.05}
+#: And what turns less [rad/s]: a choice. Of 0.015 and 0.032 rad/s half calls both flights, twice none (`bounds_of_work
+#: rest`).
 TURN = 0.02
-#: How far a height may wander in a log without an accelerometer [m]: more is a flight, or weather.
+#: How far a height may wander in a log without an accelerometer [m], more being a flight, or weather: a choice. Of 3
+#: and 8 m half calls both flights, twice none (`bounds_of_work rest`).
 MOVED = 5.0
 #: The least time at rest [s]: white noise of 50 readings a second is then known to 1 / sqrt(2 * 500), 3 %.
 LEAST = 10.0
-#: What the form of the curve may be off by: a real sensor is no sum of four powers.
+#: What the form of the curve may be off by, since a real sensor is no sum of four powers: a choice, half and twice of
+#: which move the white noise of a table by 0.8 of its sigma (`bounds_of_work rest`).
 FLOOR = 0.02
-#: A term counts as seen from so many of its sigmas on; of one that is not seen the 95 % bound is said.
+#: A term counts as seen from so many of its sigmas on, 2 norm.sf(2) = 5 %; of one that is not seen the bound of
+#: norm.cdf(1.645) = 95 % is said.
 SEEN, BOUND = 2.0, 1.645
 
 #: sensor -> stream, columns, unit

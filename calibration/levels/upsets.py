@@ -28,25 +28,32 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording
 
-#: Upsets of a vehicle, and lapses of a receiver [1/s]: a choice, one in an hour; ten times as many are worth 2.3 of
-#: log L.
+#: Upsets of a vehicle, and lapses of a receiver [1/s], one in an hour: a choice, half and twice of which are worth
+#: log(2) = 0.7 of log L and change nothing of a shock (`bounds_of_work shock`).
 RATE = 1.0 / 3600.0
-#: Sizes that are tried: of the attitude [rad] and of the velocity [m/s]; a log tells nothing finer of one instant.
+#: Sizes that are tried, of the attitude [rad] and of the velocity [m/s], as a log tells nothing finer of one instant: a
+#: choice. Half of each moves the end of a flight with a shock by 1 % of its sigma, twice finds 2 upsets for 3
+#: (`bounds_of_work shock`).
 ATTITUDE, VELOCITY = (0.1, 0.3, 1.0), (0.0, 1.0, 3.0, 10.0)
-#: What is tried first at every instant: it is near to any.
+#: What is tried first at every instant, one of them that is near to any: a choice. Half moves that end by 4 %, twice
+#: finds 2 upsets for 3 (`bounds_of_work shock`).
 FIRST = (0.3, 3.0)
 #: Instants that are tried, in fixes from the first that is doubted, and then from the best of them: bound of work
 #: (`test_upsets`): half of the first finds a shock 1 s late, and the attitude after it to 0.75 deg for 0.6, of 12.
 INSTANTS, FINER = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0), (-3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0)
-#: So many fixes belong to each instant that is tried: the distance of `FINER` about the best.
+#: So many fixes belong to each instant that is tried: the distance of `FINER` about the best, 0.5 - 0.0.
 APART = 0.5
-#: A fix is doubted where its noise is taken for so many times the nominal one: it counts less than what is known.
+#: A fix is doubted where its noise is taken for so many times the nominal one: a choice, half and
+#: twice of which find 1 upset for 3 about a shock (`bounds_of_work shock`).
 DOUBTED = 2.0
-#: Steps of a receiver that errs, in units of its white noise: a choice, to a hundred times it.
+#: Steps of a receiver that errs, in units of its white noise, to 2^7 = 128 times it: a choice, half and twice of which
+#: change nothing of a shock (`bounds_of_work shock`).
 STEPS = 2.0 ** np.arange(8)
-#: Upsets that are sought about one run of doubted fixes: bound of work (`test_upsets`, a turn of 1.8 rad).
+#: Upsets that are sought about one run of doubted fixes, as of a turn of 1.8 rad (`test_upsets`): bound of work
+#: (`bounds_of_work shock`).
 IN_A_ROW = 3
-#: Fixes that tell the time between fixes: of two there is one time, which is no median, and the first is the start.
+#: Fixes that tell the time between fixes, 2 + 1: of two there is one time, which is no median, since the first is the
+#: start.
 LEAST = 3
 #: Runs of doubted fixes that are looked at, those first that cost most, upsets, lapses and neither alike: bound of work
 #: (`test_upsets`, of a log with one upset).

@@ -33,7 +33,8 @@ _OFF_DIAGONAL = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _NAMES = tuple(f"scale {a}" for a in "xyz") + tuple(f"offset {a}" for a in "xyz")
 _NAMES += tuple("T_" + "xyz"[i] + "xyz"[j] for i, j in _OFF_DIAGONAL)
 _PLAUSIBLE = np.array([0.05] * 3 + [0.1] * 3 + [0.05] * 6)  # 1, rad/s, 1: MPU-6050 data sheet, +-3 %, +-20 deg/s, 2 %
-#: A turn's path over its change of tilt: a few at most; degrees make it 57 times that, thousandths a thousand times.
+#: A turn's path over its change of tilt: one, or a few. Degrees make it 180 / pi = 57 times that, so that the limits
+#: are between 1 and 57, between 1 and 1 / 57, and between 57 and the 1000 of thousandths.
 _LONGEST_TURN, _SHORTEST_TURN, _NOT_DEGREES = 20.0, 0.1, 300.0
 
 

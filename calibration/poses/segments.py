@@ -13,13 +13,16 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.errors import InputError
 
 #: A window counts as still when its scatter is below the valley between the two heaps of log scatter, still and moving,
-#: but within these multiples of the log's own floor: the scatter of 50 readings varies by 10 % and a quiet log has one
-#: heap only, so at least three; a sensor held in the hand shows ten times the floor, and a slow turn a hundred.
+#: but within these multiples of the log's own floor, since the scatter of 50 readings varies by 10 % and a quiet log
+#: has one heap only; a sensor held in the hand shows ten times the floor, and a slow turn a hundred. A choice, half and
+#: twice of which change no pose of a gyroscope that is turned (`bounds_of_work turns`).
 STILL_FACTORS = (3.0, 30.0)
-#: Window over which scatter is measured, and least length of a pose [s]; the course averages 100 readings at 100 Hz.
+#: Window over which scatter is found [s]: of 50 readings at 100 Hz a sigma is known to 1 / sqrt(2 * 50) = 10 %.
 WINDOW = 0.5
+#: Least length of a pose [s]; the course averages 100 readings at 100 Hz.
 SHORTEST = 1.0
-#: What is cut from each end of a pose: the hand still touches it [s].
+#: What is cut from each end of a pose, since the hand still touches it [s]: a choice, half and twice of
+#: which move a g-sensitivity by 0.5 of its sigma (`bounds_of_work turns`).
 MARGIN = 0.2
 #: Poses closer than this to the one before are the same pose [rad]: a touch makes no second pose of one rest. Measured:
 #: without it the five rests of one log (`mpu6050_hmc5883l/set-2/full-sphere`) were enough for an accelerometer.

@@ -23,7 +23,7 @@ AXES: tuple[Axes, ...] = ("none", "triangular", "full")
 #: Entries of T above the diagonal: non-orthogonality of the axes.
 UPPER = tuple((i, j) for i in range(3) for j in range(3) if i < j)
 _AXIS = "xyz"
-_SMALLEST = 1e-60  # of a reading: fourth powers of it and of its inverse are numbers
+_SMALLEST = 1e-60  # of a reading: its fourth power and that of its inverse are numbers, (1e-60)^4 = 1e-240 > 1e-308
 #: No accelerometer that is sold is off by so much: initial tolerances are a tenth of it (+-3 %, +-0.08 g: MPU-6050 data
 #: sheet). Lengths of readings at rest agree to noise and non-linearity, some percent; those in flight do not.
 _LARGEST_SCALE_ERROR, _LARGEST_OFFSET, _LARGEST_RESIDUAL = 0.5, 0.5, 0.1

@@ -32,7 +32,7 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_interpolate, skew
 
-#: Error states that move by themselves: position, velocity, attitude, accelerometer bias, gyroscope bias.
+#: Error states that move by themselves: position, velocity, attitude, accelerometer and gyroscope bias, 5 * 3 = 15.
 MOVING = 15
 
 

@@ -38,21 +38,24 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 
-#: Length of a cell [s]: in half of it a consumer gyroscope adds 6e-5 rad, a hundredth of a magnetometer's noise.
+#: Length of a cell [s]: in half of it a consumer gyroscope adds 2e-4 sqrt(0.1) = 6e-5 rad, a hundredth of a
+#: magnetometer's noise.
 CELL = 0.2
-#: Cells at most; a longer flight has longer cells.
+#: Cells at most, as a longer flight has longer ones: bound of work (`bounds_of_work observability`).
 MOST_CELLS = 4800
 #: Cells are halved until the process noise in half of one is at most this share of the variance of a reading:
 #: bound of work (`bounds_of_work observability`).
 SHARED = 0.1
-#: Process noise below this share of a reading's variance is not added to it: sigma is off by half of that.
+#: Process noise below this share of a reading's variance is not added to it: sigma is off by sqrt(1 + 0.001), half of
+#: it.
 SMALL = 1e-3
 #: Instants at which a flight is asked how much of its process noise its sensors see: bound of work (`bounds_of_work
 #: observability`).
 PROBES = 9
 #: Readings whose information is summed at a time: bound of work (`bounds_of_work observability`).
 BATCH = 4096
-#: Instants and weights inside a cell, from 0 to 1, at which noise enters (Gauss and Legendre, exact to degree 5).
+#: Instants and weights inside a cell, from 0 to 1, at which noise enters: of Gauss and Legendre, 2 * 3 - 1 = 5 degrees
+#: without an error.
 _NOISE_AT = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))
 
 

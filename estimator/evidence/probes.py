@@ -28,7 +28,8 @@ _PLACES = 10
 _FEW = 20
 #: Correlation with the time from which on sqrt(1 - 0.99^2), a seventh of a covariate, tells it from a drift.
 _AS_TIME = 0.99
-#: Half widths of the play of a sticking instrument: shares of the range of what it measures.
+#: Half widths of the play of a sticking instrument, as shares of the range of what it measures, which a probe tries:
+#: bound of work (`bounds_of_work flight`).
 _PLAYS = (0.05, 0.15, 0.4)
 
 

@@ -23,12 +23,15 @@ from sinan.sensors.arrays import FloatArray, IntArray
 #: Blocks of time over which evidence is summed: of twenty the scatter is known to sqrt(2 / 19), a third.
 BLOCKS = 20
 #: A direction of beta is dropped where the data, taken together, leave it wider than this many plausible sizes: a
-#: filter linearised at noisy points claims a little information on directions that it cannot see.
+#: filter linearised at noisy points claims a little information on directions that it cannot see. A choice, three times
+#: what is called implausible; half and twice change nothing of the poses of an accelerometer (`bounds_of_work poses`).
 WIDEST_DIRECTION = 30.0
-#: Laws that are tried of gains at other places: degrees of freedom of the places' variances, the logarithm of their
-#: scale, and the gain below which a place is as good as any.
+#: Degrees of freedom of the places' variances in the laws that are tried of gains at other places: bound of work
+#: (`bounds_of_work flight`).
 _TAILS = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0])
+#: The logarithm of their scale, in steps of log(1e6) / 138 = 0.1, so that a variance is met to half of 10 %.
 _LOG_VARIANCES = np.linspace(0.0, np.log(1e6), 139)
+#: The gain below which a place is as good as any: bound of work (`bounds_of_work flight`).
 _LEAST_GAIN = 1e-3
 
 
@@ -357,7 +360,9 @@ def predicted_lambda(evidence: Evidence, name: str, beta: FloatArray, others: Se
     return float(beta @ information.sum(axis=0) @ beta)
 
 
-#: Degrees of freedom of Student's t about the plausible size: effects of five plausible sizes happen, of fifty do not.
+#: Degrees of freedom of Student's t about the plausible size: effects of five plausible sizes happen, 2 t.sf(5, 3) =
+#: 1.5 %, of fifty do not, 2 t.sf(50, 3) = 2e-5. A choice: of half and twice 6 % and 0.2 % are above five, which changes
+#: nothing of effects that are hardly noticed (`bounds_of_work weak`).
 _PRIOR_DOF = 3.0
 
 

@@ -53,7 +53,8 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
 from sinan.sensors.rotation import cross
 
-#: Below this determinant of d e(f) / df an instrument counts as showing nothing there; of sound ones it is near one.
+#: Below this determinant of d e(f) / df, near one of sound instruments, one counts as showing nothing: bound of work
+#: (`bounds_of_work brief`).
 _BLIND = 1e-3
 #: d e(f) / df is one, but for the rounding of its differences: bound of work (`bounds_of_work flight`).
 _AS_ONE = 1e-9

@@ -22,12 +22,13 @@ from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE
 Part = Literal["all", "fitting"]
 
 
-#: Readings that a fit must leave beyond its parameters: one through every reading proves nothing.
+#: Readings that a fit must leave beyond its parameters: of three the sigma is known to 1 / sqrt(2 * 3), 40 %.
 LEAST_SPARE = 3
 #: Share of its gain that an effect's own information predicts where the innovations go with it. A cone wider than any
 #: tilt has its gain and no derivative. A choice: half and twice change nothing of a late GPS (`bounds_of_work brief`).
 LINEAR = 0.1
-#: A field whose norm is as near to 1 as this is in units of itself: what the declared digits of its parts may make.
+#: A field whose norm is as near to 1 as this is in units of itself: two decimals of its parts make 0.005 sqrt(3) =
+#: 0.009.
 UNIT_NORM = 0.01
 
 

@@ -33,15 +33,22 @@ from sinan.sensors.rotation import (
 )
 
 #: Over which the first specific force and field are averaged [s]: meanwhile a rate that is off by 0.01 rad/s turns them
-#: by 5 mrad about the middle, as much as an accelerometer that is off by 0.05 m/s^2 tilts.
+#: by 0.01 * 1 / 2 = 5 mrad about the middle, as much as an accelerometer that is off by 0.05 m/s^2 tilts.
 WINDOW = 1.0
 #: Sensors whose bias and colour the first attitude depends on.
 ALIGNING = ("accel", "gyro", "mag")
-WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that reading: reuse counts 1 % of it twice
-AT_REST = 4.0  # times the noise: what a sensor at rest may scatter or stand off zero
-UNKNOWN_ATTITUDE = np.pi / np.sqrt(3.0)  # rad, of a heading that nothing shows: uniform over the circle
-UNKNOWN_VELOCITY = 5.0  # m/s, of a body of which nothing is known but that it is carried or flies
-UNKNOWN_POSITION = 1.0  # m, along axes that nothing aids: the origin is where the recording starts
+WIDE = 10.0  # sigma of a state that starts from one reading, in sigmas of that: reuse counts 1 / 10^2 = 1 % of it twice
+#: Sigmas that a sensor at rest may scatter and stand off zero: a choice. Half changes nothing on a table that shakes
+#: 2.5 times as much as the noise, twice makes the sigma of the tilt on one that shakes 6 times as much less by a
+#: quarter (`bounds_of_work shaky`).
+AT_REST = 4.0
+UNKNOWN_ATTITUDE = np.pi / np.sqrt(3.0)  # rad, of a heading that nothing shows: of +-a, uniform, sigma = a / sqrt(3)
+#: Of a body of which nothing is known but that it is carried or flies [m/s]: a choice. Half and twice make
+#: half and twice the sigma of the place of a hover without a GPS (`bounds_of_work unaided`).
+UNKNOWN_VELOCITY = 5.0
+#: Along axes that nothing aids, where the origin is the place at which the recording starts [m]: a choice.
+#: Half and twice move a hover without a GPS by 2e-5 of its sigma (`bounds_of_work unaided`).
+UNKNOWN_POSITION = 1.0
 
 
 def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:

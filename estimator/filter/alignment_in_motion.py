@@ -30,17 +30,25 @@ from sinan.sensors.rotation import (
     turned_since_start,
 )
 
-#: Seconds that are looked at: three velocities of a GPS at 1 Hz; a rate off by 0.01 rad/s turns by 0.03 rad meanwhile.
+#: Seconds that are looked at, the least that have three velocities of a GPS at 1 Hz: (3 - 1) * 1 s, and up to 1 s
+#: before the first. A rate off by 0.01 rad/s turns by 0.01 * 3 = 0.03 rad meanwhile.
 SECONDS = 3.0
-LEAST = 3  # velocities: two differences, of which two directions are enough
-LATE = 0.1  # s, 1-sigma of the lateness of a GPS that nobody told: receivers of autopilots have 0.05 to 0.2
-SCALE = 0.01  # 1-sigma of the scales of accelerometer and gyroscope: a turn of 360 deg is known to 3.6 deg
-ROUNDS, ENOUGH = 20, 1e-3  # rad: Gauss-Newton ends after few rounds, where it moves by less
-HEADINGS, APART = 4, 0.5  # starts about the vertical; attitudes further apart than that [rad] are two
+LEAST = 3  # velocities: 3 - 1 = 2 differences, of which two directions are enough
+#: 1-sigma of the lateness of a GPS that nobody told [s]: autopilots take 0.11 (EKF2_GPS_DELAY of PX4) to 0.22 of a
+#: u-blox (`AP_GPS_UBLOX::get_lag` of ArduPilot).
+LATE = 0.1
+#: 1-sigma of the scales of accelerometer and gyroscope: a choice, a third of the 3 % that data sheets promise; half and
+#: twice move the first attitude of flights that begin in the air by 0.35 of its sigma (`bounds_of_work moving`).
+SCALE = 0.01
+ROUNDS, ENOUGH = 20, 1e-3  # and [rad] where Gauss-Newton ends: bound of work (`bounds_of_work moving`)
+HEADINGS, APART = (
+    4,
+    0.5,
+)  # starts about the vertical; attitudes that are two [rad]: bound of work (`bounds_of_work moving`)
 #: Likelihood ratio of a second attitude from which on the heading counts as unknown: before the readings both are as
 #: likely, so that the one that is left out is the right one once in a thousand: stated risk.
 DOUBT = 1e-3
-UNKNOWN = np.pi / np.sqrt(3.0)  # rad, 1-sigma of an angle that nothing shows: uniform over the circle
+UNKNOWN = np.pi / np.sqrt(3.0)  # rad, 1-sigma of an angle that nothing shows: of +-a, uniform, sigma = a / sqrt(3)
 
 
 @dataclass(frozen=True)

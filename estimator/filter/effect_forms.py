@@ -36,14 +36,15 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
 
-#: Steps of the differences that give D: position [m], velocity [m/s], attitude [rad].
+#: Steps of the differences that give D, of position [m], velocity [m/s], attitude [rad]: bound of work (`bounds_of_work
+#: brief`).
 STEPS = np.repeat([1e-3, 1e-3, 1e-4], 3)
 #: Rounds of f <- u - b - c(f); each gains the size of the effect, a few per cent, so five reach rounding's reach.
 INVERSION_ROUNDS = 5
 #: A round that changes nothing by more than this was the last: bound of work (`bounds_of_work flight`) [m/s^2, rad/s].
 INVERTED = 1e-9
-#: Rows on which it is found out by which states an effect changes, and those that are evaluated at once: few cost as
-#: much as the calls, and many more leave the processor's cache.
+#: Rows on which it is found out by which states an effect changes, and those that are evaluated at once, few of which
+#: cost as much as the calls and many of which leave the cache: bound of work (`bounds_of_work brief`).
 PROBES, AT_ONCE = 32, 4000
 #: What of the motion goes with position, velocity or attitude: an effect that needs none of it does not.
 OF_STATE = frozenset({"p_n", "v_n", "q_nb", "m_b", "airspeed"})

@@ -9,8 +9,8 @@ from sinan.estimator.filter.journal import Journal
 from sinan.sensors.arrays import FloatArray
 
 Engine = Literal["auto", "numba", "filterpy"]
-#: One IMU sample and its share of readings cost this long in the readable engine (measured: docs/notes/speed.md),
-#: compiling the other this long [s]: bound of work, both give the same (`test_engines`).
+#: One IMU sample and its share of readings cost this long in the readable engine, compiling the other this long [s]
+#: (measured: docs/notes/speed.md); both give the same (`test_engines`).
 READABLE_STEP, COMPILATION = 500e-6, 10.0
 
 

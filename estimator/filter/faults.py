@@ -10,7 +10,8 @@ from sinan.sensors.arrays import BoolArray, FloatArray, edges_of_runs
 
 #: False-alarm rate per stream of calling a run of equal readings frozen: a stated risk.
 FROZEN_LEVEL = 1e-6
-#: A saturated stretch: at least this many readings in a row at the stream's own extreme.
+#: A saturated stretch has at least this many readings in a row at the stream's own extreme: two may be one and the same
+#: peak, since samples on either side of it are equal by rounding.
 SATURATED_RUN = 3
 
 

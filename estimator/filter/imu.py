@@ -26,25 +26,29 @@ from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
 
-#: An interval longer than this many nominal ones is a gap: what happened inside is not known. One sample that is lost
-#: makes two of them, and is bridged; two make three.
+#: An interval longer than this many nominal ones is a gap, since what happened inside is not known: 2 < 2.5 < 3. One
+#: sample that is lost makes two of them, and is bridged; two make three.
 GAP = 2.5
 #: Windows from which the unseen motion inside a gap is estimated, at least this many: its sigma is known to
 #: 1 / sqrt(2 * 8), a quarter.
 GAP_WINDOWS = 8
-#: Turn that may have gone unseen, 1-sigma, beyond which nothing that was known is of use: a filter is linear no longer,
-#: and the first readings after the gap tell the attitude better [rad].
+#: Turn that may have gone unseen, 1-sigma, beyond which nothing that was known is of use [rad]: a filter is linear no
+#: longer, since 1 - cos(0.5) = 12 %, and the first readings after the gap tell the attitude better. A choice: half ends
+#: the stretch at a gap of 6 s in a figure of eight too, which twice bridges (`bounds_of_work gap`).
 UNBRIDGED = 0.5
-#: Samples between two gaps that nothing bridges are used where they last so long: a first state takes a second [s].
+#: Samples between two gaps that nothing bridges are used where they last so long, since a first state takes 1 s
+#: (`alignment.WINDOW`) [s].
 SHORTEST_STRETCH = 1.0
-#: Length over which roughness is averaged [s]: vibration changes with the throttle, within tenths of a second.
+#: Length over which roughness is averaged [s], as vibration changes with the throttle: a choice, half and
+#: twice of which move no size of a flight without a GPS (`bounds_of_work hand`).
 ROUGH = 0.1
 _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
 #: Samples over which the slope into and out of a saturated stretch is taken: a choice, half and twice of which move no
 #: state at the end of a flight that is cut off by 1 % of its sigma (`bounds_of_work clipped`).
 _SLOPE = 3
-#: A saturated stretch is noted where it lacks this many of the usual steps between samples: a coarse converter also
-#: stays at its largest value for some samples.
+#: A saturated stretch is noted where it lacks this many of the usual steps between samples, as a coarse converter also
+#: stays at its largest value, and a step so many times the one before is a jump: a choice, half and twice of which move
+#: no state of a flight that is cut off (`bounds_of_work clipped`).
 _SEEN = 3.0
 
 

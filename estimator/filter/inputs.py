@@ -18,7 +18,8 @@ from sinan.sensors.recording import Recording
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.window import between
 
-#: The kernels' codes of the equations of a sensor; where all of a reading is a form they predict nothing.
+#: The kernels' codes of the equations of a sensor, those of `engine_numba`, GPS = 0 and on; where all of a reading is a
+#: form they predict nothing.
 _CODES = {"position": 0, "zero": 1, "form": 1, "field": 2, "height": 3, "range": 4, "level": 5, "speed": 6}
 RANGE = _CODES["range"]
 #: What is no sensor: its equations, and the state that they read besides.

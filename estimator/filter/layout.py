@@ -27,7 +27,8 @@ B_ACCEL, B_GYRO, B_IMU = slice(10, 13), slice(13, 16), slice(10, 16)
 DP, DV, DTHETA, DB_ACCEL, DB_GYRO = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 D_MOTION, D_BIASES = slice(0, 9), slice(9, None)
 PV = slice(0, 6)  # position and velocity, in either
-#: Length of a row of the covariance inside the kernels, a multiple of a vector register: the most states of a filter.
+#: Length of a row of the covariance inside the kernels, the most states of a filter: 5 * 8, of vector registers of
+#: eight.
 CAPACITY = 40
 
 

@@ -23,7 +23,7 @@ from sinan.sensors.arrays import FloatArray
 __all__ = ["COARSE_ATTITUDE", "coarsest_attitude", "is_coarse", "run_relinearised"]
 
 PASSES = 6  # at most; `TOLERANCE` ends them: bound of work (`bounds_of_work coarse`)
-TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end: to its variance it adds 0.01^2
+TOLERANCE = 1e-2  # largest move of a whitened innovation at which the passes end: to its variance it adds 0.01^2 = 1e-4
 #: 1-sigma of the attitude about its worst axis above which the plain filter's covariance is not to be trusted
 #: [rad]; docs/notes/filter_consistency.md has the study.
 COARSE_ATTITUDE = 0.03

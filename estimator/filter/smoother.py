@@ -27,8 +27,8 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import rotate_back
 
-#: IMU samples in a part: its covariances and gains are in memory at one time; and where sigmas are wanted, which
-#: come one a part.
+#: IMU samples in a part, whose covariances are in memory at one time, 4000 * 40^2 * 8 bytes = 51 MB at most; and where
+#: sigmas are wanted, which come one a part, 2 s of 200 Hz.
 PART, PART_OF_SIGMAS = 4000, 400
 
 
@@ -189,7 +189,8 @@ def with_imu(motion: Motion, u: FloatArray) -> Motion:
     return replace(motion, f_b=f_b, w_ib_b=w_ib_b, dw_b=_slope(motion.t, w_ib_b))
 
 
-#: Length of the window over which the rate's slope is taken [s]: five samples at 200 Hz.
+#: Length of the window over which the rate's slope is taken [s], five samples at 200 Hz: a choice, half and twice of
+#: which change nothing of a late GPS (`bounds_of_work brief`).
 RATE_WINDOW = 0.025
 
 

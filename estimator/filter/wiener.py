@@ -29,7 +29,7 @@ from sinan.sensors.motion import Motion
 VEHICLE_BANDWIDTH = 10.0
 #: Frequencies over which power is averaged: it is known to sqrt(2 / 65), a sixth.
 NEIGHBOURS = 65
-#: k above: the mean of so many frequencies of noise exceeds twice its own once in 300,000.
+#: k above: the mean of so many frequencies of noise exceeds twice its own with chi2.sf(2 * 65, 65) = 1 in 320,000.
 SUBTRACTED = 2.0
 
 

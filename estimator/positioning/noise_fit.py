@@ -32,11 +32,11 @@ from sinan.sensors.range_noise import RangeNoise, believed, squares
 #: How long a satellite's error lasts: the life of a broadcast message [s]. Logs of known places are likelier by it than
 #: by half an hour, by 75 to 457 of 2 log L (measured: `python -m sinan.experiments.benchmarks.range_noise`).
 LASTING = 7200.0
-MOST_EPOCHS = 40  # of a log, evenly spread: neighbours repeat each other
+MOST_EPOCHS = 40  # of a log, evenly spread, as neighbours repeat each other: bound of work (`bounds_of_work law`)
 PRIOR_SPREAD = (
     0.5  # 1-sigma of the logarithm of a size: between the five sites of docs/notes/range_noise.md it is 0.24 to 0.66
 )
-NEAREST, FARTHEST = 0.01, 30.0  # bounds of a size over its prior: bound of work (`bounds_of_work ranges`)
+NEAREST, FARTHEST = 0.01, 30.0  # bounds of a size over its prior: bound of work (`bounds_of_work law`)
 
 
 @dataclass(frozen=True)

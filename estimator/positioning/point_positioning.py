@@ -19,8 +19,8 @@ from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.errors import InputError
 
 EARTH_RADIUS = 6371.0e3  # m, mean radius R_1 of GRS 80 (Moritz, Journal of Geodesy 74, 2000) to a kilometre
-CONVERGED = 1e-4  # m: the last step's error is the square of this over the distance
-MOST_ITERATIONS = 30
+CONVERGED = 1e-4  # m: the last step's error is the square of this over the distance, (1e-4)^2 / 2e7 = 5e-16
+MOST_ITERATIONS = 30  # from the Earth's centre five or six do: bound of work (`bounds_of_work ranges`)
 
 
 @dataclass(frozen=True)

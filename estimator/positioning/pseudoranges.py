@@ -47,18 +47,22 @@ from sinan.sensors.range_noise import USUAL_ACCURACY as USUAL_ACCURACY
 
 #: Satellites for which the onset of a fault is searched: bound of work (`bounds_of_work ranges`).
 SHORTLIST = 6
-MULTIPATH_TIME = 60.0  # s: within it the code errors of one satellite are one
+#: Within it the code errors of one satellite are one [s]: a choice, half and twice of which change no name of a
+#: receiver of GPS with a satellite that walks off (`bounds_of_work ranges`).
+MULTIPATH_TIME = 60.0
 #: What of a code error is new from one `MULTIPATH_TIME` to the next, (a^2 + a^2 / sin^2 E): RTKLIB 2.4.2, where nothing
 #: is set (`prcopt_default`), 100 times the 3 mm of a phase. The whole error of one epoch, with what stays, which is
 #: `MULTIPATH` here, is `sensors.pseudorange.CODE_NOISE`.
 CHANGING_NOISE = 0.3  # m
-MULTIPATH = 0.5  # m: multipath that stays, divided by sin E
+#: Multipath that stays, divided by sin E [m]: a choice, half and twice of which change none either (`bounds_of_work
+#: ranges`).
+MULTIPATH = 0.5
 #: Error of broadcast orbit and clock, as seen by a receiver [m] (Montenbruck, Steigenberger, Hauschild, Adv. Space Res.
 #: 61 (2018) 3020); the accuracy that the message promises where that is worse than its usual value.
 SIGNAL_IN_SPACE: Mapping[str, float] = {"G": 0.6, "E": 0.25, "J": 0.6, "C": 1.1, "R": 1.9}
-ZENITH_LEFT = (
-    0.1  # m at the zenith that a model of the mean weather leaves: 2 cm of the dry part, up to 20 cm of the wet
-)
+#: What a model of the mean weather leaves at the zenith [m]: 2 cm of the dry part, and half of the up to 20 cm of the
+#: wet, sqrt(0.02^2 + 0.1^2) = 0.1.
+ZENITH_LEFT = 0.1
 IONOSPHERE = "pseudorange.ionosphere"
 TROPOSPHERE = "pseudorange.troposphere"
 FAULT = pseudorange_satellite_fault.EFFECT

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray
 
-SMALLEST_PIVOT = 1e-13  # of the diagonal: below it a system counts as singular
+SMALLEST_PIVOT = 1e-13  # of the diagonal, below which a system is singular: rounding leaves some 30 eps = 7e-15
 
 
 def cholesky(N: FloatArray) -> FloatArray:

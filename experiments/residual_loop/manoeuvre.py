@@ -20,8 +20,8 @@ TABLE = Path(__file__).with_name("separation.json")
 #: times as large as one that is just detectable (lambda = 30); above 0.8 also effects that are plainly there stay
 #: confused, at 0.98 up to lambda = 500.
 CLASS_BOUND = 0.8
-#: A scenario can decide where it would detect each effect, the other one allowed for, at its plausible size: the
-#: unit of a size is that.
+#: A scenario can decide where it would detect each effect, the other one allowed for, at its plausible size: 1, since
+#: the unit of a size is that.
 SEEN_FROM = 1.0
 #: Among scenarios whose r^2 is this close to the lowest the one that sees both effects best is the better advice: what
 #: tells the two apart is lambda (1 - r^2), of which a tenth is lost at the most where r^2 is next to zero.

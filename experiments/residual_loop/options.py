@@ -12,7 +12,7 @@ from sinan.estimator.evidence.source import Fit, LocalFinding, Source
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
 
-#: Blocks agree on one beta where their scatter is below this; over twenty blocks its own sigma is a third or less.
+#: Blocks agree on one beta where their scatter is below this: one and three sigma of twenty blocks, 1 + 3 sqrt(2 / 19).
 AGREEMENT = 2.0
 
 

@@ -21,7 +21,7 @@ from sinan.sensors.errors import InputError
 #: Draws of the bootstrap: its 2.5 % points are known to sqrt(0.025 * 0.975 / 1000) = 0.5 % of probability.
 _RESAMPLES = 1000
 #: An effect that changes the squares of the held-out residuals by less than this times the noise is not seen there:
-#: by chance alone one parameter changes them by as much, the mean of chi-square.
+#: by chance alone one parameter changes them by as much, the mean of chi-square with one degree = 1.
 _NOTHING = 1.0
 
 

@@ -20,19 +20,29 @@ from sinan.experiments.residual_loop.trials import Finding
 from sinan.sensors.bounds import ASSUMED
 
 #: A residual whose variance is this many times the declared noise, and that is coloured or has not the law of noise, is
-#: an error that nobody declared, not noise that was declared badly: twice the standard deviation.
+#: an error that nobody declared, not noise that was declared badly: a choice, twice the standard deviation. Of
+#: a slow noise 1.8 and 2.4 times as large half calls both an error, twice none (`bounds_of_work left`).
 GROSS = 4.0
-#: Blocks of a stream whose energy is compared, with at least so many readings each; what stands out has this many times
-#: the usual energy: twice the size.
-_BLOCKS, _LEAST_READINGS, _BURST = 40, 8, 4.0
-_LEAST_BLOCKS, _LAGS = 5, 50
-#: An interval this long after a reading includes it [s, or readings]: the step of the finest stamps, of a ULog.
+#: What stands out of a stream's blocks has this many times the usual energy: a choice, twice the size. Of 4 s
+#: that are 1.8 and 2.4 times as noisy half calls both a burst, twice none (`bounds_of_work left`).
+_BURST = 4.0
+#: Blocks of a stream whose energy is compared, at most: a choice. Half changes no word, twice calls a slow noise a
+#: burst too (`bounds_of_work left`).
+_BLOCKS = 40
+#: Blocks at least, readings that each has at least, and lags at which they repeat: bound of work
+#: (`bounds_of_work left`).
+_LEAST_BLOCKS, _LEAST_READINGS, _LAGS = 5, 8, 50
+#: An interval this long after a reading includes it [s, or readings]: the step of the finest stamps, of a ULog, 1 us =
+#: 1e-6 s.
 _JUST_AFTER = 1e-6
 #: Readings from which the normal approximation of kurtosis holds (Anscombe and Glynn 1983; SciPy's `normaltest`).
 _LEAST_OF_A_LAW = 20
-#: Largest distance from the law of noise that tails and coarse counts make: a twentieth of the readings on either side.
+#: Largest distance from the law of noise that tails and coarse counts make, by Kolmogorov and Smirnov: a choice.
+#: Student's t of three makes 0.09 and counts of 0.45 sigma as much, one reading in ten that is six times as large 0.14,
+#: so that half calls heavy tails two kinds of readings and twice misses those that are (`test_remaining`).
 _MIXED = 0.1
-#: Share of what it explains that a probe may miss: a function that is off by a third of its size.
+#: Share of what it explains that a probe may miss, of a function that is off by sqrt(0.1), a third of its size: a
+#: choice, half and twice of which change nothing of a barometer that is noisier than declared (`bounds_of_work left`).
 _LEFT_BY_PROBES = 0.1
 #: A sensor that did not measure for a smaller share of the recording than this is no unexplained error: a choice. Of a
 #: minute 40 ms are told and 80 ms are an error; half calls both so, and twice none (`bounds_of_work frozen`).

@@ -36,14 +36,16 @@ from sinan.experiments.residual_loop.trials import (
 )
 from sinan.sensors.arrays import FloatArray
 
-#: Effects beyond this number are not looked for: what then remains is reported as unexplained.
+#: Effects beyond this number are not looked for, and what then remains is reported as unexplained: bound of work
+#: (`bounds_of_work poses`).
 MOST_EFFECTS = 6
 #: The same given an error that is in no catalogue: bound of work (`bounds_of_work flight`).
 MOST_GIVEN_ERROR = 3
 #: Length of the shortlist given an error that is in no catalogue: half of `SHORTLIST`, since in its model a pass costs
 #: several times as much.
 SHORTLIST_GIVEN_ERROR = 3
-#: Intervals beyond this number patch up an error that has no name: they stay in what remains.
+#: Intervals beyond this number patch up an error that has no name, and stay in what remains: bound of work
+#: (`bounds_of_work poses`).
 MOST_LOCAL = 3
 
 #: Times that readings are set aside for what would have been a disturbance of one or two: bound of work

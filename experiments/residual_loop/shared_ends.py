@@ -16,8 +16,8 @@ from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Option
 from sinan.experiments.residual_loop.trials import Finding, fit_without, trial
 
-#: Ends are shared where they differ by less than this share of the shorter interval: the fit of one moves the other's,
-#: and what lies between them is a tenth of a disturbance, which the likelihood judges.
+#: Ends are shared where they differ by less than this share of the shorter interval, as the fit of one moves the
+#: other's; the likelihood judges then. A choice: half and twice change nothing of the poses (`bounds_of_work poses`).
 _SHARED_WITHIN = 0.1
 
 

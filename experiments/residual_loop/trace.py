@@ -20,8 +20,11 @@ from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Fin
 from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
 from sinan.sensors.errors import InputError
 
-#: Probes that may be in a model at once; how much better than every effect one has to be to be taken first.
-MOST_SUSPECTS, OBVIOUS = 3, 2.0
+#: Probes that may be in a model at once: bound of work (`bounds_of_work poses`).
+MOST_SUSPECTS = 3
+#: How many times better than every effect a probe has to be to be taken first: a choice, half and twice of which change
+#: nothing of the poses (`bounds_of_work poses`).
+OBVIOUS = 2.0
 #: Times that the selection goes on, at most, without what withheld readings have spoken against: bound of work
 #: (`bounds_of_work flight`).
 _MOST_FALLS = 3

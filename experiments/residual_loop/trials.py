@@ -28,16 +28,17 @@ from sinan.experiments.residual_loop.options import Option, alike_to, blind_spot
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-#: Refits of the shortlist cost a pass each; a candidate below a quarter of the best statistic was never the best after
-#: it.
+#: Refits of the shortlist, which cost a pass each, and the share of the best statistic from which on a candidate is on
+#: it: bound of work (`bounds_of_work poses`).
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit:
 #: bound of work (`bounds_of_work turns`, `flight`).
 _AHEAD = 2
-#: Where nothing on a shortlist stands its refit, the next is tried: so many at a step.
+#: Where nothing on a shortlist stands its refit, the next is tried, so many at a step: bound of work (`bounds_of_work
+#: poses`).
 SHORTLISTS = 2
 #: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction: in its place
-#: an effect of correlation rho gains rho^2 of that, and below one half leaves more of it than it explains.
+#: an effect of correlation rho gains rho^2 of that, and with rho^2 < 1 / 2 leaves more of it than it explains.
 _COMPARABLE = 0.5
 #: A localised effect is looked for again about its own fit, so often at most: bound of work (`bounds_of_work flight`).
 _RELOCATIONS = 3

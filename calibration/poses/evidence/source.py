@@ -41,16 +41,19 @@ from sinan.sensors.errors import InputError
 _ROWS_A_BLOCK = 8
 #: A single reading so many sigma off is kept out of the search for intervals: of good ones 2 norm.sf(4), one in 16,000.
 _SUSPECT = 4.0
-#: Rows by which the readings kept out may move an end of the interval found: two in a row are kept out at most.
+#: Rows by which the readings kept out may move an end of the interval found: 2 + 1, since two in a row are kept out at
+#: most.
 _ENDS_WITHIN = 3
-#: Share of the degrees of freedom that a probe may take: what explains half of them by itself proves little.
+#: Share of the degrees of freedom that a probe may take: a choice, below the half that proves little; half and twice
+#: change nothing of the poses of an accelerometer (`bounds_of_work poses`).
 _PROBE_SHARE = 0.4
 #: A probe less likely to be chance than this is asked what it predicts: bound of work, far above what is called an
 #: effect (`bounds_of_work poses`).
 _WORTH_LEAVING_OUT = 0.05
-#: Rows of the shortest disturbance of turns and rests: a turn has two.
+#: Rows of the shortest disturbance of turns and rests: of one turn, since it has two.
 _SHORTEST_OF_SUMS = 2
-#: Blocks of the split that is fixed before anything is fitted; every fifth is held out.
+#: Blocks of the split that is fixed before anything is fitted; every fifth is held out, so that a fit to the rest has
+#: sqrt(5/4) = 1.1 times the sigmas of one to all. 25 / 5 = 5 blocks are held out.
 _SPLIT_BLOCKS, _SPLIT_EVERY = 25, 5
 
 

@@ -34,7 +34,8 @@ from sinan.sensors.effects import Effect
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import cross
 
-#: Parts of a rest whose means are kept: what begins within a rest enters its mean by its share.
+#: Parts of a rest whose means are kept, as what begins within a rest enters its mean by its share: bound of work
+#: (`bounds_of_work turns`).
 _PARTS = 16
 
 

@@ -16,14 +16,17 @@ from scipy import special, stats
 from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import BoolArray, FloatArray
 
-#: A reading is wrong when it is off by this many sigma of what the others leave: one in 5e8 Gaussian readings is; where
-#: the sigma is estimated, by the size of the t variable that is as rare.
+#: A reading is wrong when it is off by this many sigma of what the others leave, as 2 norm.sf(6) = 1 in 5e8 Gaussian
+#: readings are; where the sigma is estimated, by the size of the t variable that is as rare.
 WRONG = 6.0
-#: At most so many of the readings are wrong singly; every pair is tried where there are no more readings than this.
+#: At most so many of the readings are wrong singly, and every pair is tried where there are no more than these: bound
+#: of work (`bounds_of_work poses`).
 _MOST_SHARE, _ALL_PAIRS = 0.1, 200
 #: Readings that the rest must have beyond its parameters: of five the sigma is known to 1 / sqrt(10), a third.
 _LEAST_FREEDOM = 5
-#: One reading that the others hardly predict cannot be called wrong: share of itself that its own residual keeps.
+#: One reading that the others hardly predict cannot be called wrong: from this share of itself that its own residual
+#: keeps, where the others predict it to sqrt(0.95 / 0.05) = 4.4 sigma: a choice, half and twice of which change nothing
+#: of the poses of an accelerometer (`bounds_of_work poses`).
 _LEAST_OWN_SHARE = 0.05
 
 

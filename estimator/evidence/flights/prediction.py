@@ -24,17 +24,19 @@ from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of
 from sinan.sensors.arrays import BoolArray, FloatArray
 
-#: Readings are withheld for so long, once in so long [s]: a filter has half of that to find back.
+#: Readings are withheld for so long, once in so long [s], so that a filter has half of that to find back: a choice.
+#: Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work flight`).
 WINDOW, EVERY = 5.0, 7.5
-#: An interval that is shorter lies in one or two windows: the readings around them do not tell its size [s].
+#: An interval that is shorter lies in two windows at most, since they begin `EVERY` apart: the readings around them do
+#: not tell its size [s].
 SHORTEST_ASKED = 2.0 * EVERY
 #: Level at which a model counts as the better one: a stated risk.
 LEVEL = 0.05
 #: Parts of a log, each predicted by what the others say of the effects: three quarters of it, which know an effect to
 #: sqrt(4/3) times the sigma of all, 15 % more.
 FOLDS = 4
-#: A log with fewer windows tells no scatter of them: at `LEVEL` a share would have to be 6.3 sigma of two windows, by
-#: Student's t of one degree of freedom, and is 2.9 of three.
+#: A log with fewer windows tells no scatter of them: at `LEVEL` a share would have to be t.isf(0.05, 1) = 6.3 sigma of
+#: two windows, and t.isf(0.05, 2) = 2.9 of three.
 LEAST_WINDOWS = 3
 
 

@@ -15,7 +15,8 @@ from scipy import special, stats
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
-#: Prior precision of every parameter, of its information: directions that the rest does not see must not be infinite.
+#: Prior precision of every parameter, so that directions that the rest does not see are not infinite: bound of work
+#: (`bounds_of_work poses`).
 _RIDGE = 1e-9
 
 

@@ -11,13 +11,14 @@ from sinan.estimator.evidence.score import gain_of, likelihood_ratio, log_p_valu
 from sinan.estimator.evidence.whiteness import whiteness
 from sinan.sensors.arrays import FloatArray, IntArray
 
-#: Boundaries of the coarse grid; a row is the finest step of the refinement.
+#: Boundaries of the coarse grid, which is refined to a row: bound of work (`bounds_of_work poses`).
 _GRID = 96
 #: A disturbance from the first row on is a start-up transient up to this share of the rows, the bias before a step
 #: above: a choice of words, since that bias is free. Twice calls a step after 16 % a transient, half changes no word
 #: (`bounds_of_work start`).
 _START_UP = 0.1
-#: An interval's evidence is compared with that of its peers, other intervals of about its length; at least so many.
+#: An interval's evidence is compared with that of its peers, other intervals of about its length, so many at least: a
+#: choice, half and twice of which change nothing of the poses of an accelerometer (`bounds_of_work poses`).
 _LEAST_PEERS = 6
 
 

@@ -24,25 +24,27 @@ from sinan.sensors.effects import Effect, effect
 
 #: Onsets that are tried, and how much finer they are tried about the best: bound of work; half and twice move an
 #: interval by 1 % of its length at most (`bounds_of_work flight`).
-_ONSETS = 25
-_FINER = 5
+_ONSETS, _FINER = 25, 5
 #: By how much `refined` knows an end of an interval better than it was told: two grids, of which each is `_FINER`
 #: times finer.
 REFINED = _FINER**2
-#: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back; below this share of the
-#: strongest of all streams nothing would come first.
+#: Ends on the grid may lose most of a strong step's gain, which a finer grid gives back, but from this share of the
+#: strongest of all streams on nothing would come first: bound of work (`bounds_of_work flight`).
 _WORTH_REFINING = 0.05
 #: An offset direction is seen where its information exceeds this share of that of the best seen one: its sigma is
 #: 1 / sqrt(0.001) = 32 times as large.
 _FLOOR = 1e-3
-#: An onset this long before a reading includes it [s]: the step of the finest stamps, of a ULog.
+#: An onset this long before a reading includes it [s]: the step of the finest stamps, of a ULog, 1 us = 1e-6 s.
 _JUST_BEFORE = 1e-6
-#: Intervals whose gains differ by less than this are not told apart: of those the smallest offset is taken.
+#: Intervals whose gains of -2 log L differ by less than 1^2 = 1, one sigma of an end, are not told apart: of those the
+#: smallest offset is taken.
 _ALIKE = 1.0
 #: A combination of columns of unit length that has less than this share of the largest one's square is none: rounding
 #: leaves 1e-16 of that a row, of which there are some thousands.
 _DEPENDENT = 1e-12
-#: With a wandering bias a step in the first or last part of the log is no step: share of the log.
+#: With a wandering bias a step in the first or last part of the log is no step, by this share of it: a choice of words,
+#: as `localise._START_UP`. Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work
+#: flight`).
 _EDGE = 0.1
 #: Logarithm of the p-value above which intervals explain what they would of white innovations: a stated risk.
 _AS_WHITE = np.log(1e-3)
