@@ -27,7 +27,6 @@ from sinan.calibration.levels.preparation import prepared
 from sinan.calibration.levels.rest import noise_at_rest
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.calibration.poses.evidence.bias_walk import estimated_walk
-from sinan.calibration.poses.reference import calibrate_by_attitude
 from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
@@ -59,7 +58,6 @@ from sinan.sensors.rotation import (
     quaternion_from_matrix,
     quaternion_log,
     right_jacobian,
-    rotate_back,
     rotation_exp,
     rpy_from_quaternion,
 )
@@ -457,15 +455,6 @@ def _shock() -> Answer:
     return Answer((f"{len(levels.upsets)} upsets",), journal.x_end[PV], sigma[PV])
 
 
-def _by_attitude() -> Answer:
-    """A compass by the attitude of a log of 4000 rows."""
-    rng, field = np.random.default_rng(1), np.array([0.5, 0.0, 0.8])
-    q = quaternion_exp(np.cumsum(0.05 * rng.standard_normal((4000, 3)), axis=0))
-    readings = rotate_back(q, field[None]) * [1.1, 0.9, 1.0] + [0.1, -0.2, 0.05] + 0.01 * rng.standard_normal((4000, 3))
-    found = calibrate_by_attitude(readings, q, float(np.linalg.norm(field))).fit
-    return Answer((), found.x, found.std)
-
-
 def _gap() -> Answer:
     """Position and velocity at the end of a figure of eight whose IMU lacks 0.3 s, 1.5 s and twice 6 s, and how many
     stretches it has.
@@ -649,7 +638,6 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "headings": _headings,
     "rest": _rest,
     "shock": _shock,
-    "attitude": _by_attitude,
     "gap": _gap,
     "moving": _moving,
     "unaided": _unaided,
