@@ -491,7 +491,7 @@ def _moving() -> Answer:
 
 
 def _unaided() -> Answer:
-    """Velocity and attitude at the end of a hover without a GPS, and the 1-sigma of both."""
+    """Attitude at the end of a hover without a GPS, and the 1-sigma of place and attitude."""
     recording = _recording("hover", seed=5)
     streams = {name: one for name, one in recording.streams.items() if name in ("imu", "baro", "mag")}
     initial = replace(recording.initial, position_std=None, velocity=None, velocity_std=None)
