@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.geodetic import to_ned
-from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.recording import Recording, Stream, tells_height
 from sinan.sensors.window import between, end_of, start_of
 
 #: Stamps of each log begin at a multiple of this many seconds after those of the first, past the end of the one before.
@@ -49,6 +49,7 @@ def joined(recordings: Sequence[Recording]) -> Recording:
         shifts.append(begin - start_of(one) + start_of(first))
         begin += ROUND * float(np.ceil((end_of(one) - start_of(one) + 1.0) / ROUND))
     parts = [_in_ned(between(one, start_of(one), float(np.nextafter(end_of(one), np.inf)))) for one in recordings]
+    parts = _with_what_tells_no_height(parts)
     shifted = list(zip(parts, shifts, strict=True))
     names = dict.fromkeys(name for streams in parts for name in streams)
     streams = {
@@ -76,6 +77,23 @@ def _environment(recording: Recording) -> object:
 def _in_ned(recording: Recording) -> dict[str, Stream]:
     """The streams, fixes about the recording's own origin."""
     return to_ned(recording.where, recording.streams, recording.origin)[0]
+
+
+def _with_what_tells_no_height(parts: list[dict[str, Stream]]) -> list[dict[str, Stream]]:
+    """The streams of several logs; where fixes of one tell no height, those of all have the `epv` that says so: 0 of a
+    receiver that says nothing.
+    """
+    if all(np.all(tells_height(streams["gps"])) for streams in parts if "gps" in streams):
+        return parts
+    return [
+        {
+            name: Stream(one.t, {**one.columns, "epv": one["epv"] if "epv" in one else np.zeros(len(one))})
+            if name == "gps"
+            else one
+            for name, one in streams.items()
+        }
+        for streams in parts
+    ]
 
 
 def _concatenated(parts: Sequence[tuple[Stream, float]]) -> Stream:

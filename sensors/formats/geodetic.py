@@ -39,12 +39,14 @@ def to_ned(
     changed, notes = dict(streams), []
     for name in ("gps", "base"):
         stream = streams.get(name)
-        if stream is not None and name == "gps" and stream.has(GEODETIC[:2]) and "height" not in stream:
+        if stream is None or stream.has(POSITION) or len(stream) == 0:
+            continue
+        if name == "gps" and stream.has(GEODETIC[:2]) and "height" not in stream:
             level = np.full(len(stream), 0.0 if origin is None else origin[2])
             epv = np.full(len(stream), NO_HEIGHT)
             stream = Stream(stream.t, {**stream.columns, "height": level, "epv": epv})
             notes.append("gps: the log has no height of the receiver's: its fixes are those of latitude and longitude")
-        if stream is None or not stream.has(GEODETIC) or stream.has(POSITION) or len(stream) == 0:
+        if not stream.has(GEODETIC):
             continue
         lla = stream.array(GEODETIC)
         _check_degrees(where, name, lla)

@@ -11,7 +11,8 @@ import scipy.io
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
-from sinan.sensors.recording import ACCEL, GYRO, MAG, QUATERNION, VELOCITY, Recording, tells_height
+from sinan.sensors.formats.geodetic import to_ned
+from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, QUATERNION, VELOCITY, Recording, Stream, tells_height
 
 ROUNDING = 1e-12
 TEXT = "0 0.1 0.2 1.0 1 2 3\n10 0.1 0.2 1.0 4 5 6\n20 0.1 0.2 1.0 7 8 9\n"
@@ -321,6 +322,13 @@ longitude = { columns = 6, unit = "1e-7 deg" }
     assert gps.has(("north", "east", "down"))
     assert not np.any(tells_height(gps))
     assert any("no height" in note for note in recording.notes)
+
+
+def test_fixes_in_ned_have_their_height_whatever_stands_beside_them() -> None:
+    t = np.arange(3.0)
+    place = dict.fromkeys((*POSITION, "latitude", "longitude"), t)
+    streams, origin, notes = to_ned("log", {"gps": Stream(t, place)}, None)
+    assert (set(streams["gps"].columns), origin, notes) == (set(place), None, ())
 
 
 def test_reference_is_apart(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.errors import InputError
 from sinan.sensors.joining import joined
-from sinan.sensors.recording import Initial, SensorSpec
+from sinan.sensors.recording import NO_HEIGHT, Initial, SensorSpec, Stream, tells_height
 from tests.estimator.analytic_flight import fly
 
 
@@ -37,6 +37,15 @@ def test_a_stream_of_one_log_alone_is_read_there() -> None:
     assert float(both.streams["baro"].t[-1]) < 4.1
     assert float(both.streams["gps"].t[-1]) > 1000.0
     assert any(note.startswith("log 2") and "1000 s" in note for note in both.notes)
+
+
+def test_fixes_of_one_log_that_tell_no_height_tell_none_among_others() -> None:
+    first, second = (fly(seed, duration=4.0)[0] for seed in (1, 2))
+    gps = first.streams["gps"]
+    flat = Stream(gps.t, {**gps.columns, "down": np.zeros(len(gps)), "epv": np.full(len(gps), NO_HEIGHT)})
+    for logs in ([first.replace(streams={**first.streams, "gps": flat}), second], [first, second]):
+        fixes = joined(logs).streams["gps"]
+        assert np.array_equal(tells_height(fixes), (fixes.t > 500.0) | (logs[0] is first))
 
 
 def test_one_log_is_itself() -> None:
