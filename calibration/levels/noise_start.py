@@ -112,11 +112,12 @@ def datum(recording: Recording, name: str) -> float:
     """How far the first height of a height sensor is from that of the GPS, else of a sensor that sees the ground [m]:
     their zeros need not agree. 0 where there is neither: then the sensor itself says where the flight begins.
 
-    Neglects the tilt at the first reading.
+    Neglects the tilt at the first reading, and the climb until the first fix that tells a height.
     """
     seen = [other for other in height_sensors() if other in recording.streams and sensor(other).kernel == "range"]
-    if "gps" in recording.streams and tells_height(recording.streams["gps"])[0]:
-        down = float(position_of(recording, "gps")[0, 2])
+    gps = recording.streams.get("gps")
+    if gps is not None and np.any(told := tells_height(gps)):
+        down = float(position_of(recording, "gps")[np.argmax(told), 2])
     elif seen:
         down = _first_down(recording, min(seen, key=lambda other: sensor(other).height_turn))
     else:

@@ -240,18 +240,25 @@ def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q:
 
 
 def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and its 1-sigma from the first GPS fix, else the first height; a range's with the first tilt."""
-    from sinan.estimator.filter.events import readings
+    """Position [m] and its 1-sigma from the first GPS fix; where that tells no height from the first height, a range's
+    with the first tilt, else from the first fix that tells one.
+    """
+    from sinan.estimator.filter.events import readings, white_shares
 
     p, sigma = np.zeros(3), np.full(3, UNKNOWN_POSITION)
     model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors:
         stream, gps = streams["gps"], model.sensors["gps"]
-        waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
-        spread = np.hypot(np.sqrt(gps.R[0, 0]), 0.0 if gps.bias is None else gps.bias.std)
-        p, sigma = stream.array(POSITION)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * waited)
-        if tells_height(stream)[0]:
-            return p, sigma
+        waited = np.maximum(0.0, stream.t - streams["imu"].t[0])
+        white = np.sqrt(np.diag(gps.R)[:3] * white_shares(flight, "gps")[:, :3])
+        spread = np.hypot(white, 0.0 if gps.bias is None else gps.bias.std)
+        fixes, sigmas = stream.array(POSITION), WIDE * spread + UNKNOWN_VELOCITY * waited[:, None]
+        p[:2], sigma[:2] = fixes[0, :2], sigmas[0, :2]
+        told = np.flatnonzero(tells_height(stream))
+        if len(told):
+            p[2], sigma[2] = fixes[told[0], 2], sigmas[told[0], 2]
+            if told[0] == 0:
+                return p, sigma
     heights = [sensor(name) for name in model.sensors if is_sensor(name)]
     for entry in sorted(heights, key=lambda entry: entry.height_turn):
         if entry.height is None:
@@ -271,11 +278,14 @@ def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, Float
 
 def _first_velocity(flight: Flight) -> tuple[FloatArray, FloatArray]:
     """Velocity [m/s] and its 1-sigma from the first GPS velocity, else unknown."""
+    from sinan.estimator.filter.events import white_shares
+
     model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors and streams["gps"].has(VELOCITY):
         stream, gps = streams["gps"], model.sensors["gps"]
         waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
-        return stream.array(VELOCITY)[0], np.full(3, WIDE * np.sqrt(gps.R[3, 3]) + UNKNOWN_VELOCITY * min(waited, 1.0))
+        spread = np.sqrt(gps.R[3, 3] * white_shares(flight, "gps")[0, 3])
+        return stream.array(VELOCITY)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * min(waited, 1.0))
     return np.zeros(3), np.full(3, UNKNOWN_VELOCITY)
 
 

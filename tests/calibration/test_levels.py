@@ -186,6 +186,16 @@ def test_a_lateness_at_its_bound_is_told_as_such(bare: Recording) -> None:
     assert "the most that is sought" in told[1]
 
 
+def test_a_barometer_is_held_against_the_first_fix_that_tells_a_height() -> None:
+    flown, _ = fly(4, duration=3.0, sensors=("mag", "baro", "gps"))
+    gps = flown.streams["gps"]
+    flat = Stream(gps.t, {**gps.columns, "down": np.where(gps.t < 0.5, 0.0, gps["down"] - 190.0)})
+    for epv, expected in ((np.where(gps.t < 0.5, NO_HEIGHT, 1.0), 190.0), (np.full(len(gps), NO_HEIGHT), 0.0)):
+        fixes = Stream(gps.t, {**flat.columns, "epv": epv})
+        recording = flown.replace(streams={**flown.streams, "gps": fixes})
+        assert datum(recording, "baro") == pytest.approx(expected, abs=10.0)
+
+
 def test_a_barometer_may_count_from_the_sea_where_a_laser_sees_the_ground() -> None:
     """Without a GPS nothing was known of that: a log whose barometer stood at 189 m had a `baro.step` of 166 m."""
     flown, _ = fly(4, duration=20.0, sensors=("mag", "baro", "laser"))

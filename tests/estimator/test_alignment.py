@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.consistency import chi_square, nees
-from sinan.estimator.filter.alignment import align, attitude_from_vectors, first_state
+from sinan.estimator.filter.alignment import UNKNOWN_POSITION, align, attitude_from_vectors, first_state
 from sinan.estimator.filter.engine import choose_engine
-from sinan.estimator.filter.events import variances, white_shares
+from sinan.estimator.filter.events import GATED, variances, white_shares
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.inputs import prepare
-from sinan.estimator.filter.layout import B_ACCEL, B_GYRO, DTHETA, P_N, Q_NB, StateLayout
+from sinan.estimator.filter.layout import B_ACCEL, B_GYRO, DTHETA, P_N, PV, Q_NB, StateLayout
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.scenarios import load_scenario
-from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, Initial, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, POSITION, VELOCITY, Initial, SensorSpec, Stream
 from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_rpy,
@@ -29,7 +29,7 @@ from sinan.sensors.rotation import (
     rpy_from_quaternion,
 )
 from sinan.sensors.simulate import simulate
-from tests.estimator.analytic_flight import FIELD, GRAVITY, fly
+from tests.estimator.analytic_flight import FIELD, GRAVITY, analytic_motion, fly
 
 MICRORADIAN = 1e-6
 RUNS = 40
@@ -104,6 +104,44 @@ def test_a_fix_in_two_dimensions_leaves_the_height_to_the_barometer() -> None:
         assert journals[0].P_end[2, 2] > 3.0 * journals[0].P_end[0, 0]
         ends.append(journals[0].x_end)
     assert ends[0] == pytest.approx(ends[1], abs=0.02)
+
+
+@pytest.mark.parametrize("others", [("gps", "mag"), ("gps", "mag", "baro")])
+def test_a_height_that_later_fixes_tell_is_none_of_the_first(others: tuple[str, ...]) -> None:
+    """Nor is what stands in its place: without a barometer it is that of the first fix that tells one."""
+    recording, truth = fly(2, duration=1.5, sensors=others)
+    gps = recording.streams["gps"]
+    down, epv = np.where(gps.t < 1.0, 500.0, gps["down"]), np.where(gps.t < 1.0, NO_HEIGHT, 1.0)
+    late = Stream(gps.t, {**gps.columns, "down": down, "epv": epv})
+    x, P = first_state(Flight.of(recording.replace(initial=Initial(), streams={**recording.streams, "gps": late})))
+    assert abs(x[2] - truth[0, 2]) < 2.0 * np.sqrt(P[2, 2]) < 50.0
+
+
+def test_where_no_fix_tells_a_height_and_nothing_else_does_the_start_is_the_origin() -> None:
+    recording, _ = fly(2, duration=1.5, sensors=("gps", "mag"))
+    gps = recording.streams["gps"]
+    flat = Stream(gps.t, {**gps.columns, "down": np.full(len(gps), 500.0), "epv": np.full(len(gps), NO_HEIGHT)})
+    x, P = first_state(Flight.of(recording.replace(initial=Initial(), streams={**recording.streams, "gps": flat})))
+    assert (x[2], P[2, 2]) == (0.0, UNKNOWN_POSITION**2)
+
+
+def test_a_first_fix_that_is_poor_by_its_own_word_is_no_certain_start() -> None:
+    """Else the good ones after it are refused: 1 s of fixes that are off by 3 m and 1 m/s, and say so."""
+    recording, truth = fly(2, duration=10.0, sensors=("gps", "mag", "baro"))
+    gps, specs = recording.streams["gps"], {**recording.sensors}
+    poor, rng = gps.t < 1.0, np.random.default_rng(1)
+    motion = analytic_motion(gps.t)
+    precise = np.hstack([motion.p_n, motion.v_n]) + 0.02 * rng.standard_normal((len(gps), 6))
+    precise[poor] += np.repeat([3.0, 1.0], 3)
+    said = {name: np.where(poor, size, 0.02) for name, size in (("eph", 3.0), ("epv", 3.0), ("s_variance", 1.0))}
+    fixes = Stream(gps.t, {**dict(zip((*POSITION, *VELOCITY), precise.T, strict=True)), **said})
+    specs["gps"] = SensorSpec(noise_std=0.02, velocity_noise_std=0.02, bias_std=0.0, bias_walk=0.0)
+    recording = recording.replace(initial=Initial(), sensors=specs, streams={**recording.streams, "gps": fixes})
+    flight = Flight.of(recording, rounding={"gps": np.zeros(6)})
+    x, P = first_state(flight)
+    assert np.all(np.abs(x[PV] - truth[0, PV]) < 3.0 * np.sqrt(np.diag(P)[PV]))
+    status = run_filter(flight, engine="numba").stream("gps").status
+    assert not np.any(status == GATED)
 
 
 def test_field_of_a_log_has_the_dip_of_the_field() -> None:
