@@ -69,7 +69,7 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     total, left = max(total, 1e-300), max(left, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     share = min(left, 1.0) / total
-    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.nu[had] ** 2)))
+    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.told[had] ** 2)))
     return Budget(
         stream, unit, rms, effects=1.0 - left / total, white=share * white, colour=share * colour,
         motion=share * (1.0 - white - colour), unnamed=max(left - 1.0, 0.0) / total, predicted=1.0 / left,

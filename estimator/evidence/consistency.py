@@ -55,7 +55,7 @@ def chi_square(total: float, dof: int, level: float = LEVEL) -> Statistic:
 
 def nis(journal: Journal, level: float = LEVEL) -> Mapping[str, Statistic]:
     """Mean NIS per degree of freedom by sensor, over the readings that were used."""
-    used, dof = journal.accepted, journal.dof
+    used, dof = journal.accepted, journal.freedom
     table = {}
     for s, name in enumerate(journal.sensors):
         mine = used & (journal.sensor == s)

@@ -12,6 +12,7 @@ from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.recording import NO_HEIGHT
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,16 @@ class StreamJournal:
     def dof(self) -> int:
         """Components of a reading."""
         return self.nu.shape[1]
+
+    @property
+    def tells(self) -> BoolArray:
+        """(k, m) which components are readings at all: not the height of a fix in two dimensions."""
+        return ~(np.diagonal(self.S, axis1=1, axis2=2) >= NO_HEIGHT**2)
+
+    @property
+    def told(self) -> FloatArray:
+        """(k, m) innovation, 0 where nothing is told: of a fix without a height `nu` has what stands in its place."""
+        return np.where(self.tells, self.nu, 0.0)
 
     @property
     def accepted(self) -> BoolArray:
@@ -109,6 +120,15 @@ class Journal:
         return np.diff(self.row)
 
     @property
+    def freedom(self) -> IntArray:
+        """(K,) mean of each NIS where all is well: the components that tell something (`StreamJournal.tells`)."""
+        found = self.dof.copy()
+        if "gps" in self.sensors:
+            fixes = self.stream("gps")
+            found[fixes.events] = np.sum(fixes.tells, axis=1)
+        return found
+
+    @property
     def accepted(self) -> BoolArray:
         """(K,) used by the filter."""
         return np.asarray(self.status == ACCEPTED)
@@ -148,7 +168,7 @@ class Journal:
 
     def nis_per_dof(self) -> Mapping[str, float]:
         """Mean NIS over dof by sensor, of the readings that were used; NaN where none was."""
-        used, dof = self.accepted, self.dof
+        used, dof = self.accepted, self.freedom
         mine = {name: used & (self.sensor == s) for s, name in enumerate(self.sensors)}
         return {n: float(np.sum(self.nis[k]) / np.sum(dof[k])) if np.any(k) else float("nan") for n, k in mine.items()}
 

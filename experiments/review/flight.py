@@ -167,7 +167,7 @@ def _innovations(journal: Journal) -> Iterator[Panel]:
         keep = one.accepted
         if not np.any(keep):
             continue
-        t, nu = one.t[keep], one.nu[keep]
+        t, nu, tells = one.t[keep], one.told[keep], np.any(one.tells[keep], axis=0)
         bound = BOUND_SIGMA * np.sqrt(np.einsum("kii->ki", one.S[keep]))
         name = SENSORS.get(sensor, sensor)
         parts = {
@@ -175,10 +175,12 @@ def _innovations(journal: Journal) -> Iterator[Panel]:
             "gps": ((" position", "m", slice(0, 3), _NED), (" velocity", "m/s", slice(3, 6), _NED)),
         }.get(sensor, (("", "m", slice(0, min(nu.shape[1], 1)), ("innovation",)),))
         for what, unit, part, names in parts:
-            if nu[:, part].shape[1] == 0:
+            shown = np.flatnonzero(tells[part])  # none of the heights of fixes in two dimensions
+            if len(shown) == 0:
                 continue
-            curves = [*vector(t, bound[:, part], names, BOUND), *vector(t, -bound[:, part], names, BOUND)]
-            curves += vector(t, nu[:, part], names, DOTS)
+            nu_of, bound_of, called = nu[:, part][:, shown], bound[:, part][:, shown], [names[k] for k in shown]
+            curves = [*vector(t, bound_of, called, BOUND), *vector(t, -bound_of, called, BOUND)]
+            curves += vector(t, nu_of, called, DOTS)
             yield Panel(f"{name}{what}"[:1].upper() + f"{name}{what}"[1:], unit, tuple(curves), robust=True)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.estimator.evidence.consistency import chi_square, nees
+from sinan.estimator.evidence.consistency import chi_square, nees, nis
 from sinan.estimator.filter.alignment import UNKNOWN_POSITION, align, attitude_from_vectors, first_state
 from sinan.estimator.filter.engine import choose_engine
 from sinan.estimator.filter.events import GATED, variances, white_shares
@@ -102,6 +102,8 @@ def test_a_fix_in_two_dimensions_leaves_the_height_to_the_barometer() -> None:
         error = model.layout.difference(truth[-1:], journals[0].x_end[None])[0]
         assert np.max(np.abs(error) / np.sqrt(np.diag(journals[0].P_end))) < 5.0
         assert journals[0].P_end[2, 2] > 3.0 * journals[0].P_end[0, 0]
+        assert nis(journals[0], 1.0 - FALSE_ALARM)["gps"].consistent  # of five components, not of six
+        assert journals[0].nis_per_dof()["gps"] == nis(journals[0])["gps"].mean
         ends.append(journals[0].x_end)
     assert ends[0] == pytest.approx(ends[1], abs=0.02)
 

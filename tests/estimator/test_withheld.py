@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.prediction import Prediction
+from sinan.estimator.evidence.flights.source import FlightSource
+from sinan.estimator.evidence.flights.withheld import predicted
 from sinan.estimator.filter.events import ACCEPTED, STATUS, WITHHELD
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.layout import PV
 from sinan.estimator.filter.run_filter import run_filter
-from sinan.sensors.recording import POSITION, VELOCITY, Recording
+from sinan.sensors.recording import NO_HEIGHT, POSITION, VELOCITY, Recording, Stream
 from tests.estimator.analytic_flight import fly
 
 AGREEMENT = 1e-9  # of the engines
@@ -96,3 +99,26 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start(flight: Recording) -> N
     )
     sigma = np.sqrt(np.diag(here.P_end))
     assert np.max(np.abs(here.model.layout.difference(here.x_end, there.x_end)) / sigma) < SETTLED
+
+
+def test_what_stands_in_the_place_of_a_height_is_no_error() -> None:
+    """Of fixes in two dimensions, 500 m off: in no residual, no prediction and no budget; others count as they did."""
+    recording, _ = fly(2, duration=16.0, sensors=("gps", "mag", "baro"))
+    gps = recording.streams["gps"]
+    for flat in (np.ones(len(gps), dtype=bool), np.arange(len(gps)) % 2 == 0):
+        down, epv = np.where(flat, 500.0, gps["down"]), np.where(flat, NO_HEIGHT, 0.5)
+        fixes = Stream(gps.t, {**gps.columns, "down": down, "epv": epv})
+        flown = recording.replace(streams={**recording.streams, "gps": fixes})
+        source = FlightSource(Flight.of(flown))
+        plain = source.fit(())
+        (seen,) = (one for one in source.residuals(plain) if one.stream == "gps")
+        assert not np.any(seen.residual[flat[seen.row], 2])
+        assert np.sqrt(np.mean(seen.residual[:, :2] ** 2)) == pytest.approx(0.5, rel=0.1)
+        (budget,) = (one for one in source.budget(plain, plain) if one.stream == "gps")
+        assert budget.rms < 0.5
+        (asked,) = Prediction(source._passes, [("gps", "m")]).of(plain)
+        assert 0.2 < asked.rms < 1.5
+        two = np.sqrt(np.mean(asked.residual[flat[asked.row], :2] ** 2))
+        three = np.sqrt(np.mean(asked.residual[:, :2] ** 2))
+        assert two == pytest.approx(three, rel=0.2)
+        assert np.all(predicted(Flight.of(flown), "gps", WINDOWS).distance < 20.0)

@@ -12,17 +12,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.commands.estimate import run as estimate
 from sinan.experiments.report.page import Page
 from sinan.experiments.review.curves import Curve, Panel, Review, Section, broken, thinned
 from sinan.experiments.review.drawing import decades, drawn, ticks, values_span
 from sinan.experiments.review.events import gap_events
+from sinan.experiments.review.flight import Flown, flight_review
 from sinan.experiments.review.readings import readings_review
 from sinan.experiments.review.spectrum import amplitude_density
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.formats.dataflash_messages import read_messages
 from sinan.sensors.formats.happenings import happenings_of
-from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, Recording, Stream
+from tests.estimator.analytic_flight import fly
 from tests.sensors.test_tlog import written as telemetry
 
 MEGABYTE = 1e6
@@ -86,6 +90,19 @@ def test_first_view_of_innovations_is_not_that_of_the_first_one() -> None:
     nu[0] = bound[0] = 900.0
     panel = Panel("GPS", "m", (Curve("95 %", t, bound, "bound"), Curve("north", t, nu, "dots")), robust=True)
     assert 2.0 < values_span(panel)[1] < 5.0
+
+
+def test_fixes_in_two_dimensions_have_no_innovation_of_height() -> None:
+    """Whose bounds are 20 km, and in which is what stands in the place of the height."""
+    recording, _ = fly(2, duration=3.0, sensors=("gps", "mag"))
+    gps = recording.streams["gps"]
+    flat = Stream(gps.t, {**gps.columns, "down": np.full(len(gps), 500.0), "epv": np.full(len(gps), NO_HEIGHT)})
+    log = recording.replace(streams={**recording.streams, "gps": flat})
+    journal = run_filter(Flight.of(log), engine="numba")
+    review = flight_review(Flown(log, journal.imu_t, journal.imu_x, journal, True))
+    panels = [panel for panel in review.panels if panel.robust and panel.title.startswith("GPS")]
+    innovations = {panel.title: {curve.name for curve in panel.curves} for panel in panels}
+    assert innovations == {"GPS position": {"north", "east"}, "GPS velocity": {"north", "east", "down"}}
 
 
 def test_page_of_an_hour_at_a_thousand_hertz_stays_small(tmp_path: Path) -> None:

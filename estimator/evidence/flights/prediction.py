@@ -193,13 +193,13 @@ class Prediction:
     def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[StreamResidual]:
         seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
         t, row, nu, white = (
-            np.concatenate([getattr(one, key)[keep] for one, keep in seen]) for key in ("t", "index", "nu", "white")
+            np.concatenate([getattr(one, key)[keep] for one, keep in seen]) for key in ("t", "index", "told", "white")
         )
         if not len(t):
             return []
-        variance = np.concatenate(
-            [np.mean(np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3], axis=1) for one, keep in seen]
-        )
+        each = np.concatenate([np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3] for one, keep in seen])
+        told = np.concatenate([one.tells[keep, :3] for one, keep in seen])
+        variance = np.mean(each, axis=1, where=told)
         sure = np.mean(variance**-1.0) ** -1.0 / variance
         nu = nu * np.sqrt(sure)[:, None]
         order = np.argsort(t, kind="stable")

@@ -430,7 +430,7 @@ class FlightSource(OfFlight):
                 held = one.t[keep] > self._passes.split
                 unit, white = self._unit_of(name), one.white * np.sqrt(one.weight)[:, None]
                 rows.append(
-                    StreamResidual(name, one.t[keep], one.nu[keep], white[keep], held, unit, {}, one.index[keep])
+                    StreamResidual(name, one.t[keep], one.told[keep], white[keep], held, unit, {}, one.index[keep])
                 )
         return rows
 

@@ -67,4 +67,4 @@ def predicted(
     t = stamps[one.index[rows]]
     before = np.searchsorted(given, t) - 1
     age = np.where(before >= 0, t - given[np.maximum(before, 0)], np.inf)
-    return Predicted(t, age, one.nu[rows], journal.loglik[one.events[rows]])
+    return Predicted(t, age, one.told[rows], journal.loglik[one.events[rows]])
