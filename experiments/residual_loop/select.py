@@ -219,19 +219,21 @@ class _Path:
 
     def drop_what_may_be_none(self, alpha: float) -> None:
         """Drop effects whose estimate may be zero by its own error: by b' Lambda b over the scatter of its blocks, one
-        hypothesis each, as they have been found; the weakest first.
+        hypothesis each, as they have been found; the weakest first, and before it what cannot be as it is now.
 
         A likelihood that grows with what changes hardly a reading has grown because the motion is another one.
         """
         while True:
             told = [updated(f, self._fit, self._offered.evidence) for f in self.findings if f.term.in_mean]
             doubts = [(log_p_value(f.information / f.spread**2, len(f.beta)), f.term) for f in told if not f.at_least]
+            doubts += [(np.inf, f.term) for f in told if not f.term.effect.exists(f.beta)]
             log_p, term = max(doubts, key=lambda one: one[0], default=(-np.inf, None))
             if term is None or log_p < np.log(alpha):
                 return
+            why = IMPOSSIBLE if log_p == np.inf else NO_EVIDENCE
             self._fit = fit_without(self._source, self._fit, term)
             self.findings = [f for f in self.findings if f.term != term]
-            self._refused[term.key] = NO_EVIDENCE
+            self._refused[term.key] = why
             self._offered = self._offer()
 
     def best(self, shortlist: int) -> Trial | None:

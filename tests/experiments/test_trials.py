@@ -198,6 +198,27 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
     assert path.selection().names == (("baro.scale",) if stays else ())
 
 
+@pytest.mark.parametrize("name", ["baro.lag", "baro.scale"])
+def test_what_has_turned_negative_by_the_end_is_no_finding(name: str) -> None:
+    """However sure it is: of what is positive, when what was found with it has been dropped."""
+
+    class One(Line):
+        candidates = (effect(name),)
+        is_predicting = True
+
+        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
+            return ()
+
+    source, term = cast(Source, One(-9.0, 1.0, name)), Term(name)
+    fit = source.fit((term,))
+    path = _Path(source, fit, -9.0, intervals=False)
+    path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
+    path.drop_what_may_be_none(0.01)
+    found = path.selection()
+    assert found.names == (("baro.scale",) if name == "baro.scale" else ())
+    assert found.refused == ({} if found.names else {name: IMPOSSIBLE})
+
+
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
     source = cast(Source, Predicting(0.99, 0.1))
     _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)], -9.0)
