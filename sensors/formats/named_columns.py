@@ -232,7 +232,7 @@ def _since_first(values: FloatArray, one: Meaning) -> FloatArray:
 
 def _streams(kind: Kind, t: FloatArray, values: Mapping[tuple[str, str], FloatArray]) -> dict[str, Stream]:
     """The streams of a flight, or one of poses; what a slower sensor repeats left out."""
-    whole = {"imu": (*ACCEL, *GYRO), "mag": MAG, "gps": GEODETIC}
+    whole = {"imu": (*ACCEL, *GYRO), "mag": MAG, "gps": GEODETIC[:2]}
     if kind == "flight":
         of = {"accel": "imu", "gyro": "imu"}
     else:  # a magnetometer alone is turned by hand, as fast as it reads
@@ -245,8 +245,8 @@ def _streams(kind: Kind, t: FloatArray, values: Mapping[tuple[str, str], FloatAr
     for name, columns in found.items():
         if not set(whole.get(name, ())) <= set(columns):
             continue
-        if name == "gps" and not set(VELOCITY) <= set(columns):
-            columns = {column: one for column, one in columns.items() if column not in VELOCITY}
+        if name == "gps":
+            columns = _of_fixes(columns)
         readings = _read_rows(Stream(t, columns), whole.get(name, ()))
         if name == "gps":
             readings = readings.rows(~_nowhere(readings.columns))
@@ -265,9 +265,17 @@ def _omitted(kind: Kind, values: Mapping[tuple[str, str], FloatArray], read: Map
         return [f"no accelerometer with a gyroscope, so not read: {', '.join(others)}"] if others else []
     lost = int(np.sum(_nowhere({column: one for (stream, column), one in values.items() if stream == "gps"})))
     notes = [f"gps: {lost} rows left out: latitude and longitude are zero, no fix"] if lost and "gps" in read else []
-    whole = {"mag": MAG, "gps": GEODETIC}
+    whole = {"mag": MAG, "gps": GEODETIC[:2]}
     missing = {name: [one for one in whole[name] if one not in there[name]] for name in whole if name in there}
     return notes + [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+
+
+def _of_fixes(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Columns of a receiver without a velocity that lacks a component, and without a height that is never told."""
+    left_out = set(VELOCITY) if not set(VELOCITY) <= set(columns) else set()
+    if not np.any(np.isfinite(columns.get("height", np.nan))):
+        left_out.add("height")
+    return {column: one for column, one in columns.items() if column not in left_out}
 
 
 def _nowhere(columns: Mapping[str, FloatArray]) -> BoolArray:

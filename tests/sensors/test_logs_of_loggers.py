@@ -13,6 +13,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.column_names import meaning
+from sinan.sensors.recording import tells_height
 from tests.sensors.test_logs_of_programs import FLU, Flight, check, of, three, write
 
 FRD = np.eye(3)
@@ -207,8 +208,18 @@ def test_sensors_that_are_there_and_not_read_are_said(tmp_path: Path, flight: Fl
     field = three(flight.field, FRD)
     rates = write(tmp_path / "a.csv", ["t", *of("g#"), *of("mag_# [uT]")], [flight.t, *axes(flight)[3:], *field])
     assert "no accelerometer with a gyroscope, so not read: gyro" in open_log(rates).notes
-    place = write(tmp_path / "b.csv", ["t", *NAMES, "lat", "lon"], [flight.t, *axes(flight), flight.t, flight.t])
-    assert "gps: not read, without height" in open_log(place).notes
+    place = write(tmp_path / "b.csv", ["t", *NAMES, "lat"], [flight.t, *axes(flight), flight.t])
+    assert "gps: not read, without longitude" in open_log(place).notes
+
+
+@pytest.mark.parametrize("told", [[], [np.nan]], ids=["no column", "an empty one"])
+def test_a_receiver_need_not_tell_a_height(tmp_path: Path, flight: Flight, told: list[float]) -> None:
+    names = ["t", *NAMES, "lat", "lon", *["alt"] * len(told)]
+    columns = [flight.t, *axes(flight), 1e-6 * flight.t, 2e-6 * flight.t, *(0.0 * flight.t + one for one in told)]
+    recording = open_log(write(tmp_path / "log.csv", names, columns))
+    assert not np.any(tells_height(recording.streams["gps"]))
+    assert recording.streams["gps"]["north"][-1] == pytest.approx(0.1106 * flight.t[-1], rel=1e-2)
+    assert any("no height" in note for note in recording.notes)
 
 
 def with_place(path: Path, flight: Flight, speed: float, before: int = 0) -> Path:
