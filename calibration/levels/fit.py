@@ -29,7 +29,7 @@ from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import ALIGNING, first_state
 from sinan.estimator.filter.effect_forms import declared_terms
 from sinan.estimator.filter.engine import run
-from sinan.estimator.filter.events import stamp_variances, white_shares
+from sinan.estimator.filter.events import SAID_OF, stamp_variances, white_shares
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import InStep, Upset
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
@@ -38,7 +38,7 @@ from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import ACCEL, GYRO, MAG, VELOCITY, Recording, SensorSpec
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, VELOCITY, Recording, SensorSpec
 from sinan.sensors.registry import sensor, sensors, where
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
@@ -124,7 +124,7 @@ class Levels:
     in_step : noise of the IMU that goes with the motion
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
-    tail, stamp_std, rounding, upsets : see `FlightModel`
+    tail, stamp_std, rounding, said, upsets : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
@@ -138,6 +138,7 @@ class Levels:
     tail: float | None
     stamp_std: float
     rounding: Mapping[str, FloatArray]
+    said: Mapping[str, float]
     upsets: tuple[Upset, ...] = ()
     latency: Mapping[str, float] = default(default_factory=dict)
     found: tuple[Size, ...] = ()
@@ -148,7 +149,8 @@ class Levels:
         """A recording with the model that these sizes make."""
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
-            field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, upsets=self.upsets,
+            field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, said=self.said,
+            upsets=self.upsets,
             gate_level=None, latency=self.latency,
         )  # fmt: skip
 
@@ -297,10 +299,25 @@ def first_levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
+        _said_of_most(recording, sizes),
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)
     return levels
+
+
+def _said_of_most(recording: Recording, sizes: Sequence[Size]) -> dict[str, float]:
+    """What a receiver says of its fixes, by column the median of those of which it says anything, where white noise of
+    their components is sought.
+    """
+    sought, found = {size.key for size in sizes if size.sensor == "gps"}, {}
+    for column in SAID_OF:
+        if ("velocity_noise_std" if column == "s_variance" else "noise_std") in sought:
+            said = recording.streams["gps"].columns.get(column, np.zeros(0))
+            said = said[(said > 0.0) & (said < NO_HEIGHT)]
+            if len(said):
+                found[column] = float(np.median(said))
+    return found
 
 
 class Problem:

@@ -152,24 +152,23 @@ def variances(flight: Flight, name: str) -> FloatArray:
 def white_shares(flight: Flight, name: str) -> FloatArray:
     """(k, m) variance of the white noise of each reading over that of the level.
 
-    Of a receiver whose noise nobody declared it goes with what it says of each fix itself (`eph`, `epv`, `s_variance`):
-    the level is that of the median, and a fix without fixed ambiguities, or behind a house, counts less by its own
-    word.
+    Of a receiver whose noise nobody declared it goes with what it says of each fix itself, over what it says of most
+    (`FlightModel.said`): a fix without fixed ambiguities, or behind a house, counts less by its own word.
     """
     model = flight.model
     shares = np.ones((len(stamps(flight, name)), model.sensors[name].size))
-    if name == "gps" and name in model.rounding:
+    if name == "gps":
         fixes = flight.recording.streams[name]
-        for said, columns in _SAID_OF:
-            accuracy = fixes[said] if said in fixes else np.zeros(len(fixes))
-            known = (accuracy > 0.0) & (accuracy < NO_HEIGHT)
-            if np.any(known):
-                shares[known, columns] = (accuracy[known, None] / np.median(accuracy[known])) ** 2
+        for column, usual in model.said.items():
+            accuracy = fixes[column] if column in fixes else np.zeros(len(fixes))
+            known = accuracy > 0.0
+            shares[known, SAID_OF[column]] = (accuracy[known, None] / usual) ** 2
+        shares[~tells_height(fixes), 2] = 0.0  # no reading
     return shares
 
 
 #: Components of a fix, of which a receiver says how well it knows them.
-_SAID_OF = (("eph", slice(0, 2)), ("epv", slice(2, 3)), ("s_variance", slice(3, 6)))
+SAID_OF: Mapping[str, slice] = {"eph": slice(0, 2), "epv": slice(2, 3), "s_variance": slice(3, 6)}
 
 
 def stamp_variances(flight: Flight) -> FloatArray:

@@ -98,6 +98,8 @@ class FlightModel:
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
     rounding : by sensor, variance of each component's error of rounding, besides the white noise
+    said : what a receiver says of its own fixes, by column the median (`eph`, `epv`, `s_variance`), where the level of
+        their white noise is that of such a fix
     upsets : instants at which the motion is open again
     tail : degrees of freedom of the Student law of every innovation; None: normal
     relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
@@ -125,6 +127,7 @@ class FlightModel:
     field: FloatArray | None = None
     stamp_std: float = 0.0
     rounding: Mapping[str, FloatArray] = default(default_factory=dict)
+    said: Mapping[str, float] = default(default_factory=dict)
     upsets: tuple[Upset, ...] = ()
     tail: float | None = None
     relinearise: bool = False
@@ -201,6 +204,7 @@ class Beliefs(TypedDict, total=False):
     in_step: InStep
     stamp_std: float
     rounding: Mapping[str, FloatArray]
+    said: Mapping[str, float]
     upsets: tuple[Upset, ...]
     tail: float | None
     relinearise: bool
@@ -229,7 +233,7 @@ def flight_model(
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
-    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, upsets, tail, relinearise: see
+    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, said, upsets, tail, relinearise: see
         `FlightModel`
 
     Raises

@@ -18,7 +18,7 @@ from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
-from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, Stream
+from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, SensorSpec, Stream
 from tests.estimator.analytic_flight import fly
 
 #: A size from a minute of readings.
@@ -82,6 +82,17 @@ def test_the_gradient_is_that_of_the_posterior(
         expected = (problem.value(theta + step) - problem.value(theta - step)) / 0.04
         if not size.linear:
             assert gradient[i] == pytest.approx(expected, rel=0.05, abs=1.0), (size.sensor, size.key)
+
+
+def test_what_a_receiver_says_counts_where_its_noise_is_sought(said: Recording) -> None:
+    """The level is that of the median of all fixes that tell anything, also in a part of them."""
+    field, declared = said.environment.magnetic_field, SensorSpec(noise_std=0.5)
+    usual = first_levels(said, sizes_of(said), field, None).said
+    heights = said.streams["gps"]["epv"]
+    assert usual["epv"] == np.median(heights[heights < NO_HEIGHT])
+    assert set(usual) == {"eph", "epv", "s_variance"}
+    partly = said.replace(sensors={"gps": declared})
+    assert set(first_levels(partly, sizes_of(partly), field, None).said) == {"s_variance"}
 
 
 def test_the_search_ends_at_one_place_wherever_it_begins(rough: Recording) -> None:

@@ -139,7 +139,7 @@ def test_a_first_fix_that_is_poor_by_its_own_word_is_no_certain_start() -> None:
     fixes = Stream(gps.t, {**dict(zip((*POSITION, *VELOCITY), precise.T, strict=True)), **said})
     specs["gps"] = SensorSpec(noise_std=0.02, velocity_noise_std=0.02, bias_std=0.0, bias_walk=0.0)
     recording = recording.replace(initial=Initial(), sensors=specs, streams={**recording.streams, "gps": fixes})
-    flight = Flight.of(recording, rounding={"gps": np.zeros(6)})
+    flight = Flight.of(recording, said=dict.fromkeys(said, 0.02))
     x, P = first_state(flight)
     assert np.all(np.abs(x[PV] - truth[0, PV]) < 3.0 * np.sqrt(np.diag(P)[PV]))
     status = run_filter(flight, engine="numba").stream("gps").status
@@ -200,15 +200,15 @@ def test_the_first_height_is_that_of_a_leaning_body(name: str, declared: bool) -
 
 
 def test_a_receiver_says_itself_how_well_it_knows_a_fix() -> None:
-    """Where nobody declares its noise: ten times the median makes a hundred times the variance, on its own axes."""
+    """Where nobody declares its noise: ten times the usual makes a hundred times the variance, on its own axes."""
     recording, _ = fly(2, duration=10.0, sensors=("gps", "mag", "baro"))
     gps = recording.streams["gps"]
     eph, s_variance = np.full(len(gps), 0.4), np.full(len(gps), 0.1)
     eph[5], s_variance[7], eph[9] = 4.0, 0.05, 0.0  # of the last it says nothing
     told = Stream(gps.t, {**gps.columns, "eph": eph, "s_variance": s_variance})
     recording = recording.replace(streams={**recording.streams, "gps": told})
-    for rounding, shares in (({"gps": np.zeros(6)}, (100.0, 0.25)), ({}, (1.0, 1.0))):
-        flight = Flight(recording, flight_model(recording, rounding=rounding))
+    for said, shares in (({"eph": 0.4, "s_variance": 0.1}, (100.0, 0.25)), ({}, (1.0, 1.0))):
+        flight = Flight(recording, flight_model(recording, said=said))
         expected = np.ones((len(gps), 6))
         expected[5, :2], expected[7, 3:] = shares
         np.testing.assert_allclose(white_shares(flight, "gps"), expected)
