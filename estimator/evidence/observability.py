@@ -152,7 +152,7 @@ def information(
 
     Neglects that readings of one cell share process noise, the Earth's turn, what declared effects change in H, and
     what is a state for the sake of others, the colour of readings and the error of the field: its sigmas are least ones
-    where a model has these.
+    where a model has these. So they are where fixes are in two dimensions, which count as whole ones.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
