@@ -56,8 +56,8 @@ CALIBRATED = 16.0 / 490.0
 #: would not fly (AP_ARMING_COMPASS_OFFSETS_MAX, AP_Arming.cpp); how large it is in a log its likelihood says, to a
 #: factor of sixteen.
 AS_IT_COMES = 300.0 / 490.0
-#: Noise below this, in SI units, is that of numbers which no sensor gave: numbers
-#: of about 1 are rounded to 2^-53 = 1e-16.
+#: Noise below this, in SI units, is that of numbers which no sensor gave: numbers of about 1 are rounded to
+#: 2^-53 = 1e-16.
 NO_NOISE = 1e-15
 #: Iterations of the search at most, what one gains at least of log L, and a round of it: bound of work
 #: (`bounds_of_work sizes`). Half of the first moves a size by 0.3 sigma, half of the second by 0.12.
@@ -150,8 +150,7 @@ class Levels:
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, tail=self.tail, stamp_std=self.stamp_std, rounding=self.rounding, said=self.said,
-            upsets=self.upsets,
-            gate_level=None, latency=self.latency,
+            upsets=self.upsets, gate_level=None, latency=self.latency,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:

@@ -41,10 +41,8 @@ LATE = 0.1
 #: twice move the first attitude of flights that begin in the air by 0.35 of its sigma (`bounds_of_work moving`).
 SCALE = 0.01
 ROUNDS, ENOUGH = 20, 1e-3  # and [rad] where Gauss-Newton ends: bound of work (`bounds_of_work moving`)
-HEADINGS, APART = (
-    4,
-    0.5,
-)  # starts about the vertical; attitudes that are two [rad]: bound of work (`bounds_of_work moving`)
+#: Starts about the vertical; attitudes further apart than that are two [rad]: bound of work (`bounds_of_work moving`).
+HEADINGS, APART = 4, 0.5
 #: Likelihood ratio of a second attitude from which on the heading counts as unknown: before the readings both are as
 #: likely, so that the one that is left out is the right one once in a thousand: stated risk.
 DOUBT = 1e-3

@@ -28,31 +28,14 @@ class By(NamedTuple):
     time: FloatArray
 
 
-@njit(**_OPTIONS)
-def _transposed_step(c, r, phi):
-    """r <- Phi' r, the adjoint of `engine_numba._propagation` and of the biases' decay `phi`."""
-    half = c[54]
-    w0, w1, w2 = r[3] + half * r[0], r[4] + half * r[1], r[5] + half * r[2]
-    n0 = r[6] - c[27] * w0 - c[30] * w1 - c[33] * w2
-    n1 = r[7] - c[28] * w0 - c[31] * w1 - c[34] * w2
-    n2 = r[8] - c[29] * w0 - c[32] * w1 - c[35] * w2
-    for j in range(3):
-        r[3 + j] += 2.0 * half * r[j]
-        r[6 + j] = c[j] * n0 + c[3 + j] * n1 + c[6 + j] * n2 - c[18 + j] * w0 - c[21 + j] * w1 - c[24 + j] * w2
-        r[9 + j] -= (c[36 + j] + c[45 + j]) * w0 + (c[39 + j] + c[48 + j]) * w1 + (c[42 + j] + c[51 + j]) * w2
-        r[12 + j] -= c[9 + j] * n0 + c[12 + j] * n1 + c[15 + j] * n2
-    for j in range(15, CAP):
-        r[j] *= phi[j]
-
-
 def _adjoint(stride):
-    """The compiled M <- Phi' M for a flat M with `stride` columns: its offsets are constants, so that loops fill vector
-    registers.
+    """The compiled M <- Phi' M, the adjoint of `engine_numba._propagation`, for a flat M with `stride` columns: its
+    offsets are constants, so that loops fill vector registers.
     """
 
     @njit(**_OPTIONS)
     def transpose(M, columns, c):
-        """`_transposed_step` of the first fifteen rows of each column; what is below them decays for itself."""
+        """The first fifteen rows of each column; what is below them decays for itself."""
         r0, r1, r2, r3, r4, r5, r6, r7, r8 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
         j0, j1, j2, j3, j4, j5, j6, j7, j8 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
         a0, a1, a2, a3, a4, a5, a6, a7, a8 = c[18], c[19], c[20], c[21], c[22], c[23], c[24], c[25], c[26]
@@ -84,7 +67,15 @@ def _adjoint(stride):
 
 #: Columns of the block in which position, velocity, attitude and the IMU's biases meet: fifteen, to fill registers.
 _BLOCK = 16
-_adjoint_G, _adjoint_block = _adjoint(CAP), _adjoint(_BLOCK)
+_adjoint_G, _adjoint_block, _adjoint_r = _adjoint(CAP), _adjoint(_BLOCK), _adjoint(1)
+
+
+@njit(**_OPTIONS)
+def _transposed_step(c, r, phi):
+    """r <- Phi' r, with the biases' decay `phi`."""
+    _adjoint_r(r, 1, c)
+    for j in range(15, CAP):
+        r[j] *= phi[j]
 
 
 @njit(**_OPTIONS)
@@ -156,6 +147,7 @@ def backward(trail, row, white, world, r, r_after, N, with_N):
     steps, step_of_event, U, H, turn = trail.steps, trail.step_of_event, trail.U, trail.H, trail.turn
     J, temp = np.empty(9), np.empty(CAP)
     phi, q = np.ones(CAP), np.zeros(CAP)
+    flat, block = N.reshape(-1), np.zeros(15 * _BLOCK)
     k, s = len(step_of_event) - 1, len(r_after)
     while True:
         while k >= 0 and step_of_event[k] == s:
@@ -163,11 +155,7 @@ def backward(trail, row, white, world, r, r_after, N, with_N):
             _right_jacobian(turn[k, 0], turn[k, 1], turn[k, 2], J)
             _turned(J, r, True)
             if with_N:
-                for j in range(CAP):
-                    _turned(J, N[j], True)
-                N[:, :] = N.T.copy()
-                for j in range(CAP):
-                    _turned(J, N[j], True)
+                _turn_both(J, flat, CAP)
             for a in range(m):
                 temp[a] = white[first + a]
                 for j in range(CAP):
@@ -189,11 +177,7 @@ def backward(trail, row, white, world, r, r_after, N, with_N):
         _decay_over(steps[s, 55], CAP, world, phi, q)
         _transposed_step(steps[s], r, phi)
         if with_N:
-            for j in range(CAP):
-                _transposed_step(steps[s], N[j], phi)
-            N[:, :] = N.T.copy()
-            for j in range(CAP):
-                _transposed_step(steps[s], N[j], phi)
+            _adjoint_step(steps[s], flat, block, phi, CAP)
 
 
 @njit(**_OPTIONS)

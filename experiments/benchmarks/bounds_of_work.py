@@ -181,7 +181,10 @@ def answered(case: str, module: str, name: str, factor: float) -> Answer | None:
 
 def moved(case: str, module: str, name: str, factor: float, usual: Answer) -> float:
     """How far an answer moves with one constant scaled; NaN: none could be given."""
-    other = answered(case, module, name, factor)
+    return _apart(usual, answered(case, module, name, factor))
+
+
+def _apart(usual: Answer, other: Answer | None) -> float:
     return np.nan if other is None else usual.apart(other)
 
 
@@ -199,7 +202,7 @@ def main(cases: Sequence[str] = ()) -> dict[tuple[str, str, str], tuple[float, f
             for module, names in table.get(case, {}).items():
                 for name in names:
                     others = [answered(case, module, name, factor) for factor in (0.5, 2.0)]
-                    half, twice = (np.nan if other is None else usual.apart(other) for other in others)
+                    half, twice = (_apart(usual, other) for other in others)
                     found[case, module, name] = half, twice
                     at = f"{module.removeprefix('sinan.')}.{name}"
                     print(f"    {at:60} halved {half:.1e}, doubled {twice:.1e}", flush=True)
