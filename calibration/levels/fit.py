@@ -67,11 +67,11 @@ OF_NO_SENSOR = frozenset({"bounds", "in_step", "latency", "stamps"})
 #: Zeros of two height sensors that differ by less are the same [m]: a choice. Half moves the height of a hover whose
 #: zeros differ by 0.3 m by 8 cm, twice that of one with 0.7 m by 23 cm, half a sigma (`bounds_of_work zeros`).
 SAME_ZERO = 0.5
-#: Steps of the search for a lateness within one of the IMU, in that: a choice, half and twice of which move it by 0.4
-#: and 0.7 of its sigma (`bounds_of_work sizes`).
-WITHIN = (0.5, 0.25)
-#: Its first step, in its spread, and rounds of times and sizes: bound of work (`bounds_of_work sizes`).
-FIRST_MOVE, ROUNDS = 0.5, 6
+#: First step of the search for a lateness, in its spread, and how often one step of the IMU is halved at most, where
+#: what a log tells is finer: bound of work (`bounds_of_work sizes`).
+FIRST_MOVE, HALVED = 0.5, 6
+#: Rounds of times and sizes: bound of work (`bounds_of_work sizes`).
+ROUNDS = 6
 #: Lateness of a compass, median and spread [s]: autopilots' filters take 0 (PX4's `EKF2_MAG_DELAY`, which may be 0.3)
 #: and 0.06 (ArduPilot's `magDelay_ms`), one spread on either side.
 LATE_COMPASS = 0.03, 0.03
@@ -393,30 +393,36 @@ class Problem:
         """Theta with the likeliest lateness of each stream.
 
         Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
-        for a period: a comb, in which a slope leads to the next tooth. So whole steps are compared, long ones first.
+        for a period: a comb, in which a slope leads to the next tooth. So whole steps are compared, long ones first;
+        then halves of one, until a step is no longer than a sigma.
         """
-        times = [i for i, size in enumerate(self.sizes) if size.linear]
-        best, value = theta, self.value(theta) if times else 0.0
-        for i in times:
-            size = self.sizes[i]
-            whole = max(1, round(FIRST_MOVE * size.spread / self._step))
-            for move in (*(whole >> k for k in range(whole.bit_length())), *WITHIN):
-                for sign in (1.0, -1.0):
-                    before = value
-                    best, value = self._climbed(best, value, i, sign * move * self._step / size.spread)
-                    if value > before:
-                        break  # behind it is where it came from
-        return best
+        for i, size in enumerate(self.sizes):
+            if size.linear:
+                theta = self._timed(theta, i, size)
+        return theta
 
-    def _climbed(self, theta: FloatArray, value: float, i: int, step: float) -> tuple[FloatArray, float]:
-        """Theta and its value after as many steps of one of it as gain."""
-        low, high = self.sizes[i].bounds
-        while True:
-            other = theta.copy()
-            other[i] += step
-            if not low <= other[i] <= high or (gained := self.value(other)) <= value:
-                return theta, value
-            theta, value = other, gained
+    def _timed(self, theta: FloatArray, i: int, size: Size) -> FloatArray:
+        """Theta with the likeliest lateness of one stream."""
+        seen: dict[float, float] = {}
+
+        def value(x: float) -> float:
+            if x not in seen:
+                moved = theta.copy()
+                moved[i] = x
+                seen[x] = self.value(moved) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
+            return seen[x]
+
+        unit, best = self._step / size.spread, float(theta[i])
+        whole = max(1, round(FIRST_MOVE * size.spread / self._step))
+        for move in (*(whole >> k for k in range(whole.bit_length())), *(0.5**k for k in range(1, HALVED + 1))):
+            step = move * unit
+            while (near := max(best + step, best - step, key=value)) != best and value(near) > value(best):
+                best = near
+            if move <= 1 and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
+                break  # minus the second difference is (step / sigma)^2
+        moved = theta.copy()
+        moved[i] = best
+        return moved
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
         """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""
