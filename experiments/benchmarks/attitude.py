@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,11 +59,13 @@ class Score:
     total : angle of the whole rotation; of the tilt where the reference has no heading
     heading : about the vertical, less one constant; nan where the reference has none
     tilt : of the vertical
+    later : the total of the second half of the reference, with a constant heading of its own
     """
 
     total: float
     heading: float
     tilt: float
+    later: float = np.nan
 
 
 #: Of an estimator that fails.
@@ -79,10 +81,19 @@ def score(t: FloatArray, q_nb: FloatArray, target: Mounted) -> Score:
     target : the reference, of `reference_of`
     """
     error = attitude_error(t, q_nb, target)
-    total, heading, tilt = (
-        float(np.rad2deg(np.sqrt(np.mean(angle**2)))) for angle in (error.total, error.heading, error.tilt)
+    middle = 0.5 * (error.t[0] + error.t[-1])
+    later = replace(target, reference=target.reference.rows(target.reference.t >= middle))
+    return Score(
+        _rms(error.total),
+        _rms(error.heading) if target.knows_heading else np.nan,
+        _rms(error.tilt),
+        _rms(attitude_error(t, q_nb, later).total),
     )
-    return Score(total, heading if target.knows_heading else np.nan, tilt)
+
+
+def _rms(angle: FloatArray) -> float:
+    """Root mean square of rad in deg."""
+    return float(np.rad2deg(np.sqrt(np.mean(angle**2))))
 
 
 def target_of(name: str, recording: Recording) -> Mounted:
@@ -175,12 +186,17 @@ def _cell(one: Score) -> str:
 
 
 def _print_means(title: str, rows: Mapping[str, Mapping[str, Score]]) -> None:
-    for words, middle in (("mean", np.mean), ("median", np.median)):
-        cells = (f"{middle([row[label].total for row in rows.values()]):.2f}" for label in ESTIMATORS)
-        print(f"| {words} of {len(rows)}, {title} | " + " | ".join(cells) + " |")
-    for mine, other in ((FILTER, VQF), (SMOOTHER, VQF_OFFLINE)):
-        mean, worst, name = ratios(rows, mine, other)
-        print(f"\n{title}: {mine} over {other} {mean:.2f} in the mean, {worst:.2f} at worst ({name})", flush=True)
+    later = {name: {label: replace(one, total=one.later) for label, one in row.items()} for name, row in rows.items()}
+    parts = {"": rows, ", second half": later}
+    for part, scores in parts.items():
+        for words, middle in (("mean", np.mean), ("median", np.median)):
+            cells = (f"{middle([row[label].total for row in scores.values()]):.2f}" for label in ESTIMATORS)
+            print(f"| {words} of {len(rows)}, {title}{part} | " + " | ".join(cells) + " |")
+    for part, scores in parts.items():
+        for mine, other in ((FILTER, VQF), (SMOOTHER, VQF_OFFLINE)):
+            mean, worst, name = ratios(scores, mine, other)
+            said = f"{mean:.2f} in the mean, {worst:.2f} at worst ({name})"
+            print(f"\n{title}{part}: {mine} over {other} {said}", flush=True)
 
 
 def document(scores: Mapping[str, Mapping[str, Score]]) -> dict[str, dict[str, dict[str, float | None]]]:

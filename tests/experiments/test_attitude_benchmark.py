@@ -69,6 +69,14 @@ def test_a_heading_that_swings_about_a_constant_scores_what_swings() -> None:
     assert found.tilt == pytest.approx(0.0, abs=ROUNDING)
 
 
+def test_the_second_half_is_scored_with_a_constant_of_its_own() -> None:
+    """An estimate that learns its heading half-way is wrong by 5 deg about the mean of the whole, and right after."""
+    learnt = heading(np.deg2rad(np.where(T < 0.5 * T[-1], -10.0, 0.0)))
+    found = score(T, quaternion_multiply(learnt, tumbling()), as_it_is(stream(tumbling())))
+    assert found.total == pytest.approx(5.0, abs=0.01)
+    assert found.later == pytest.approx(0.0, abs=ROUNDING)
+
+
 def test_a_constant_tilt_in_the_world_is_all_tilt() -> None:
     found = score(T, quaternion_multiply(tilt(0.03, 0.4), tumbling()), as_it_is(stream(tumbling())))
     assert found.total == pytest.approx(np.rad2deg(0.03), abs=ROUNDING)
@@ -182,7 +190,7 @@ def test_a_name_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> N
 def test_table_and_numbers_say_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    row = {VQF: Score(2.0, 1.5, 1.0), VQF_OFFLINE: Score(1.0, 0.5, 0.25), FILTER: Score(1.0, np.nan, 1.0)}
+    row = {VQF: Score(2.0, 1.5, 1.0, 1.25), VQF_OFFLINE: Score(1.0, 0.5, 0.25), FILTER: Score(1.0, np.nan, 1.0)}
     monkeypatch.setattr(attitude, "compare", lambda name: {**row, SMOOTHER: NO_SCORE})
     assert attitude.main(["BROAD 01, slow rotation", "--json", str(tmp_path / "scores.json")]) == 0
     assert (
@@ -190,9 +198,9 @@ def test_table_and_numbers_say_the_same(
         in capsys.readouterr().out
     )
     told = json.loads((tmp_path / "scores.json").read_text())["BROAD 01, slow rotation"]
-    assert told["VQF"] == {"total": 2.0, "heading": 1.5, "tilt": 1.0}
+    assert told["VQF"] == {"total": 2.0, "heading": 1.5, "tilt": 1.0, "later": 1.25}
     assert told["filter"]["heading"] is None
-    assert told["smoother"] == {"total": None, "heading": None, "tilt": None}
+    assert told["smoother"] == {"total": None, "heading": None, "tilt": None, "later": None}
 
 
 def test_every_trial_of_broad_is_a_row() -> None:
