@@ -108,6 +108,7 @@ def _checked(
             raise InputError(where, f"{len(entry.beta)} values", f"{entry.effect.size}", place)
         if not np.all(np.isfinite(entry.beta)):
             raise InputError(where, "a value that is not finite", "numbers", place)
+        entry.effect.check(entry.beta, where, place)
         if scenario.kind not in entry.effect.kinds:
             kinds = " or ".join(sorted(entry.effect.kinds))
             raise InputError(where, f'kind = "{scenario.kind}"', f"a scenario of kind {kinds}", place)

@@ -128,12 +128,15 @@ def declared_terms(recording: Recording) -> Terms:
 
     Raises
     ------
-    InputError : no such effect, or a beta of the wrong length
+    InputError : no such effect, or a beta of the wrong length or of a size that there cannot be
     """
     try:
-        return Terms.of({name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()})
+        terms = Terms.of({name: np.asarray(beta, dtype=np.float64) for name, beta in recording.effects.items()})
     except (KeyError, ValueError) as error:
         raise InputError(recording.where, str(error.args[0]), "effects of the catalogue", "[effects]") from None
+    for entry, beta in terms.pairs:
+        entry.check(beta, recording.where, f"[effects] {entry.name}")
+    return terms
 
 
 def run_with_effects(

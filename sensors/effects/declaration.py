@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray, zero_unless_finite
+from sinan.sensors.errors import InputError
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 
@@ -132,7 +134,23 @@ class Effect:
         ----------
         beta : (parameters,)
         """
-        return all(b > 0.0 for b, parameter in zip(beta, self.parameters, strict=True) if parameter.positive)
+        return all(b >= 0.0 for b, parameter in zip(beta, self.parameters, strict=True) if parameter.positive)
+
+    def check(self, beta: FloatArray | Sequence[float], where: Path | str, place: str) -> None:
+        """Refuse a size of which there is no effect.
+
+        Parameters
+        ----------
+        beta : (parameters,)
+        where, place : of whoever gave it, as of `InputError`
+
+        Raises
+        ------
+        InputError : a positive parameter is negative
+        """
+        if not self.exists(beta):
+            least = " and ".join(f"{one.name} of at least 0 {one.unit}" for one in self.parameters if one.positive)
+            raise InputError(where, ", ".join(f"{b:g}" for b in beta), least, place)
 
     @property
     def plausible(self) -> FloatArray:

@@ -150,10 +150,11 @@ def _effects(table: Table) -> dict[str, tuple[float, ...]]:
         beta = table.number(name, at_least=-LARGEST, at_most=LARGEST) if one else table.vector(name, at_most=LARGEST)
         effects[name] = tuple(float(value) for value in np.atleast_1d(np.asarray(beta)))
         try:
-            size = effect(name).size
+            entry = effect(name)
         except KeyError as error:
             raise table.error(name, "unknown effect", str(error.args[0])) from None
-        if len(effects[name]) != size:
-            raise table.error(name, f"{len(effects[name])} numbers", f"{size}")
+        if len(effects[name]) != entry.size:
+            raise table.error(name, f"{len(effects[name])} numbers", f"{entry.size}")
+        entry.check(effects[name], table.path, table.place(name))
     table.done()
     return effects

@@ -91,6 +91,9 @@ def test_declared_effect_that_does_not_exist() -> None:
     recording, _ = simulate(load_scenario("hover"), np.random.default_rng(1))
     with pytest.raises(InputError, match=r"\[effects\].*mag.scael"):
         declared_terms(recording.replace(effects={"mag.scael": (0.1,)}))
+    with pytest.raises(InputError, match=r"\[effects\] baro.lag: -0.1; expected b of at least 0 s"):
+        declared_terms(recording.replace(effects={"baro.lag": (-0.1,)}))
+    assert declared_terms(recording.replace(effects={"baro.lag": (0.0,)})).vector == [0.0]
 
 
 def test_scores_of_a_clean_flight_are_normal(flown) -> None:

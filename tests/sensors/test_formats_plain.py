@@ -244,6 +244,7 @@ def test_faulty_header_is_named(tmp_path: Path, header: str, expected: str) -> N
         (FLIGHT + "[origin]\nlatitude = 1\nlongitude = 0\n", "[origin] height"),
         (FLIGHT + "origin = 3\n", "a table"),
         (FLIGHT + "[effects]\n'mag.current' = 'x'\n", "[effects] mag.current"),
+        (FLIGHT + "[effects]\n'baro.lag' = -0.1\n", "[effects] baro.lag: -0.1; expected b of at least 0 s"),
         (FLIGHT + "name = \n", "expected TOML"),
     ],
 )

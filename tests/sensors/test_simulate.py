@@ -341,6 +341,7 @@ def test_every_effect_names_a_scenario_that_can_show_it(name: str) -> None:
         ({"mag.current": [1.0]}, "3"),
         ({"base.step": [1.0, 0.0, 0.0]}, "no sensor"),
         ({"mag.current": [np.nan, 0.0, 0.0]}, "finite"),
+        ({"baro.lag": [-0.1]}, "effect baro.lag: -0.1; expected b of at least 0 s"),
     ],
 )
 def test_an_effect_that_does_not_fit_is_named(effects: dict[str, list[float]], said: str) -> None:
