@@ -98,8 +98,8 @@ class Heights:
 def heights_of(recording: Recording) -> Heights:
     """Heights of every sensor that has one.
 
-    A range becomes a height by the smoothed attitude: h = range cos(pitch) cos(roll), a scan by least squares over its
-    beams. Without an IMU ranges stay as they are.
+    Of a receiver the fixes that tell one. A range becomes a height by the smoothed attitude: h = range cos(pitch)
+    cos(roll), a scan by least squares over its beams. Without an IMU ranges stay as they are.
 
     Neglects the sonar's and the laser's mounting and the slope of the ground (`sinan trace` looks for those), and that
     the filter has seen the very readings that it is compared with.
@@ -112,14 +112,14 @@ def heights_of(recording: Recording) -> Heights:
     if not there:
         raise InputError(recording.where, f"streams {', '.join(recording.streams)}", "one of sonar, laser, baro, gps")
     motion = estimated_motion(prepared(recording).run()) if "imu" in recording.streams else None
+    streams = dict(recording.streams)
+    if "gps" in there:
+        streams["gps"] = streams["gps"].rows(tells_height(streams["gps"]))
     if motion is not None:  # beyond the IMU there is no attitude
         begin, end = motion.t[0], motion.t[-1]
-        streams = {
-            name: stream.rows((stream.t >= begin) & (stream.t <= end)) if name in there else stream
-            for name, stream in recording.streams.items()
-        }
-        recording = recording.replace(streams={k: v for k, v in streams.items() if len(v)})
-        there = [name for name in there if name in recording.streams]
+        streams |= {name: streams[name].rows((streams[name].t >= begin) & (streams[name].t <= end)) for name in there}
+    recording = recording.replace(streams={k: v for k, v in streams.items() if len(v)})
+    there = [name for name in there if name in recording.streams]
     courses = {name: _course(recording, name, motion) for name in there}
     failures: tuple[SonarFailure, ...] = ()
     heard = (np.nan, np.nan, np.nan)
@@ -132,7 +132,7 @@ def _column(recording: Recording, name: str) -> str:
     """The column that holds a height or a range; empty: there is none."""
     stream = recording.streams.get(name)
     columns = {"baro": ("height",), "gps": ("down",)}.get(name, ("range", "range_0"))
-    if stream is None or (name == "gps" and not np.all(tells_height(stream))):
+    if stream is None or (name == "gps" and not np.any(tells_height(stream))):
         return ""
     return next((column for column in columns if column in stream), "")
 

@@ -12,7 +12,7 @@ from sinan.experiments.heights import heights_of
 from sinan.experiments.report.heights_words import causes, summary
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import Recording, Stream
+from sinan.sensors.recording import NO_HEIGHT, Recording, Stream
 from sinan.sensors.rotation import cos_tilt
 from sinan.sensors.simulate import simulate
 
@@ -54,6 +54,20 @@ def test_heights_agree_and_failures_have_their_causes() -> None:
     tilted = int(np.count_nonzero(cos_tilt(motion.q_nb) < np.cos(np.deg2rad(35.0))))
     assert counted["no echo, beyond its beam angle"] == pytest.approx(tilted, abs=15)
     assert "something nearer" in summary(told)
+
+
+def test_a_fix_without_a_height_takes_none_from_the_others() -> None:
+    """Whatever stands in its place; it told nothing of the GPS, of all its fixes. Of a log without another none has."""
+    gps = recording().streams["gps"]
+    flat = np.arange(len(gps)) % 3 == 0
+    down, epv = np.where(flat, 500.0, gps["down"]), np.where(flat, NO_HEIGHT, 0.5)
+    fixes = Stream(gps.t, {**gps.columns, "down": down, "epv": epv})
+    found = heights_of(recording().replace(streams={**recording().streams, "gps": fixes}))
+    assert np.array_equal(found.courses["gps"].t, gps.t[~flat & (gps.t <= found.courses["gps"].t[-1])])
+    offset, scatter, _ = found.courses["gps"].against_filter or (9.0, 9.0, 0.0)
+    assert (abs(offset) < 2.0, scatter < 1.5) == (True, True)
+    with pytest.raises(InputError, match="one of sonar, laser, baro, gps"):
+        heights_of(recording().replace(streams={"gps": fixes.rows(flat)}))
 
 
 def test_a_log_without_heights_is_named() -> None:
