@@ -85,18 +85,24 @@ def reading_noise(values: FloatArray, rounding: FloatArray) -> float:
 
     Parameters
     ----------
-    values : (n, columns)
+    values : (n, columns); NaN: no reading
     rounding : (columns,) variance of the error of rounding
     """
+    there = np.isfinite(values)
+    has = np.any(there, axis=0)
+    found = np.array([_variance(column[own]) for column, own in zip(values.T[has], there.T[has], strict=True)])
+    left = found - rounding[has]
+    white = float(np.mean(left[left > 0.0])) if np.any(left > 0.0) else 0.0
+    return float(np.sqrt(max(white, np.min(rounding[has]))))
+
+
+def _variance(values: FloatArray) -> float:
+    """Of the white noise of one column, with that of rounding."""
     if len(values) < 8:
-        found = np.var(values, axis=0)
-    else:
-        third = np.diff(values, n=3, axis=0) / np.sqrt(20.0)
-        spread = np.median(np.abs(third), axis=0) / MEDIAN_NORMAL
-        found = np.where(spread > 0.0, spread, np.std(third, axis=0)) ** 2
-    told = found > rounding
-    white = float(np.mean((found - rounding)[told])) if np.any(told) else 0.0
-    return float(np.sqrt(max(white, np.min(rounding))))
+        return float(np.var(values))
+    third = np.diff(values, n=3) / np.sqrt(20.0)
+    spread = float(np.median(np.abs(third))) / MEDIAN_NORMAL
+    return (spread if spread > 0.0 else float(np.std(third))) ** 2
 
 
 def rounding_of(recording: Recording, name: str) -> FloatArray:
@@ -132,10 +138,16 @@ def _first_down(recording: Recording, name: str) -> float:
 
 
 def readings_of(recording: Recording, name: str, key: str = "noise_std") -> FloatArray:
-    """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]."""
+    """(n, k) the readings of a sensor whose noise a key of its specs is; a barometer's are heights [m]. NaN: the height
+    of a fix that tells none.
+    """
     entry = sensor(name)
     if key == "velocity_noise_std":
         return recording.streams[name].array(VELOCITY)
     if not entry.columns:
         return recording.streams[entry.stream].array(entry.named(3))
-    return position_of(recording, name) if gives_place(name) else own_readings(recording, name)
+    if not gives_place(name):
+        return own_readings(recording, name)
+    places = position_of(recording, name).copy()
+    places[~tells_height(recording.streams[name]), 2] = np.nan
+    return places

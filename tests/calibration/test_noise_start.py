@@ -18,7 +18,7 @@ from sinan.estimator.filter.smoother import estimated_motion
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.atmosphere import pressure_from_height
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import MAG, Recording, SensorSpec, Stream
+from sinan.sensors.recording import MAG, NO_HEIGHT, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from sinan.sensors.rounding import rounding_variance
 from sinan.sensors.simulate import simulate
@@ -55,6 +55,19 @@ def test_rounding_is_the_least_noise_and_what_is_above_it_the_instrument() -> No
     assert reading_noise(fine, rounding_variance(fine)) == pytest.approx(0.1 / np.sqrt(12.0))
     noisy = np.round(0.3 * rng.standard_normal((4000, 2)) / [0.01, 0.5]) * [0.01, 0.5]
     assert reading_noise(noisy, rounding_variance(noisy)) == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_what_stands_in_the_place_of_a_height_has_no_noise(flight: tuple[Recording, Stream], share: float) -> None:
+    """Of all fixes one height, which in NED has the curve of the Earth and is no third of the receiver's; of some a
+    jump.
+    """
+    recording, gps = bare(flight[0]), flight[0].streams["gps"]
+    flat = np.random.default_rng(1).uniform(size=len(gps)) < share
+    down = np.where(flat, 500.0 + (gps["north"] ** 2 + gps["east"] ** 2) / (2.0 * 6.4e6), gps["down"])
+    fixes = Stream(gps.t, {**gps.columns, "down": down, "epv": np.where(flat, NO_HEIGHT, 0.5)})
+    found = first_guess(recording.replace(streams={**recording.streams, "gps": fixes}), "gps")
+    assert found == pytest.approx(first_guess(recording, "gps"), rel=0.06)
 
 
 def test_white_noise_is_found_beside_a_longitude_of_few_digits(flight: tuple[Recording, Stream]) -> None:
