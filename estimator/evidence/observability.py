@@ -37,6 +37,7 @@ from sinan.estimator.filter.layout import DP, DV, StateLayout, size_of
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
+from sinan.sensors.recording import NO_HEIGHT
 
 #: Length of a cell [s]: in half of it a consumer gyroscope adds 2e-4 sqrt(0.1) = 6e-5 rad, a hundredth of a
 #: magnetometer's noise.
@@ -135,6 +136,7 @@ def information(
     *,
     noise: tuple[FloatArray, FloatArray] | None = None,
     extra: Sequence[SensorModel] = (),
+    told: Mapping[str, BoolArray] | None = None,
     cell: float | None = None,
 ) -> Information:
     """Linearise along a motion.
@@ -148,11 +150,12 @@ def information(
     noise : (N - 1,) variance rates of accelerometer and gyroscope by interval of `motion`
         (`estimator.filter.imu.ImuTable`); default: the model's, sigma^2 / rate
     extra : sensors that the model does not have, such as a base receiver that one thinks of adding
+    told : by sensor, (k, m) which components of its readings are readings at all; default: all
     cell : s; default `CELL`, shorter where the process noise asks for it, longer where that were over `MOST_CELLS`
 
     Neglects that readings of one cell share process noise, the Earth's turn, what declared effects change in H, and
     what is a state for the sake of others, the colour of readings and the error of the field: its sigmas are least ones
-    where a model has these. So they are where fixes are in two dimensions, which count as whole ones.
+    where a model has these.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
@@ -172,9 +175,12 @@ def information(
     Phi = _padded(transitions(nodes.rows(slice(None, -1)), nodes.rows(slice(1, None))), model.layout.n)
     blocks, counts = {}, {}
     for name, instants in readings.items():
-        inside = instants[(instants >= start) & (instants <= stop)]
-        inside = inside[_sees(sensors[name], motion.at(inside))]
-        whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, rates, inside)
+        seen = (instants >= start) & (instants <= stop)
+        seen[seen] = _sees(sensors[name], motion.at(instants[seen]))
+        inside, R = instants[seen], np.tile(np.diag(sensors[name].R), (int(np.sum(seen)), 1))
+        if told is not None and name in told:
+            R[~told[name][seen]] = NO_HEIGHT**2
+        whole = _of_readings(sensors[name], model.layout, motion, integrals, nodes, rates, inside, R)
         blocks[name] = whole[:, square[0], square[1]] * outer
         counts[name] = len(inside)
     return Information(
@@ -233,22 +239,22 @@ def _of_readings(
     nodes: ErrorIntegrals,
     rates: FloatArray,
     t: FloatArray,
+    variance: FloatArray,
 ) -> FloatArray:
     """(J, n, n) sum over a sensor's readings of (H Phi)' R^-1 (H Phi), each at the node that is nearest."""
     total = np.zeros((len(nodes.t), layout.n, layout.n))
-    R = np.diag(sensor.R)
     width = nodes.t[1] - nodes.t[0]
     for first in range(0, len(t), BATCH):
-        instants = t[first : first + BATCH]
+        instants, R = t[first : first + BATCH], variance[first : first + BATCH]
         node = np.rint((instants - nodes.t[0]) / width).astype(np.int64)
         H = _jacobian(sensor, layout, motion.at(instants))
         cell = np.minimum((instants - nodes.t[0]) // width, len(rates) - 1).astype(np.int64)
         late = _noise_since(H, rates[cell], np.abs(instants - nodes.t[node]))
         H[:, :, :MOVING] = H[:, :, :MOVING] @ transitions(nodes.rows(node), integrals.at(instants))
         if np.any(np.diagonal(late, axis1=1, axis2=2) > SMALL * R):
-            H = np.linalg.solve(np.linalg.cholesky(late + np.diag(R)), H)
+            H = np.linalg.solve(np.linalg.cholesky(late + R[:, :, None] * np.eye(sensor.size)), H)
         else:
-            H /= np.sqrt(R)[:, None]
+            H /= np.sqrt(R)[:, :, None]
         cells, starts, place = np.unique(node, return_index=True, return_inverse=True)
         within = np.arange(len(node)) - starts[place]
         full = np.zeros((len(cells), int(within.max()) + 1, sensor.size, layout.n))  # zero where a cell has fewer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -48,6 +48,7 @@ class Case:
     model : noise, biases, environment
     motion : at the IMU's instants
     readings : by sensor, instants of the readings [s]
+    told : by sensor, which components of its readings are readings at all; one that is not named: all
     P0 : (n, n) prior at the first instant
     noise : (N - 1,) variance rates of accelerometer and gyroscope, as of `estimator.filter.imu.ImuTable`
     segments : what is flown when
@@ -68,6 +69,7 @@ class Case:
     rates: Mapping[str, float]
     heard: Mapping[str, Callable[[Motion], BoolArray]]
     imagined: tuple[SensorModel, ...] = ()
+    told: Mapping[str, BoolArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -77,7 +79,9 @@ class Case:
 
     def information(self) -> Information:
         """Linearised along the motion, the imagined sensors among the others."""
-        return information(self.model, self.motion, self.readings, self.P0, noise=self.noise, extra=self.imagined)
+        return information(
+            self.model, self.motion, self.readings, self.P0, noise=self.noise, extra=self.imagined, told=self.told
+        )
 
 
 def is_ranging(entry: SensorType) -> bool:
@@ -132,8 +136,10 @@ def case_of_recording(recording: Recording) -> Case:
         stream = recording.streams[name]
         column = stream[ranges_of(stream)[0]]
         heard[name] = Sonar(1.0, 0.0, 0.0, float(column.min()), float(column.max())).echo
+    fixes = journal.stream("gps") if "gps" in used else None
+    told = {} if fixes is None else {"gps": fixes.tells[fixes.accepted]}
     case = _case(ready.flight, used, lambda t: motion, (), heard)
-    return replace(case, along="smoothed", notes=(*case.notes, *ready.notes, *notes))
+    return replace(case, along="smoothed", told=told, notes=(*case.notes, *ready.notes, *notes))
 
 
 def _case(

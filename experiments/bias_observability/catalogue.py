@@ -99,7 +99,9 @@ def distinct(scenarios: list[Scenario]) -> list[Scenario]:
 
 
 def along(case: Case, scenario: Scenario, horizon: float, cell: float) -> Information:
-    """The sensors of a case along the start of a scenario's motion, in the case's own gravity and field."""
+    """The sensors of a case along the start of a scenario's motion, in the case's own gravity and field; what a sensor
+    has told once it tells in every reading.
+    """
     model = case.model
     placed = scenario.replace(gravity=float(model.g_n[2]), magnetic_field=tuple(model.m_n), ground_down=0.0)
     motion = placed.trajectory().motion(np.linspace(0.0, horizon, round(horizon * RATE) + 1))
@@ -107,4 +109,5 @@ def along(case: Case, scenario: Scenario, horizon: float, cell: float) -> Inform
     for name in case.aboard:
         instants = np.arange(0.5 / case.rates[name], horizon, 1.0 / case.rates[name])
         readings[name] = instants[case.heard[name](motion.at(instants))] if name in case.heard else instants
-    return information(model, motion, readings, case.P0, cell=cell)
+    told = {name: np.tile(np.any(case.told[name], axis=0), (len(readings[name]), 1)) for name in case.told}
+    return information(model, motion, readings, case.P0, told=told, cell=cell)

@@ -107,6 +107,18 @@ def test_transitions_compose_and_run_backwards() -> None:
     np.testing.assert_allclose(transitions(c, a)[0] @ transitions(a, c)[0], np.eye(15), atol=1e-9)
 
 
+def test_a_fix_in_two_dimensions_says_nothing_of_the_height() -> None:
+    """And of the rest as much as a whole one."""
+    model, motion, times = flown(REST)
+    told = {"gps": np.tile([True, True, False, True, True, True], (len(times["gps"]), 1))}
+    flat = information(model, motion, times, prior(model), told=told)
+    ups = [seen(found, {"position_down": 1.0}, ("gps",)) for found in (found_on(REST), flat)]
+    assert ups[0] > HALVED
+    assert ups[1] < ROUNDING
+    norths = [seen(found, {"position_north": 1.0}, ("gps",)) for found in (found_on(REST), flat)]
+    assert norths[1] == pytest.approx(norths[0])
+
+
 def test_without_a_reading_a_bias_only_walks() -> None:
     found = found_on(REST)
     course = posterior(found, [()])

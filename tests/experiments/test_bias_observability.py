@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.consistency import chi_square
+from sinan.estimator.evidence.observability import first_state_information
 from sinan.experiments.answers.observability import case_of
 from sinan.experiments.bias_observability import segments
 from sinan.experiments.bias_observability.case import case_of_recording, case_of_scenario
+from sinan.experiments.bias_observability.catalogue import along
 from sinan.experiments.bias_observability.directions import simple_structure
 from sinan.experiments.bias_observability.document import advice, document, summary
 from sinan.experiments.bias_observability.study import Study, smallest, study
@@ -24,6 +26,7 @@ from sinan.experiments.monte_carlo.one_flight import cramer_rao, fly
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
 from sinan.sensors.manoeuvres import Manoeuvre
+from sinan.sensors.recording import NO_HEIGHT, Stream
 from sinan.sensors.scenario import Scenario
 from sinan.sensors.simulate import simulate
 
@@ -182,6 +185,19 @@ def test_a_recording_gives_what_its_scenario_gives() -> None:
     along_estimate = study(case_of_recording(recording), with_catalogue=False)
     ratio = along_estimate.course.sigma[0, -1] / along_truth.course.sigma[0, -1]
     np.testing.assert_allclose(ratio, 1.0, atol=SAME_MOTION)
+
+
+def test_fixes_in_two_dimensions_show_no_height() -> None:
+    """In the flight, and in others that its receiver would fly."""
+    recording, _ = simulate(short_flight(), np.random.default_rng(4))
+    gps = recording.streams["gps"]
+    fixes = Stream(gps.t, {**gps.columns, "down": np.full(len(gps), 50.0), "epv": np.full(len(gps), NO_HEIGHT)})
+    for stream in (gps, fixes):
+        case = case_of_recording(recording.replace(streams={**recording.streams, "gps": stream}))
+        for found in (case.information(), along(case, load_scenario("hover"), 10.0, 0.4)):
+            down = found.index("position_down")
+            known = first_state_information(found, [("gps",)])[0][down, down]
+            assert (known > 1e-3) == (stream is gps)
 
 
 def test_noise_that_lasts_is_no_state_of_the_study() -> None:
