@@ -202,8 +202,17 @@ class _Path:
         self._first = self._offered = self._offer()
 
     def _offer(self) -> Offered:
-        """What may be added to the present fit."""
+        """What may be added to the present fit, once it has no effect in it that cannot be as it is now."""
+        for term in [f.term for f in self.findings if f.term.in_mean]:
+            if not term.effect.exists(self._fit.beta[term]):
+                self._drop(term, IMPOSSIBLE)
         return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
+
+    def _drop(self, term: Term, why: str) -> None:
+        """Take an effect out of the model."""
+        self._fit = fit_without(self._source, self._fit, term)
+        self.findings = [f for f in self.findings if f.term != term]
+        self._refused[term.key] = why
 
     def take_on(self, most: int, shortlist: int) -> None:
         """One effect after the other, until nothing earns its place or there are `most`."""
@@ -219,21 +228,17 @@ class _Path:
 
     def drop_what_may_be_none(self, alpha: float) -> None:
         """Drop effects whose estimate may be zero by its own error: by b' Lambda b over the scatter of its blocks, one
-        hypothesis each, as they have been found; the weakest first, and before it what cannot be as it is now.
+        hypothesis each, as they have been found; the weakest first.
 
         A likelihood that grows with what changes hardly a reading has grown because the motion is another one.
         """
         while True:
             told = [updated(f, self._fit, self._offered.evidence) for f in self.findings if f.term.in_mean]
             doubts = [(log_p_value(f.information / f.spread**2, len(f.beta)), f.term) for f in told if not f.at_least]
-            doubts += [(np.inf, f.term) for f in told if not f.term.effect.exists(f.beta)]
             log_p, term = max(doubts, key=lambda one: one[0], default=(-np.inf, None))
             if term is None or log_p < np.log(alpha):
                 return
-            why = IMPOSSIBLE if log_p == np.inf else NO_EVIDENCE
-            self._fit = fit_without(self._source, self._fit, term)
-            self.findings = [f for f in self.findings if f.term != term]
-            self._refused[term.key] = why
+            self._drop(term, NO_EVIDENCE)
             self._offered = self._offer()
 
     def best(self, shortlist: int) -> Trial | None:
@@ -329,9 +334,7 @@ class _Path:
 
 
 def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) -> tuple[Fit, list[Finding]]:
-    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model, or whose
-    estimate is now one that cannot be.
-    """
+    """Drop an earlier effect whose removal the data would not notice now that a later one is in the model."""
     if len(findings) < 2:
         return fit, findings
     evidence = source.evidence(fit, own_terms_only=True)
@@ -339,8 +342,6 @@ def _prune(source: Source, fit: Fit, findings: list[Finding], threshold: float) 
         term, dof = finding.term, len(finding.beta)
         if not term.in_mean:
             continue
-        if not term.effect.exists(fit.beta[term]):
-            return _prune(source, fit_without(source, fit, term), [f for f in findings if f.term != term], threshold)
         predicted = predicted_lambda(evidence, term.key, fit.beta[term], fit.keys_given(term))
         if evidence.noise_known and log_p_value(_PREDICTED * predicted, dof) < threshold:
             continue  # a refit would not find otherwise

@@ -12,7 +12,7 @@ from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.options import Offered, option_of
-from sinan.experiments.residual_loop.select import _Path, _prune
+from sinan.experiments.residual_loop.select import _Path
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
@@ -83,24 +83,6 @@ def test_what_is_positive_is_not_found_negative(name: str) -> None:
     assert tried(-2.0, 0.1, name) == (None, {name: IMPOSSIBLE})
     taken, _ = tried(2.0, 0.1, name)
     assert taken == pytest.approx(2.0, rel=2e-3)
-
-
-def test_what_turns_negative_given_another_effect_is_dropped() -> None:
-    """Of a lag and a scale together the lag is below zero."""
-    lag, scale = Term("baro.lag"), Term("baro.scale")
-    both = Fit((lag, scale), {lag: -np.ones(1), scale: np.ones(1)}, {}, 0.0, "all", None)
-
-    class Two(Line):
-        def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
-            return Fit(tuple(terms), {term: np.ones(1) for term in terms}, {}, 0.0, part, None)
-
-        def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
-            return Evidence((), (), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros(0))
-
-    findings = [tried_alone(term.name, 500.0)[1] for term in (lag, scale)]
-    fit, kept = _prune(cast(Source, Two(1.0, 1.0)), both, findings, -9.0)
-    assert fit.terms == (scale,)
-    assert [finding.term for finding in kept] == [scale]
 
 
 class Predicting:
@@ -199,8 +181,8 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
 
 
 @pytest.mark.parametrize("name", ["baro.lag", "baro.scale"])
-def test_what_has_turned_negative_by_the_end_is_no_finding(name: str) -> None:
-    """However sure it is: of what is positive, when what was found with it has been dropped."""
+def test_what_has_turned_negative_is_no_finding(name: str) -> None:
+    """However sure it is: of what is positive, when another effect has come into the model, or has left it."""
 
     class One(Line):
         candidates = (effect(name),)
@@ -213,7 +195,7 @@ def test_what_has_turned_negative_by_the_end_is_no_finding(name: str) -> None:
     fit = source.fit((term,))
     path = _Path(source, fit, -9.0, intervals=False)
     path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
-    path.drop_what_may_be_none(0.01)
+    path._offered = path._offer()
     found = path.selection()
     assert found.names == (("baro.scale",) if name == "baro.scale" else ())
     assert found.refused == ({} if found.names else {name: IMPOSSIBLE})
