@@ -480,7 +480,7 @@ def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:
     """(K,) log density of each innovation by the law that the model gives it; 0 where the reading was not used."""
     events = inputs.events
     used = scores.loglik != 0.0
-    m = np.diff(events.row)[used]
+    m = events.freedom[used]
     found = np.zeros(len(events))
     found[used] = log_density(
         inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]

@@ -60,7 +60,7 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
     def surprise(heading: float) -> float:
         """Bounded NIS and log |S|; the readings that `OUTLIER_LEVEL` calls outliers count with a logarithm."""
         journal = run(prepare(flight.reading(turned(heading)), events=events), "numba", stride=0)
-        limit = np.array([flight.model.robust_threshold(name) for name in journal.sensors])[journal.sensor]
+        limit = flight.model.robust_threshold(journal.freedom)
         over = np.maximum(journal.nis / limit, 1.0)
         bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
         return float(np.sum((bounded - journal.nis - 2.0 * journal.loglik)[journal.accepted]))

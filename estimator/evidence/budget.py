@@ -8,7 +8,7 @@ import numpy as np
 
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -51,25 +51,25 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     inputs, model = final.run, final.model
     assert isinstance(inputs, RunInputs)
 
-    def mean(nu: FloatArray, S: FloatArray, weight: FloatArray) -> float:
-        return float(np.mean(weight[:, None] * nu**2 / np.diagonal(S, axis1=1, axis2=2)))
+    def mean(nu: FloatArray, S: FloatArray, weight: FloatArray, tells: BoolArray) -> float:
+        return float(np.mean(weight[:, None] * nu**2 / np.diagonal(S, axis1=1, axis2=2), where=tells))
 
-    predicted = np.diagonal(after.S[has], axis1=1, axis2=2)
+    predicted, tells = np.diagonal(after.S[has], axis1=1, axis2=2), after.tells[has]
     _, same, there = np.intersect1d(before.index[had], after.index[has], return_indices=True)
     weight = before.weight[had][same]
-    total = mean(before.nu[had][same], after.S[has][there], weight)
-    left = mean(after.nu[has], after.S[has], after.weight[has])
+    total = mean(before.nu[had][same], after.S[has][there], weight, tells[there])
+    left = mean(after.nu[has], after.S[has], after.weight[has], tells)
     rows = inputs.events.row[after.events[has]][:, None] + np.arange(after.dof)
-    white = float(np.mean(inputs.events.r[rows] / predicted))
+    white = float(np.mean(inputs.events.r[rows] / predicted, where=tells))
     colour = 0.0
     for start, process in model.colour_of(stream):
         part = slice(start, start + process.size) if process.size > 1 else slice(None)
         var = final.var[after.events[has]][:, model.layout.slice(process.block)]
-        colour += float(np.mean(var / predicted[:, part])) * predicted[:, part].shape[1] / after.dof
+        colour += float(np.sum(var / predicted[:, part], where=tells[:, part]) / np.sum(tells))
     total, left = max(total, 1e-300), max(left, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     share = min(left, 1.0) / total
-    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.told[had] ** 2)))
+    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.nu[had] ** 2, where=before.tells[had])))
     return Budget(
         stream, unit, rms, effects=1.0 - left / total, white=share * white, colour=share * colour,
         motion=share * (1.0 - white - colour), unnamed=max(left - 1.0, 0.0) / total, predicted=1.0 / left,

@@ -42,11 +42,11 @@ def slow_streams(residuals: Sequence[StreamResidual]) -> tuple[str, ...]:
 
 def _long_run_variance(r: StreamResidual) -> float:
     """Mean square of the whitened residual times 1 + 2 sum rho, until rho is within 2 sigma of zero."""
-    z = r.whitened - r.whitened.mean(axis=0)
+    z = r.centred
     power, total = float(np.sum(z**2)), 1.0
     for lag in range(1, min(_LAGS, len(z) // 4)):
         rho = float(np.sum(z[lag:] * z[:-lag])) / max(power, 1e-300)
-        if rho <= 2.0 / np.sqrt(z.size):  # no larger than that of white noise may be
+        if rho <= 2.0 / np.sqrt(np.sum(r.dof)):  # no larger than that of white noise may be
             break
         total += 2.0 * rho
     return r.nis_per_dof * total

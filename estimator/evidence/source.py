@@ -131,6 +131,7 @@ class StreamResidual:
     t : (n,) s
     residual : (n, size) in `unit`
     whitened : (n, size) divided by the root of its covariance under the model: N(0, 1) where the model is right
+    tells : (n, size) which components are readings at all (`StreamJournal.tells`); the others are zero
     held_out : (n,) whether the row was kept from the fitting part
     unit : of `residual`
     covariates : (n,) each, what the residual may follow
@@ -141,6 +142,7 @@ class StreamResidual:
     t: FloatArray
     residual: FloatArray
     whitened: FloatArray
+    tells: BoolArray
     held_out: BoolArray
     unit: str
     covariates: Mapping[str, FloatArray]
@@ -160,12 +162,23 @@ class StreamResidual:
     @property
     def rms(self) -> float:
         """Root of the mean squared residual."""
-        return float(np.sqrt(np.mean(self.residual**2)))
+        return float(np.sqrt(np.mean(self.residual**2, where=self.tells)))
+
+    @property
+    def dof(self) -> IntArray:
+        """(n,) components of each row that tell something."""
+        return np.asarray(np.sum(self.tells, axis=1))
 
     @property
     def nis_per_dof(self) -> float:
         """Mean squared whitened residual."""
-        return float(np.mean(self.whitened**2))
+        return float(np.mean(self.whitened**2, where=self.tells))
+
+    @property
+    def centred(self) -> FloatArray:
+        """(n, size) whitened residual less the mean of its column; zero where nothing is told."""
+        mean = np.sum(self.whitened, axis=0) / np.maximum(np.sum(self.tells, axis=0), 1)
+        return np.where(self.tells, self.whitened - mean, 0.0)
 
     def rows(self, keep: BoolArray) -> StreamResidual:
         """The rows of a mask."""
@@ -175,6 +188,7 @@ class StreamResidual:
             self.t[keep],
             self.residual[keep],
             self.whitened[keep],
+            self.tells[keep],
             self.held_out[keep],
             self.unit,
             covariates,

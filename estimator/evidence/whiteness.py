@@ -17,9 +17,14 @@ def autocorrelation(z: FloatArray, lags: int) -> FloatArray:
     return np.array([np.sum(z[k:] * z[:-k]) / power for k in range(1, lags + 1)])
 
 
-def whiteness(z: FloatArray) -> tuple[float, float] | None:
+def whiteness(z: FloatArray, told: float | None = None) -> tuple[float, float] | None:
     """Largest autocorrelation over the first lags and the p-value of Ljung and Box's statistic; None for few rows, or
     zeros.
+
+    Parameters
+    ----------
+    z : (n, size)
+    told : components of a row on average that are readings at all, the others being zero; None: all
 
     Source: G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297.
     """
@@ -31,6 +36,6 @@ def whiteness(z: FloatArray) -> tuple[float, float] | None:
     if float(np.sum(z**2)) == 0.0:
         return None
     rho = autocorrelation(z, lags)
-    size = z.shape[1]
+    size = z.shape[1] if told is None else told
     q = n * (n + 2) * size * np.sum(rho**2 / (n - np.arange(1, lags + 1)))
     return float(rho[np.argmax(np.abs(rho))]), float(stats.chi2.sf(q, lags))

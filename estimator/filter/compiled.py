@@ -150,7 +150,9 @@ class CompiledRun:
             model.layout.start("field") if model.layout.has("field") else -1, 8 * -(-n // 8), walk2, rate,
         )  # fmt: skip
         self._imu = kernels.Imu(imu.t, imu.u, imu.q_accel, imu.q_gyro)
-        self._readings = kernels.Readings(events.t, events.sensor, events.row, events.z, events.r, events.D, events.ref)
+        self._readings = kernels.Readings(
+            events.t, events.sensor, events.row, events.freedom, events.z, events.r, events.D, events.ref
+        )
         self._sensors = self._sensors_of(model)
         self._state = kernels.State(self.clock, self.x, self.P, self.V)
         self._effects = kernels.Effects(
@@ -166,6 +168,7 @@ class CompiledRun:
 
         names = self.inputs.events.sensors
         blocks = [bias_block(name) for name in names]
+        dof = 1 + np.arange(max((model.sensors[name].size for name in names), default=1))
         beams, beam_start = [np.zeros((1, 3))], np.zeros(len(names), dtype=np.int64)
         for s, name in enumerate(names):
             if kind_of(name) == RANGE:
@@ -179,8 +182,8 @@ class CompiledRun:
             form=self.inputs.events.has_form,
             beam_start=beam_start,
             beams=np.ascontiguousarray(np.concatenate(beams)),
-            gate=np.array([model.threshold(name) for name in names]),
-            robust=np.array([model.robust_threshold(name) for name in names]),
+            gate=np.concatenate([[0.0], model.threshold(dof)]),
+            robust=np.concatenate([[0.0], model.robust_threshold(dof)]),
             tail=np.array([model.tail_of(name) or 0.0 for name in names]),
         )
 

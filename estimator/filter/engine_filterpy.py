@@ -72,6 +72,7 @@ class ReadableFilter:
         self.model, n = inputs.model, inputs.model.layout.n
         self.x, self.t = inputs.x.copy(), float(inputs.imu.t[0])
         self.walk2, self.rate = bias_rates(self.model)
+        self.freedom = inputs.events.freedom
         self.update: Update | None = None  # the last one
         self.ekf = ExtendedKalmanFilter(dim_x=n, dim_z=1)
         self.ekf.x = np.zeros((n, 1))
@@ -159,10 +160,11 @@ class ReadableFilter:
         out.loglik[k] = -0.5 * (nis + 2.0 * float(np.sum(np.log(np.diag(L)))) + len(nu) * LOG_2_PI)
         if out.status[k] == WITHHELD:
             return
-        if nis > self.model.threshold(name):
+        dof = int(self.freedom[k])
+        if nis > self.model.threshold(dof):
             out.status[k] = GATED
             return
-        spread = self.model.spread(name, nis)
+        spread = float(self.model.spread(name, nis, dof))
         if spread > 1.0:  # more noise, so that S grows so much
             out.weight[k] = 1.0 / spread
             R = R + (spread - 1.0) * S

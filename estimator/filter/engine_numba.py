@@ -57,6 +57,7 @@ class Readings(NamedTuple):
     t: FloatArray
     sensor: IntArray
     row: IntArray
+    freedom: IntArray
     z: FloatArray
     r: FloatArray
     D: FloatArray
@@ -65,7 +66,8 @@ class Readings(NamedTuple):
 
 class Sensors(NamedTuple):
     """One element a sensor: its equations, components, first states of bias and colour (-1: none), whether effects are
-    in its readings (`Events.has_form`), its first row in `beams`, and how its doubtful readings are treated.
+    in its readings (`Events.has_form`), its first row in `beams`, and the tail of its law. `gate` and `robust`, beyond
+    which a reading is doubtful, have one a number of components that tell something (`Events.freedom`).
     """
 
     kind: IntArray
@@ -1079,12 +1081,12 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
                     return NOT_FINITE, k, rows
                 if out.status[k] == WITHHELD:
                     pass
-                elif total > sensors.gate[s]:
+                elif total > sensors.gate[readings.freedom[k]]:
                     out.status[k] = GATED
                 else:
-                    spread = total / sensors.robust[s]
+                    spread = total / sensors.robust[readings.freedom[k]]
                     if sensors.tail[s] > 0.0:
-                        spread = (sensors.tail[s] + total) / (sensors.tail[s] + m)
+                        spread = (sensors.tail[s] + total) / (sensors.tail[s] + readings.freedom[k])
                     if spread > 1.0:
                         out.weight[k] = 1.0 / spread
                         _less_weight(m, spread, y, L)

@@ -81,6 +81,16 @@ class Events:
     def __len__(self) -> int:
         return len(self.t)
 
+    @property
+    def freedom(self) -> IntArray:
+        """(K,) components of each reading that tell something: not the height of a fix in two dimensions."""
+        found = np.diff(self.row)
+        if "gps" in self.sensors:
+            fixes = np.flatnonzero(self.sensor == self.sensors.index("gps"))
+            rows = self.row[fixes][:, None] + np.arange(np.max(found[fixes], initial=0))
+            found[fixes] = np.sum(self.r[rows] < NO_HEIGHT**2, axis=1)
+        return found
+
 
 def readings(flight: Flight, name: str) -> tuple[FloatArray, FloatArray]:
     """Readings (k, m) of one sensor and the instants (k,) at which they were valid [s].

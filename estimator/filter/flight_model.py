@@ -16,7 +16,7 @@ from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.sensors.accelerometer import Accelerometer
-from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.bounds import ASSUMED, Bounds
 from sinan.sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sinan.sensors.covariates import camera_of
@@ -157,28 +157,32 @@ class FlightModel:
             found |= (t >= begin) & (t < end)
         return found
 
-    def threshold(self, sensor: str) -> float:
-        """NIS above which a reading of the sensor is refused."""
-        return _quantile(self.gate_level, self.sensors[sensor].size)
+    def threshold(self, dof: IntArray | int) -> FloatArray:
+        """NIS above which a reading with so many components that tell something is refused."""
+        return _quantile(self.gate_level, dof)
 
-    def robust_threshold(self, sensor: str) -> float:
-        """NIS above which a reading of the sensor is given less weight."""
-        return _quantile(self.robust_level, self.sensors[sensor].size)
+    def robust_threshold(self, dof: IntArray | int) -> FloatArray:
+        """NIS above which a reading with so many components that tell something is given less weight."""
+        return _quantile(self.robust_level, dof)
 
     def tail_of(self, sensor: str) -> float | None:
         """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
         return None if sensor in ASSUMED else self.tail
 
-    def spread(self, sensor: str, nis: FloatArray | float) -> FloatArray:
+    def spread(self, sensor: str, nis: FloatArray | float, dof: IntArray | int) -> FloatArray:
         """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
 
         Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS)
         of the nominal one (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
+
+        Parameters
+        ----------
+        nis, dof : (k,) of readings of the sensor, and how many of their components, m, tell something
         """
         tail = self.tail_of(sensor)
         if tail is not None:
-            return np.maximum(1.0, (tail + nis) / (tail + self.sensors[sensor].size))
-        return np.maximum(1.0, nis / self.robust_threshold(sensor))
+            return np.maximum(1.0, (tail + nis) / (tail + dof))
+        return np.maximum(1.0, nis / self.robust_threshold(dof))
 
 
 def aiding() -> tuple[str, ...]:
@@ -187,12 +191,12 @@ def aiding() -> tuple[str, ...]:
     return (*(entry.name for entry in sorted(named, key=lambda entry: entry.turn)), *ASSUMED)
 
 
-def _quantile(level: float | None, dof: int) -> float:
+def _quantile(level: float | None, dof: IntArray | int) -> FloatArray:
     if level is None:
-        return float("inf")
+        return np.full(np.shape(dof), np.inf)
     from scipy.special import chdtri
 
-    return float(chdtri(dof, level))
+    return np.asarray(chdtri(dof, level))
 
 
 class Beliefs(TypedDict, total=False):

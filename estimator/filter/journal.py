@@ -141,7 +141,7 @@ class Journal:
     @property
     def log_density(self) -> FloatArray:
         """(K,) logarithm of the density of each innovation by the law that the model gives it; `loglik` is normal."""
-        return log_density(self.model, self.sensors, self.sensor, self.dof, self.loglik, self.nis)
+        return log_density(self.model, self.sensors, self.sensor, self.freedom, self.loglik, self.nis)
 
     @property
     def log_likelihood(self) -> float:

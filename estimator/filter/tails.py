@@ -34,7 +34,7 @@ def log_density(
     Parameters
     ----------
     names, sensor : of the sensors; (K,) index of each reading's
-    m : (K,) components
+    m : (K,) components that tell something
     normal, nis : (K,) logarithm of the normal density; nu' S^-1 nu
     """
     tails = np.array([model.tail_of(name) or np.inf for name in names])[sensor]

@@ -51,7 +51,7 @@ def score(recording: Recording, scenario: str) -> Scored:
     for entry in source.candidates:
         s = statistic_of(evidence, entry.name)
         effects[entry.name] = (s.statistic, s.dof, s.scatter, float(np.exp(s.log_p)), s.p_value)
-    nis = {r.stream: (float(np.sum(r.whitened**2)), int(r.whitened.size)) for r in source.residuals(fit)}
+    nis = {r.stream: (float(np.sum(r.whitened**2)), int(np.sum(r.dof))) for r in source.residuals(fit)}
     return Scored(scenario, nis, effects)
 
 

@@ -174,17 +174,17 @@ def residuals_like_noise(streams: Sequence[StreamResidual], scale: float) -> Fig
     x = np.linspace(-4.0, 4.0, 161)
     normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
     for (left, right), r in zip(axes, streams, strict=True):
-        z = r.whitened / scale
+        z, told = np.where(r.tells, r.whitened / scale, np.nan), r.whitened[r.tells] / scale
         thin = _thin(len(r.t))
         left.axhspan(-2.0, 2.0, color=BAND, lw=0)
         for component in z.T:
             left.plot(r.t[thin], component[thin], ".", ms=3, color=AFTER, alpha=0.6, lw=0)
-        left.set_title(f"{SENSORS.get(r.stream, r.stream)}: {z.size} residuals, mean square {np.mean(z**2):.3g}",
+        left.set_title(f"{SENSORS.get(r.stream, r.stream)}: {told.size} residuals, mean square {np.mean(told**2):.3g}",
                        loc="left", fontsize=9)  # fmt: skip
         left.set_ylabel("residual / σ", fontsize=9)
         left.set_ylim(-4.5, 4.5)
-        bins = int(np.clip(np.sqrt(z.size), 9, 60))
-        right.hist(np.clip(z.ravel(), -4.4, 4.4), bins, density=True, orientation="horizontal", color=AFTER, alpha=0.5)
+        bins = int(np.clip(np.sqrt(told.size), 9, 60))
+        right.hist(np.clip(told, -4.4, 4.4), bins, density=True, orientation="horizontal", color=AFTER, alpha=0.5)
         right.plot(normal, x, color="black", lw=1.2)
         right.set_xticks([])
     axes[-1, 0].set_xlabel(_time_label(streams[0].t, "grey: ± 2 σ, 95 % of pure noise"), fontsize=9)

@@ -181,7 +181,7 @@ def _autopilot(page: Page, document: Mapping[str, Any]) -> None:
 def _noise_figure(part: Part) -> tuple[Figure, str]:
     streams = part.source.residuals(part.trace.final)
     known = part.source.noise_known
-    scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened.ravel() for r in streams]) ** 2)))
+    scale = 1.0 if known else float(np.sqrt(np.mean(np.concatenate([r.whitened[r.tells] for r in streams]) ** 2)))
     sigma = "what the noise levels of the sensors predict" if known else "its own spread, since no noise is declared"
     return (
         figures.residuals_like_noise(streams, scale),

@@ -167,8 +167,8 @@ def stream_in_question(source: Source, selection: Selection, names: Collection[s
 def errors_of(residuals: Sequence[StreamResidual], stream: str, rng: np.random.Generator, noise: float = 1.0) -> Errors:
     """Errors of a set of residuals; `noise` is the variance by which undeclared noise is normalised."""
     one = next(r for r in residuals if r.stream == stream)
-    squares = np.concatenate([r.whitened.ravel() ** 2 for r in residuals])
-    row_squares = np.mean(one.residual**2, axis=1)
+    squares = np.concatenate([r.whitened[r.tells] ** 2 for r in residuals])
+    row_squares = np.sum(one.residual**2, axis=1) / np.mean(one.dof)
     return Errors(
         one.rms,
         one.unit,
@@ -420,12 +420,13 @@ def _held_out_gain(source: Source, fitted: Fit, without: Fit, unknown: Sequence[
 def _noise(source: Source, fit: Fit) -> float:
     """Variance of the whitened residual where the noise is not declared: that of the final model; else 1."""
     if not source.noise_known:
-        return float(np.mean(np.concatenate([r.whitened.ravel() ** 2 for r in source.residuals(fit)])))
+        return float(np.mean(np.concatenate([r.whitened[r.tells] ** 2 for r in source.residuals(fit)])))
     return 1.0
 
 
 def _noise_of_part(source: Source, fit: Fit) -> float:
     """Variance of the whitened residuals of a fit's part, for their degrees of freedom."""
     freedom = source.evidence(fit, own_terms_only=True).noise_dof
-    rows = np.concatenate([r.whitened[(fit.part == "all") | ~r.held_out].ravel() for r in source.residuals(fit)])
+    mine = [r.rows((fit.part == "all") | ~r.held_out) for r in source.residuals(fit)]
+    rows = np.concatenate([r.whitened[r.tells] for r in mine])
     return float(np.sum(rows**2)) / max(min(freedom, len(rows)), 1.0)

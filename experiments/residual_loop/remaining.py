@@ -91,7 +91,7 @@ def remaining(
     known = source.noise_known
     residuals = source.residuals(fit)
     for r in residuals:
-        colour = whiteness(r.whitened)
+        colour = whiteness(r.centred, float(np.mean(r.dof)))
         is_coloured = colour is not None and colour[1] < alpha
         if known:
             # noise that is found and a little off is that of its class
@@ -166,7 +166,7 @@ def _says_something(source: Source, fit: Fit, term: Term) -> bool:
 
 
 def _variance(r: StreamResidual, alpha: float) -> list[Remaining]:
-    n, total = r.whitened.size, float(np.sum(r.whitened**2))
+    n, total = int(np.sum(r.dof)), float(np.sum(r.whitened**2))
     p = 2.0 * float(min(stats.chi2.sf(total, n), stats.chi2.cdf(total, n)))
     if p >= alpha:
         return []
@@ -175,9 +175,9 @@ def _variance(r: StreamResidual, alpha: float) -> list[Remaining]:
 
 def _is_gross(r: StreamResidual, alpha: float) -> bool:
     """Whether a residual is far larger than the declared noise, and coloured or of two kinds of readings."""
-    if float(np.mean(r.whitened**2)) <= GROSS:
+    if r.nis_per_dof <= GROSS:
         return False
-    colour = whiteness(r.whitened)
+    colour = whiteness(r.centred, float(np.mean(r.dof)))
     return (colour is not None and colour[1] < alpha) or _is_mixed(r, alpha)
 
 
@@ -187,13 +187,13 @@ def _is_mixed(r: StreamResidual, alpha: float) -> bool:
     """
     if len(r.t) < _LEAST_OF_A_LAW or r.stream in ASSUMED:
         return False
-    z = r.whitened[:, np.ptp(r.whitened, axis=0) > 0.0]
-    if not z.size:
+    columns = [z[told] for z, told in zip(r.whitened.T, r.tells.T, strict=True)]
+    columns = [z for z in columns if len(z) >= _LEAST_OF_A_LAW and np.ptp(z) > 0.0]
+    if not columns:
         return False
-    z = (z - z.mean(axis=0)) / z.std(axis=0)
-    p = np.asarray(stats.normaltest(z, axis=0).pvalue)
-    away = max(float(stats.kstest(column, "norm").statistic) for column in z.T)
-    return bool(np.min(p) < alpha / len(p)) and away > _MIXED
+    p = [float(stats.normaltest(z).pvalue) for z in columns]
+    away = max(float(stats.kstest((z - z.mean()) / z.std(), "norm").statistic) for z in columns)
+    return min(p) < alpha / len(p) and away > _MIXED
 
 
 def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaining]:
@@ -206,11 +206,11 @@ def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaini
     blocks = min(_BLOCKS, len(r.t) // _LEAST_READINGS)
     if blocks < _LEAST_BLOCKS or r.stream in ASSUMED:  # an assumption, which every acceleration breaks
         return []
-    z2 = np.mean(r.whitened**2, axis=1)
+    z2 = np.sum(r.whitened**2, axis=1) / r.dof
     parts = np.array_split(z2, blocks)
     energy = np.array([(part.sum() - part.max()) / (len(part) - 1) for part in parts])  # one wrong reading is no burst
     usual = float(np.median(energy))
-    dof = max(len(r.t) / blocks * r.whitened.shape[1] / _repeats(r), 1.0)
+    dof = max(float(np.sum(r.dof)) / blocks / _repeats(r), 1.0)
     usual /= float(stats.chi2.median(dof)) / dof
     ratio = float(np.max(energy)) / max(usual, 1e-300)
     p = min(blocks * float(stats.f.sf(ratio, dof, dof * (blocks - 1))), 1.0)
@@ -225,8 +225,7 @@ def _bursts(r: StreamResidual, alpha: float, known: bool = True) -> list[Remaini
 
 def _repeats(r: StreamResidual) -> float:
     """1 + 2 sum rho^2 over the first lags, by what one noise as large in every reading would have: z over its size."""
-    z = r.whitened - r.whitened.mean(axis=0)
-    z = np.sign(z) * np.sqrt(np.abs(z))  # a burst must not stand for the whole correlation
+    z = np.sign(r.centred) * np.sqrt(np.abs(r.centred))  # a burst must not stand for the whole correlation
     return 1.0 + 2.0 * float(np.sum(autocorrelation(z, min(_LAGS, len(z) // 4)) ** 2))
 
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import chdtrc
 
 from sinan.estimator.evidence.consistency import chi_square, nees, nis
 from sinan.estimator.filter.alignment import UNKNOWN_POSITION, align, attitude_from_vectors, first_state
-from sinan.estimator.filter.engine import choose_engine
+from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.events import GATED, variances, white_shares
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.flight import Flight
@@ -106,6 +107,26 @@ def test_a_fix_in_two_dimensions_leaves_the_height_to_the_barometer() -> None:
         assert journals[0].nis_per_dof()["gps"] == nis(journals[0])["gps"].mean
         ends.append(journals[0].x_end)
     assert ends[0] == pytest.approx(ends[1], abs=0.02)
+
+
+@pytest.mark.parametrize("engine", ["numba", "filterpy"])
+def test_what_is_no_reading_makes_none_likelier_to_be_right(engine: Engine) -> None:
+    """Of five components that tell something the law is that of five: weights, density and gate."""
+    recording, _ = fly(2, duration=6.0, sensors=("gps", "mag", "baro"))
+    gps = recording.streams["gps"]
+    flat = {**gps.columns, "down": np.full(len(gps), 500.0), "epv": np.full(len(gps), NO_HEIGHT)}
+    flat["north"] = gps["north"] + np.where(np.arange(len(gps)) % 7 == 6, 3.0, 0.0)
+    log = recording.replace(streams={**recording.streams, "gps": Stream(gps.t, flat)})
+    journal = run_filter(Flight(log, flight_model(log, tail=4.0, gate_level=None)), engine=engine)
+    fixes = journal.stream("gps")
+    assert np.min(fixes.weight) < 0.7
+    np.testing.assert_allclose(fixes.weight, np.minimum(1.0, 9.0 / (4.0 + fixes.nis)))
+    heavy = np.where(fixes.nis > 5.0, 5.0 + 9.0 * np.log((4.0 + fixes.nis) / 9.0), fixes.nis)
+    np.testing.assert_allclose(2.0 * (journal.log_density - journal.loglik)[fixes.events], fixes.nis - heavy)
+    model = flight_model(log, gate_level=None)
+    worst = float(np.max(run_filter(Flight(log, model), engine=engine).stream("gps").nis))
+    level = float(chdtrc(5, worst - 0.01))  # refused by five, and would not be by six
+    assert run_filter(Flight(log, replace(model, gate_level=level)), engine=engine).rejected()["gps"] > 0
 
 
 @pytest.mark.parametrize("others", [("gps", "mag"), ("gps", "mag", "baro")])

@@ -116,6 +116,9 @@ def test_what_stands_in_the_place_of_a_height_is_no_error() -> None:
         assert np.sqrt(np.mean(seen.residual[:, :2] ** 2)) == pytest.approx(0.5, rel=0.1)
         (budget,) = (one for one in source.budget(plain, plain) if one.stream == "gps")
         assert budget.rms < 0.5
+        assert budget.predicted == pytest.approx(1.0, abs=0.12)
+        assert np.array_equal(seen.dof, np.where(flat[seen.row], 5, 6))
+        assert seen.nis_per_dof == pytest.approx(1.0, abs=0.12)
         (asked,) = Prediction(source._passes, [("gps", "m")]).of(plain)
         assert 0.2 < asked.rms < 1.5
         two = np.sqrt(np.mean(asked.residual[flat[asked.row], :2] ** 2))

@@ -68,6 +68,7 @@ class Whitened:
                 np.arange(float(len(white))),
                 white,
                 white,
+                np.ones(white.shape, bool),
                 np.ones(len(white), bool),
                 "1",
                 {},
@@ -98,8 +99,8 @@ class Regression(Whitened):
 
     def residuals(self, fit: Fit) -> list[StreamResidual]:
         e = (self._y - self._X @ fit.beta.get(TERM, np.zeros(self._X.shape[1])))[:, None]
-        index = np.arange(len(e))
-        return [StreamResidual("mag", index.astype(float), e, e, self._held_out, "1", {}, index)]
+        index, tells = np.arange(len(e)), np.ones(e.shape, bool)
+        return [StreamResidual("mag", index.astype(float), e, e, tells, self._held_out, "1", {}, index)]
 
 
 def judged(X: FloatArray, y: FloatArray) -> tuple[bool, float, float, FloatArray]:

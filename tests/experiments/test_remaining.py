@@ -13,7 +13,8 @@ from scipy import stats
 from sinan.estimator.evidence.probes import followed, is_probe, play, probes_for, what_it_follows
 from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.remaining import _MIXED, _bursts, patches, remaining
+from sinan.estimator.evidence.whiteness import whiteness
+from sinan.experiments.residual_loop.remaining import _MIXED, _bursts, _variance, patches, remaining
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import CATALOGUE, Effect
 from sinan.sensors.effects.streams import STREAMS
@@ -145,13 +146,33 @@ def test_no_play_follows_exactly() -> None:
     assert np.array_equal(play(x, 0.0), x)
 
 
+# ---- what is no reading
+
+
+def test_what_is_no_reading_is_no_noise_that_is_too_small() -> None:
+    """A receiver's heights that are none: their zeros are white, and no share of the readings."""
+    tells = np.ones((3000, 3), dtype=np.bool_)
+    tells[:, 2] = False
+    for size, kinds in ((1.0, []), (1.3, ["variance"])):
+        one = replace(residual(np.where(tells, size * white(5, 3), 0.0)), tells=tells)
+        assert [r.kind for r in _variance(one, ALPHA)] == kinds
+    alarms = 0
+    for seed in range(RUNS):
+        one = replace(residual(np.where(tells[:60], white(seed, 3, 60), 0.0)), tells=tells[:60])
+        colour = whiteness(one.centred, float(np.mean(one.dof)))
+        alarms += colour is not None and colour[1] < 0.05
+    assert alarms <= most_alarms(0.05)
+    assert alarms >= RUNS - int(stats.binom.isf(1e-3, RUNS, 0.97))
+
+
 # ---- bursts
 
 
 def residual(z: FloatArray, stream: str = "baro") -> StreamResidual:
     z = z.reshape(len(z), -1)
     t = np.arange(len(z)) / 5.0
-    return StreamResidual(stream, t, z, z, np.zeros(len(z), dtype=np.bool_), "m", {}, np.arange(len(z)))
+    all_of_it, none = np.ones(z.shape, dtype=np.bool_), np.zeros(len(z), dtype=np.bool_)
+    return StreamResidual(stream, t, z, z, all_of_it, none, "m", {}, np.arange(len(z)))
 
 
 def white(seed: int, size: int = 1, n: int = 3000) -> FloatArray:

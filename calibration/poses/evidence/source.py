@@ -398,6 +398,7 @@ class LeastSquaresSource:
                 self._problem.t[keep],
                 rows.raw[keep][:, None],
                 rows.residual[keep][:, None],
+                np.ones((int(np.sum(keep)), 1), dtype=bool),
                 self._held_out[keep],
                 self._problem.unit,
                 {name: value[keep] for name, value in self._problem.covariates.items()},

@@ -118,7 +118,7 @@ class Prediction:
             _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
             e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
             nis = np.minimum(np.sum(e**2, axis=1), np.sum((e - d) ** 2, axis=1))
-            weight = 1.0 / self._passes.flight.model.spread(one.stream, nis)
+            weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine])
             number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
             _, place = np.unique(number, return_inverse=True)
             products.append(np.asarray(np.bincount(place, weight * np.sum(d * e, axis=1)), dtype=np.float64))
@@ -133,8 +133,8 @@ class Prediction:
         """
         found = []
         for one in self._of(fit):
-            nis, m = np.sum(one.whitened**2, axis=1), one.whitened.shape[1]
-            own = deviance_of(nis, m, self._passes.flight.model.tail_of(one.stream))
+            nis = np.sum(one.whitened**2, axis=1)
+            own = deviance_of(nis, one.dof, self._passes.flight.model.tail_of(one.stream))
             found.append(replace(one, whitened=one.whitened * np.sqrt(own / np.maximum(nis, 1e-300))[:, None]))
         return found
 
@@ -192,16 +192,16 @@ class Prediction:
 
     def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[StreamResidual]:
         seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
-        t, row, nu, white = (
-            np.concatenate([getattr(one, key)[keep] for one, keep in seen]) for key in ("t", "index", "told", "white")
+        t, row, nu, white, tells = (
+            np.concatenate([getattr(one, key)[keep] for one, keep in seen])
+            for key in ("t", "index", "told", "white", "tells")
         )
         if not len(t):
             return []
         each = np.concatenate([np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3] for one, keep in seen])
-        told = np.concatenate([one.tells[keep, :3] for one, keep in seen])
-        variance = np.mean(each, axis=1, where=told)
+        variance = np.mean(each, axis=1, where=tells[:, :3])
         sure = np.mean(variance**-1.0) ** -1.0 / variance
-        nu = nu * np.sqrt(sure)[:, None]
+        nu, white = nu * np.sqrt(sure)[:, None], np.where(tells, white, 0.0)
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
-        return [StreamResidual(name, t[order], nu[order], white[order], held, unit, {}, row[order])]
+        return [StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])]

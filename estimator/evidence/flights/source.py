@@ -428,9 +428,12 @@ class FlightSource(OfFlight):
             keep = one.accepted
             if np.any(keep):
                 held = one.t[keep] > self._passes.split
-                unit, white = self._unit_of(name), one.white * np.sqrt(one.weight)[:, None]
+                unit = self._unit_of(name)
+                white = np.where(one.tells, one.white * np.sqrt(one.weight)[:, None], 0.0)
                 rows.append(
-                    StreamResidual(name, one.t[keep], one.told[keep], white[keep], held, unit, {}, one.index[keep])
+                    StreamResidual(
+                        name, one.t[keep], one.told[keep], white[keep], one.tells[keep], held, unit, {}, one.index[keep]
+                    )
                 )
         return rows
 
