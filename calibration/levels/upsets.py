@@ -32,19 +32,19 @@ from sinan.sensors.recording import Recording
 #: log(2) = 0.7 of log L and change nothing of a shock (`bounds_of_work shock`).
 RATE = 1.0 / 3600.0
 #: Sizes that are tried, of the attitude [rad] and of the velocity [m/s], as a log tells nothing finer of one instant: a
-#: choice. Half of each moves the end of a flight with a shock by 1 % of its sigma, twice finds 2 upsets for 3
-#: (`bounds_of_work shock`).
+#: choice, half and twice of which move the end of a flight with a shock by 1 % of its sigma at most (`bounds_of_work
+#: shock`).
 ATTITUDE, VELOCITY = (0.1, 0.3, 1.0), (0.0, 1.0, 3.0, 10.0)
-#: What is tried first at every instant, one of them that is near to any: a choice. Half moves that end by 4 %, twice
-#: finds 2 upsets for 3 (`bounds_of_work shock`).
+#: What is tried first at every instant, one of them that is near to any: a choice, half and twice of which change
+#: nothing of that end (`bounds_of_work shock`).
 FIRST = (0.3, 3.0)
 #: Instants that are tried, in fixes from the first that is doubted, and then from the best of them: bound of work
 #: (`test_upsets`): half of the first finds a shock 1 s late, and the attitude after it to 0.75 deg for 0.6, of 12.
 INSTANTS, FINER = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0), (-3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0)
 #: So many fixes belong to each instant that is tried: the distance of `FINER` about the best, 0.5 - 0.0.
 APART = 0.5
-#: A fix is doubted where its noise is taken for so many times the nominal one: a choice, half and
-#: twice of which find 1 upset for 3 about a shock (`bounds_of_work shock`).
+#: A fix is doubted where its noise is taken for so many times the nominal one: a choice. Half moves that end by 0.9 of
+#: its sigma, twice not at all (`bounds_of_work shock`).
 DOUBTED = 2.0
 #: Steps of a receiver that errs, in units of its white noise, to 2^7 = 128 times it: a choice, half and twice of which
 #: change nothing of a shock (`bounds_of_work shock`).
