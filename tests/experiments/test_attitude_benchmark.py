@@ -71,7 +71,7 @@ def test_a_heading_that_swings_about_a_constant_scores_what_swings() -> None:
 
 def test_the_second_half_is_scored_with_a_constant_of_its_own() -> None:
     """An estimate that learns its heading half-way is wrong by 5 deg about the mean of the whole, and right after."""
-    learnt = heading(np.deg2rad(np.where(T < 0.5 * T[-1], -10.0, 0.0)))
+    learnt = heading(np.deg2rad(np.where(T - T[0] < 0.5 * np.ptp(T), -10.0, 0.0)))
     found = score(T, quaternion_multiply(learnt, tumbling()), as_it_is(stream(tumbling())))
     assert found.total == pytest.approx(5.0, abs=0.01)
     assert found.later == pytest.approx(0.0, abs=ROUNDING)
