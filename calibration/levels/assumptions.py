@@ -70,6 +70,10 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     if levels.tail is not None:
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
+    for name, stray in levels.stray.items():
+        what, reach = "share of answers from what is not the ground", "reach of such answers"
+        rows.append(Assumption(name, what, stray.share, "", None, True, CLASS))
+        rows.append(Assumption(name, reach, stray.reach, "m", None, True, "log: its farthest answer"))
     return tuple(rows)
 
 

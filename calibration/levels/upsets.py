@@ -133,7 +133,8 @@ def with_upsets(recording: Recording, levels: Levels) -> Levels:
 def _most_doubted(journal: Journal, refused: IntArray) -> IntArray:
     """(k,) events of the fixes in a row that are doubted most, by what their weights lack in all; none: no two."""
     mine = np.flatnonzero((journal.sensor == journal.sensors.index("gps")) & journal.accepted)
-    doubt = np.log(journal.model.spread("gps", journal.nis[mine], journal.freedom[mine])) - np.log(DOUBTED)
+    spread = journal.model.spread("gps", journal.nis[mine], journal.freedom[mine], journal.loglik[mine])
+    doubt = np.log(spread) - np.log(DOUBTED)
     doubt[np.isin(mine, refused)] = -np.inf
     best, begin, total, found = 0.0, 0, 0.0, mine[:0]
     for k, one in enumerate(doubt):

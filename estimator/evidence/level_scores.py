@@ -1,12 +1,14 @@
 """Exact derivatives of the likelihood by every level of noise, from one forward and one backward pass.
 
 The filter's recursions are differentiated backwards. With r = d log L / dx and G = d log L / dP after a reading of
-weight w, M = S / w = L L', y = L^-1 nu, K = P H' M^-1, its part of log L being -1/2 log |S| - 1/2 rho(nu' S^-1 nu),
+weight w, M = S / w = L L', y = L^-1 nu, K = P H' M^-1, its part of log L being log(exp(A) + stray) with
+A = -1/2 log |S| - 1/2 rho(nu' S^-1 nu), and p the probability exp(A) / (exp(A) + stray) that it is no stray answer,
 
     g = d log L / d log w = r' K nu - tr(G K M K')           the correction that it makes
-    c = rho' / w + 2 g / w / (tail + NIS)                    1 where w is; rho' = w under Student's law
+    a = d log L / d A = p + g (1 - p)                        as w = p rho' and d log p = (1 - p) dA; 1 where p is
+    c = (a rho' + 2 g / (tail + NIS)) / w                    1 where w is; the second term where rho' < 1
     d log L / d nu = K' r - c M^-1 nu                        and r <- r - H' d log L / d nu
-    d log L / d S = L^-T (-1/2 + c/2 y y' - sym(y (K L)' r) + L' K' G K L) L^-1 / w
+    d log L / d S = L^-T (-a/2 + c/2 y y' - sym(y (K L)' r) + L' K' G K L) L^-1 / w
 
 which is d log L / d R, too; G takes what P does in S, in P H' and by itself. A step has r <- Phi' r, G <- Phi' G Phi,
 and d log L / d Q = G. Of a first-order process of standard deviation s and time constant tau, phi = exp(-h / tau) and

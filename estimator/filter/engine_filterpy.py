@@ -164,7 +164,7 @@ class ReadableFilter:
         if nis > self.model.threshold(dof):
             out.status[k] = GATED
             return
-        spread = float(self.model.spread(name, nis, dof))
+        spread = float(self.model.spread(name, nis, dof, out.loglik[k]))
         if spread > 1.0:  # more noise, so that S grows so much
             out.weight[k] = 1.0 / spread
             R = R + (spread - 1.0) * S

@@ -80,6 +80,7 @@ class Sensors(NamedTuple):
     gate: FloatArray
     robust: FloatArray
     tail: FloatArray
+    stray: FloatArray
 
 
 class World(NamedTuple):
@@ -953,6 +954,15 @@ def _whiten_innovation(m, nu, at, L, y, white):
 
 
 @njit(**_INLINE)
+def _doubt(nis, m, tail, stray):
+    """`tails.spread_of`, with `stray` over the reading's normal density."""
+    spread, own = (tail + nis) / (tail + m), nis
+    if nis > m:
+        own = m + (tail + m) * np.log(spread)
+    return max(1.0, spread) * (1.0 + np.exp(stray + 0.5 * (own - nis)))
+
+
+@njit(**_INLINE)
 def _less_weight(m, spread, y, L):
     """S grows by `spread`: so y = L^-1 nu shrinks by its root."""
     factor = np.sqrt(spread)
@@ -1086,7 +1096,8 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
                 else:
                     spread = total / sensors.robust[readings.freedom[k]]
                     if sensors.tail[s] > 0.0:
-                        spread = (sensors.tail[s] + total) / (sensors.tail[s] + readings.freedom[k])
+                        b = sensors.stray[s] - out.loglik[k]
+                        spread = _doubt(total, readings.freedom[k], sensors.tail[s], b)
                     if spread > 1.0:
                         out.weight[k] = 1.0 / spread
                         _less_weight(m, spread, y, L)

@@ -15,6 +15,7 @@ import numpy as np
 from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
+from sinan.estimator.filter.tails import spread_of, stray_over_centre
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.bounds import ASSUMED, Bounds
@@ -76,6 +77,20 @@ class Upset:
 
 
 @dataclass(frozen=True)
+class Stray:
+    """What a sensor answers that is not what it is to measure (`estimator.filter.tails`).
+
+    Attributes
+    ----------
+    share : of its readings, before any is seen
+    reach : such answers are as likely anywhere from zero to here, in the unit of a reading
+    """
+
+    share: float
+    reach: float
+
+
+@dataclass(frozen=True)
 class FlightModel:
     """Layout, sensor models with their noise, environment, and how doubtful readings are treated.
 
@@ -102,6 +117,7 @@ class FlightModel:
         their white noise is that of such a fix
     upsets : instants at which the motion is open again
     tail : degrees of freedom of the Student law of every innovation; None: normal
+    stray : by sensor, what it answers besides, where its law is Student's
     relinearise : every reading is linear about the smoothed motion of the pass before (`estimator.filter.relinearise`)
     withheld : by stream, intervals of stamps [s] whose readings are predicted and journaled, but not used
     assumptions : what it takes of the recording without being told
@@ -130,6 +146,7 @@ class FlightModel:
     said: Mapping[str, float] = default(default_factory=dict)
     upsets: tuple[Upset, ...] = ()
     tail: float | None = None
+    stray: Mapping[str, Stray] = default(default_factory=dict)
     relinearise: bool = False
     withheld: Mapping[str, Sequence[tuple[float, float]]] = default(default_factory=dict)
     assumptions: tuple[Assumption, ...] = ()
@@ -169,19 +186,26 @@ class FlightModel:
         """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
         return None if sensor in ASSUMED else self.tail
 
-    def spread(self, sensor: str, nis: FloatArray | float, dof: IntArray | int) -> FloatArray:
-        """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
+    def stray_of(self, sensor: str) -> float:
+        """Logarithm of the density of what a sensor answers besides, over the share of its right answers."""
+        stray = self.stray.get(sensor)
+        if stray is None or self.tail_of(sensor) is None:
+            return -np.inf
+        return float(np.log(stray.share / (1.0 - stray.share)) - self.sensors[sensor].size * np.log(stray.reach))
 
-        Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS)
-        of the nominal one (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
+    def spread(
+        self, sensor: str, nis: FloatArray | float, dof: IntArray | int, normal: FloatArray | float
+    ) -> FloatArray:
+        """Factor by which the covariance of a reading's innovation grows where the reading is doubtful; else 1.
 
         Parameters
         ----------
         nis, dof : (k,) of readings of the sensor, and how many of their components, m, tell something
+        normal : (k,) logarithm of the normal density
         """
         tail = self.tail_of(sensor)
         if tail is not None:
-            return np.maximum(1.0, (tail + nis) / (tail + dof))
+            return spread_of(nis, dof, tail, stray_over_centre(self.stray_of(sensor), normal, nis))
         return np.maximum(1.0, nis / self.robust_threshold(dof))
 
 
@@ -211,6 +235,7 @@ class Beliefs(TypedDict, total=False):
     said: Mapping[str, float]
     upsets: tuple[Upset, ...]
     tail: float | None
+    stray: Mapping[str, Stray]
     relinearise: bool
 
 
@@ -237,8 +262,8 @@ def flight_model(
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
-    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, said, upsets, tail, relinearise: see
-        `FlightModel`
+    beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, said, upsets, tail, stray, relinearise:
+        see `FlightModel`
 
     Raises
     ------

@@ -26,7 +26,8 @@ class StreamJournal:
     index : (k,) row in the recording's stream
     nu, white : (k, m) innovation, and L^-1 nu with S = L L' (unit variance if all is well)
     S : (k, m, m) covariance of the innovation, before any weight
-    nis, weight, status : (k,) nu' S^-1 nu; 1, or less where robust weights reduced it; index of `STATUS`
+    nis, loglik, weight, status : (k,) nu' S^-1 nu; logarithm of the normal density; 1, or less where robust weights
+        reduced it; index of `STATUS`
     events : (k,) place in the journal
     """
 
@@ -37,6 +38,7 @@ class StreamJournal:
     white: FloatArray
     S: FloatArray
     nis: FloatArray
+    loglik: FloatArray
     weight: FloatArray
     status: IntArray
     events: IntArray
@@ -163,7 +165,8 @@ class Journal:
         elements = self.S_row[events][:, None] + np.arange(m * m)
         return StreamJournal(
             sensor, self.t[events], self.index[events], self.nu[rows], self.white[rows],
-            self.S[elements].reshape(-1, m, m), self.nis[events], self.weight[events], self.status[events], events,
+            self.S[elements].reshape(-1, m, m), self.nis[events], self.loglik[events], self.weight[events],
+            self.status[events], events,
         )  # fmt: skip
 
     def nis_per_dof(self) -> Mapping[str, float]:

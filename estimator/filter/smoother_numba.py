@@ -270,14 +270,21 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
                     for j in range(states):
                         UGU[a, b] += UG[a, j] * U[first + b, j]
                 grown += Ur[a] * y[a] - UGU[a, a]
-            share = 1.0  # -2 d log L / d NIS, over the weight
+            share, right = 1.0, 1.0  # -2 d log L by NIS, over the weight, and by log |S|
             if weight < 1.0:
-                share = (weight if tail[k] > 0.0 else 1.0) + 2.0 * grown / (tail[k] + out.nis[k])
+                slope = 1.0  # of rho
+                if tail[k] > 0.0:
+                    slope = min(1.0, (tail[k] + m) / (tail[k] + out.nis[k]))
+                    right = weight / slope
+                    right += grown * (1.0 - right)
+                share = right * slope
+                if slope < 1.0 or tail[k] == 0.0:
+                    share += 2.0 * grown / (tail[k] + out.nis[k])
                 share /= weight
             for a in range(m):
                 for b in range(m):
                     own[a, b] = 0.5 * (share * y[a] * y[b] - Ur[a] * y[b] - y[a] * Ur[b])
-                own[a, a] -= 0.5
+                own[a, a] -= 0.5 * right
             _inverse_factor(m, weight, out.S, out.S_row[k], L, inverse)
             for j in range(m):
                 value = 0.0

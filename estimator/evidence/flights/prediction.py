@@ -21,7 +21,7 @@ from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
-from sinan.estimator.filter.tails import deviance_of
+from sinan.estimator.filter.tails import deviance_of, stray_over_centre
 from sinan.sensors.arrays import BoolArray, FloatArray
 
 #: Readings are withheld for so long, once in so long [s], so that a filter has half of that to find back: a choice.
@@ -85,6 +85,14 @@ def can_be_predicted(term: Term) -> bool:
     return term.interval is None or term.interval[1] - term.interval[0] >= SHORTEST_ASKED
 
 
+@dataclass(frozen=True)
+class _Withheld:
+    """Withheld readings of one stream: what is off of them, and (n,) the logarithm of their normal density."""
+
+    residual: StreamResidual
+    normal: FloatArray
+
+
 class Prediction:
     """What fits of one flight predict of withheld readings; each is asked once.
 
@@ -96,7 +104,7 @@ class Prediction:
 
     def __init__(self, passes: FlightPasses, streams: Sequence[tuple[str, str]]) -> None:
         self._passes, self._streams = passes, tuple(streams)
-        self._known: dict[int, tuple[Fitted, Sequence[StreamResidual]]] = {}
+        self._known: dict[int, tuple[Fitted, Sequence[_Withheld]]] = {}
         t = passes.table.t
         self._edges = t[np.round(np.linspace(0, len(t) - 1, FOLDS + 1)).astype(np.int64)]
         begins = np.arange(passes.start + WINDOW, passes.end - WINDOW, EVERY)
@@ -109,16 +117,18 @@ class Prediction:
 
     def share(self, fit: Fit, without: Fit) -> Share:
         """Of what a fit has and another has not."""
-        before, after = self._of(without), {r.stream: r for r in self._of(fit)}
+        before, after = self._of(without), {one.residual.stream: one.residual for one in self._of(fit)}
         products, squares = list[FloatArray](), list[FloatArray]()
-        for one in before:
-            other = after.get(one.stream)
+        for held in before:
+            one, other = held.residual, after.get(held.residual.stream)
             if other is None:
                 continue
             _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
             e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
-            nis = np.minimum(np.sum(e**2, axis=1), np.sum((e - d) ** 2, axis=1))
-            weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine])
+            own = np.sum(e**2, axis=1)
+            nis = np.minimum(own, np.sum((e - d) ** 2, axis=1))
+            normal = held.normal[mine] + 0.5 * (own - nis)
+            weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine], normal)
             number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
             _, place = np.unique(number, return_inverse=True)
             products.append(np.asarray(np.bincount(place, weight * np.sum(d * e, axis=1)), dtype=np.float64))
@@ -131,14 +141,16 @@ class Prediction:
         Each has the weight that one over its variance gives it, so that the RMS is not that of the last second. The
         squares of the whitened are -2 log density by the law that the model gives an innovation.
         """
-        found = []
-        for one in self._of(fit):
+        found, model = [], self._passes.flight.model
+        for held in self._of(fit):
+            one = held.residual
             nis = np.sum(one.whitened**2, axis=1)
-            own = deviance_of(nis, one.dof, self._passes.flight.model.tail_of(one.stream))
+            stray = stray_over_centre(model.stray_of(one.stream), held.normal, nis)
+            own = np.maximum(0.0, deviance_of(nis, one.dof, model.tail_of(one.stream), stray))
             found.append(replace(one, whitened=one.whitened * np.sqrt(own / np.maximum(nis, 1e-300))[:, None]))
         return found
 
-    def _of(self, fit: Fit) -> Sequence[StreamResidual]:
+    def _of(self, fit: Fit) -> Sequence[_Withheld]:
         """The same whitened by the covariance of the prediction."""
         state = fit.detail
         assert isinstance(state, Fitted)
@@ -190,7 +202,7 @@ class Prediction:
             beta[~lasts] += step(given, ~lasts, white)
         return state.own.at(beta)
 
-    def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[StreamResidual]:
+    def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[_Withheld]:
         seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
         t, row, nu, white, tells = (
             np.concatenate([getattr(one, key)[keep] for one, keep in seen])
@@ -204,4 +216,6 @@ class Prediction:
         nu, white = nu * np.sqrt(sure)[:, None], np.where(tells, white, 0.0)
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
-        return [StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])]
+        residual = StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])
+        normal = np.concatenate([one.loglik[keep] for one, keep in seen])
+        return [_Withheld(residual, normal[order])]
