@@ -51,7 +51,7 @@ from sinan.sensors.camera import LOOKS_AHEAD, Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.geomagnetism import direction_at, field_along
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
-from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Recording, SensorSpec, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, POSITION, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_exp,
@@ -259,6 +259,23 @@ def _zeros() -> Answer:
         ends.append(journal.x_end[P_N][2])
         sigmas.append(np.sqrt(journal.P_end.diagonal()[DP][2]))
     return Answer((), np.array(ends), np.array(sigmas))
+
+
+def _beyond() -> Answer:
+    """Height [m] ten times in a flight whose receiver tells none, and whose laser answers about 1.5 m to everything
+    beyond 2.5 m.
+    """
+    streams = {n: s for n, s in _bare(_recording("takeoff_landing")).streams.items() if n != "sonar"}
+    laser, gps = streams["laser"], streams["gps"]
+    wrong = np.random.default_rng(1).normal(1.5, 0.2, len(laser))
+    seen = {"range": np.where(laser["range"] > 2.5, wrong, laser["range"])}
+    flat = {**gps.columns, "epv": np.full(len(gps), NO_HEIGHT)}
+    streams |= {"laser": Stream(laser.t, seen), "gps": Stream(gps.t, flat)}
+    recording = _bare(_recording("takeoff_landing")).replace(streams=streams)
+    levels = fit_levels(recording, recording.environment.magnetic_field)
+    journal = run(prepare(levels.flight(recording)), "numba")
+    rows = np.linspace(0, len(journal.imu_t) - 1, 11).astype(np.int64)[1:]
+    return Answer((), journal.imu_x[rows, P_N][:, 2], np.sqrt(journal.imu_var[rows, DP][:, 2]))
 
 
 def _clipped() -> Answer:
@@ -630,6 +647,7 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "walk": _walk,
     "fields": _fields,
     "zeros": _zeros,
+    "beyond": _beyond,
     "clipped": _clipped,
     "shaken": lambda: _of_trace(_recording("vibration", "gps.latency=0.03")),
     "frozen": _frozen,

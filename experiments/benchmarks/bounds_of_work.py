@@ -125,6 +125,7 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "iron": {_LEVELS + "fields": ("NEVER_CALIBRATED",)},
     "kinds": {_LEVELS + "fields": ("INSTANT",)},
     "zeros": {_LEVELS + "fit": ("SAME_ZERO",)},
+    "beyond": {_LEVELS + "fit": ("STRAY",)},
     "slow": {_LEVELS + "fit": ("AS_DECLARED",)},
     "hand": {_LEVELS + "fit": ("OF_THE_MOTION", "HAND", "WIDER"), _FILTER + "imu": ("ROUGH",)},
     "headings": {_LEVELS + "heading": ("OUTLIER_LEVEL",)},

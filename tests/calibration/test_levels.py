@@ -16,13 +16,18 @@ from sinan.calibration.levels.noise_start import datum
 from sinan.calibration.levels.preparation import level_notes, prepared
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
 from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, SensorSpec, Stream
-from tests.estimator.analytic_flight import fly
+from tests.estimator.analytic_flight import SPECS, fly
 
 #: A size from a minute of readings.
 FACTOR = 1.6
+#: By which a law of other answers may move, in the root mean square, what is estimated where there are none.
+A_PART_OF_SIGMA = 0.1
+#: Of the differences that check a slope: within ten times as much some readings change from right to wrong.
+STEP = 0.002
 COLOUR_STD, COLOUR_TIME, LATE = 0.8, 2.0, 0.15
 
 
@@ -66,7 +71,17 @@ def said(bare: Recording) -> Recording:
     return bare.replace(streams={**bare.streams, "gps": Stream(gps.t, {**gps.columns, **quality})})
 
 
-@pytest.mark.parametrize("log", ["bare", "rough", "said"])
+@pytest.fixture(scope="module")
+def astray(bare: Recording) -> Recording:
+    """The same with a laser that answers anything in one reading of seven, and for five seconds about 4 m."""
+    rng, laser = np.random.default_rng(14), fly(21, duration=60.0, sensors=("laser",))[0].streams["laser"]
+    z = np.where(rng.random(len(laser)) < 1.0 / 7.0, rng.uniform(0.0, 12.0, len(laser)), laser["range"])
+    wrong = (laser.t > 20.0) & (laser.t < 25.0)
+    z[wrong] = rng.normal(4.0, 0.1, np.count_nonzero(wrong))
+    return bare.replace(streams={**bare.streams, "laser": Stream(laser.t, {"range": z})})
+
+
+@pytest.mark.parametrize("log", ["bare", "rough", "said", "astray"])
 def test_the_gradient_is_that_of_the_posterior(
     log: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,10 +93,49 @@ def test_the_gradient_is_that_of_the_posterior(
     theta = problem.maximise(np.zeros(len(sizes)))[0] + 0.2 * np.random.default_rng(3).normal(size=len(sizes))
     _, gradient = problem.value_and_gradient(theta)
     for i, size in enumerate(sizes):
-        step = 0.02 * np.eye(len(sizes))[i]
-        expected = (problem.value(theta + step) - problem.value(theta - step)) / 0.04
+        step = STEP * np.eye(len(sizes))[i]
+        expected = (problem.value(theta + step) - problem.value(theta - step)) / (2.0 * STEP)
         if not size.linear:
             assert gradient[i] == pytest.approx(expected, rel=0.05, abs=1.0), (size.sensor, size.key)
+
+
+@pytest.fixture(scope="module")
+def over_ground() -> tuple[Recording, FloatArray]:
+    """A minute at 6.5 to 9.5 m whose receiver tells no height, and the heights at the IMU samples."""
+    recording, truth = fly(31, duration=60.0, specs={**SPECS, "baro": replace(SPECS["baro"], bias_std=0.0)})
+    gps = recording.streams["gps"]
+    flat = Stream(gps.t, {**gps.columns, "epv": np.full(len(gps), NO_HEIGHT)})
+    return recording.replace(sensors={}, streams={**recording.streams, "gps": flat}), -truth[:, 2]
+
+
+def test_a_height_does_not_follow_a_laser_whose_ground_is_out_of_reach(
+    over_ground: tuple[Recording, FloatArray],
+) -> None:
+    """It answers about 4 m to everything beyond 8 m, for seconds at a time, and is believed again below."""
+    recording, height = over_ground
+    laser = recording.streams["laser"]
+    beyond = laser["range"] > 8.0
+    z = np.where(beyond, np.random.default_rng(15).normal(4.0, 0.3, len(laser)), laser["range"])
+    recording = recording.replace(streams={**recording.streams, "laser": Stream(laser.t, {"range": z})})
+    levels = fit_levels(recording, recording.environment.magnetic_field)
+    journal = run(prepare(levels.flight(recording)), "numba")
+    error = -journal.imu_x[:, 2] - height
+    assert 0.3 < np.mean(beyond) < 0.7
+    assert np.max(np.abs(error[journal.imu_t > 5.0])) < 1.0
+    weight = journal.stream("laser").weight
+    assert np.all(weight[beyond] < 0.01)
+    assert np.mean(weight[~beyond] > 0.5) > 0.9
+
+
+def test_a_laser_that_always_sees_the_ground_loses_nothing(over_ground: tuple[Recording, FloatArray]) -> None:
+    recording, _ = over_ground
+    levels = fit_levels(recording, recording.environment.magnetic_field)
+    assert set(levels.stray) == {"laser"}
+    mixed, plain = (run(prepare(one.flight(recording)), "numba") for one in (levels, replace(levels, stray={})))
+    sigma = np.sqrt(plain.imu_var[:, :3])
+    apart = (mixed.imu_x[:, :3] - plain.imu_x[:, :3]) / sigma
+    assert np.max(np.sqrt(np.mean(apart**2, axis=0))) < A_PART_OF_SIGMA
+    assert np.max(np.mean(np.sqrt(mixed.imu_var[:, :3]) / sigma, axis=0)) < 1.0 + A_PART_OF_SIGMA
 
 
 def test_what_a_receiver_says_counts_where_its_noise_is_sought(said: Recording) -> None:

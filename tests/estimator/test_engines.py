@@ -11,7 +11,7 @@ from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.error_dynamics import transition
 from sinan.estimator.filter.flight import Flight
-from sinan.estimator.filter.flight_model import flight_model
+from sinan.estimator.filter.flight_model import Stray, flight_model
 from sinan.estimator.filter.inputs import outputs_for, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import P_N
@@ -19,7 +19,7 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.experiments.measured.engines import nominal_sigma
 from sinan.sensors.bounds import Bounds
-from sinan.sensors.recording import SensorSpec
+from sinan.sensors.recording import SensorSpec, Stream
 from tests.estimator.analytic_flight import RATES, SPECS, fly
 
 AGREEMENT = 1e-9  # of sigma + |value|
@@ -66,6 +66,20 @@ def test_engines_agree_with_colour_tails_and_an_unsure_field() -> None:
     assert model.layout.n == 22 + 11 + 3
     fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
     assert np.any(fast.weight < 1.0)
+    assert difference(fast, slow) < AGREEMENT
+
+
+def test_engines_agree_where_a_laser_answers_something_else() -> None:
+    recording, _ = fly(13, duration=5.0)
+    laser = recording.streams["laser"]
+    wrong = (laser.t > 2.0) & (laser.t < 3.0)
+    z = np.where(wrong, 4.0 + 0.1 * np.sin(40.0 * laser.t), laser["range"])
+    recording = recording.replace(streams={**recording.streams, "laser": Stream(laser.t, {"range": z})})
+    model = flight_model(recording, gate_level=None, tail=4.0, stray={"laser": Stray(0.05, 12.0)})
+    fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
+    weight = fast.stream("laser").weight
+    assert np.all(weight[wrong] < 0.01)
+    assert np.mean(weight[~wrong] > 0.5) > 0.9
     assert difference(fast, slow) < AGREEMENT
 
 
