@@ -16,6 +16,7 @@ from sinan.calibration.levels.noise_start import datum
 from sinan.calibration.levels.preparation import level_notes, prepared
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.layout import DP, P_N
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
@@ -105,7 +106,7 @@ def over_ground() -> tuple[Recording, FloatArray]:
     recording, truth = fly(31, duration=60.0, specs={**SPECS, "baro": replace(SPECS["baro"], bias_std=0.0)})
     gps = recording.streams["gps"]
     flat = Stream(gps.t, {**gps.columns, "epv": np.full(len(gps), NO_HEIGHT)})
-    return recording.replace(sensors={}, streams={**recording.streams, "gps": flat}), -truth[:, 2]
+    return recording.replace(sensors={}, streams={**recording.streams, "gps": flat}), -truth[:, P_N][:, 2]
 
 
 def test_a_height_does_not_follow_a_laser_whose_ground_is_out_of_reach(
@@ -119,7 +120,7 @@ def test_a_height_does_not_follow_a_laser_whose_ground_is_out_of_reach(
     recording = recording.replace(streams={**recording.streams, "laser": Stream(laser.t, {"range": z})})
     levels = fit_levels(recording, recording.environment.magnetic_field)
     journal = run(prepare(levels.flight(recording)), "numba")
-    error = -journal.imu_x[:, 2] - height
+    error = -journal.imu_x[:, P_N][:, 2] - height
     assert 0.3 < np.mean(beyond) < 0.7
     assert np.max(np.abs(error[journal.imu_t > 5.0])) < 1.0
     weight = journal.stream("laser").weight
@@ -132,10 +133,10 @@ def test_a_laser_that_always_sees_the_ground_loses_nothing(over_ground: tuple[Re
     levels = fit_levels(recording, recording.environment.magnetic_field)
     assert set(levels.stray) == {"laser"}
     mixed, plain = (run(prepare(one.flight(recording)), "numba") for one in (levels, replace(levels, stray={})))
-    sigma = np.sqrt(plain.imu_var[:, :3])
-    apart = (mixed.imu_x[:, :3] - plain.imu_x[:, :3]) / sigma
+    sigma = np.sqrt(plain.imu_var[:, DP])
+    apart = (mixed.imu_x[:, P_N] - plain.imu_x[:, P_N]) / sigma
     assert np.max(np.sqrt(np.mean(apart**2, axis=0))) < A_PART_OF_SIGMA
-    assert np.max(np.mean(np.sqrt(mixed.imu_var[:, :3]) / sigma, axis=0)) < 1.0 + A_PART_OF_SIGMA
+    assert np.max(np.mean(np.sqrt(mixed.imu_var[:, DP]) / sigma, axis=0)) < 1.0 + A_PART_OF_SIGMA
 
 
 def test_what_a_receiver_says_counts_where_its_noise_is_sought(said: Recording) -> None:
