@@ -52,10 +52,12 @@ def deviance_of(
     found = np.array(nis, dtype=np.float64)
     v, k, far = v[heavy], np.broadcast_to(m, nis.shape)[heavy], nis[heavy]
     found[heavy] = k + (v + k) * np.log((v + far) / (v + k))
-    return found - 2.0 * np.logaddexp(0.0, stray + 0.5 * found)
+    return found - 2.0 * np.log1p(np.exp(stray + 0.5 * found))
 
 
-def spread_of(nis: FloatArray | float, m: IntArray | int, tail: float, stray: FloatArray | float = -np.inf) -> FloatArray:
+def spread_of(
+    nis: FloatArray | float, m: IntArray | int, tail: float, stray: FloatArray | float = -np.inf
+) -> FloatArray:
     """(K,) one over the weight of readings of m components: (nu + NIS) / (nu + m), or 1 below NIS = m, over r.
 
     Of a Student law with nu degrees of freedom the expected precision given the innovation is (nu + m) / (nu + NIS) of
