@@ -417,11 +417,14 @@ class Problem:
         """Theta with the likeliest lateness of one stream."""
         seen: dict[float, float] = {}
 
+        def at(x: float) -> FloatArray:
+            moved = theta.copy()
+            moved[i] = x
+            return moved
+
         def value(x: float) -> float:
             if x not in seen:
-                moved = theta.copy()
-                moved[i] = x
-                seen[x] = self.value(moved) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
+                seen[x] = self.value(at(x)) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
             return seen[x]
 
         unit, best = self._step / size.spread, float(theta[i])
@@ -432,9 +435,7 @@ class Problem:
                 best = near
             if move <= 1 and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
                 break  # minus the second difference is (step / sigma)^2
-        moved = theta.copy()
-        moved[i] = best
-        return moved
+        return at(best)
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
         """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""

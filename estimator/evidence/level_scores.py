@@ -108,7 +108,8 @@ def _backward(part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatAr
     used, bias, time = outputs.status == ACCEPTED, np.zeros(CAPACITY), np.zeros(CAPACITY)
     by = By(found.r[row0 : row0 + int(row[-1])], found.q_accel[intervals], found.q_gyro[intervals], bias, time)
     tail = np.array([part.model.tail_of(name) or 0.0 for name in part.events.sensors])[part.events.sensor]
-    backward_scores(trail, row, engine.written, used, tail, engine.world, r, G.reshape(-1), by)
+    freedom = part.events.freedom
+    backward_scores(trail, row, engine.written, used, tail, freedom, engine.world, r, G.reshape(-1), by)
     n = found.bias_of_part.shape[1]
     found.bias_of_part[number], found.time_of_part[number] = bias[:n], time[:n]
     found.loglik[k0 : k0 + K] = np.where(used, outputs.loglik, 0.0)

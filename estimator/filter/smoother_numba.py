@@ -233,11 +233,12 @@ def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
 
 
 @njit(**_OPTIONS)
-def backward_scores(trail, row, out, used, tail, world, r, G, by):
+def backward_scores(trail, row, out, used, tail, freedom, world, r, G, by):
     """Carry r, d log L / dx, and G, d log L / dP, from the end of the stretch to its start, and write down what they
     say of every noise on the way; derived in `estimator.evidence.level_scores`. G is symmetric, and flat.
 
-    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight; `tail` of each reading, 0: its law is normal.
+    H here is L^-1 H and U = L^-1 H P, with L L' = S / weight; `tail` of each reading, 0: its law is normal,
+    and `freedom`, how many of its components tell something.
     """
     steps, step_of_event, step_of_imu = trail.steps, trail.step_of_event, trail.step_of_imu
     U, H, turn = trail.U, trail.H, trail.turn
@@ -274,7 +275,7 @@ def backward_scores(trail, row, out, used, tail, world, r, G, by):
             if weight < 1.0:
                 slope = 1.0  # of rho
                 if tail[k] > 0.0:
-                    slope = min(1.0, (tail[k] + m) / (tail[k] + out.nis[k]))
+                    slope = min(1.0, (tail[k] + freedom[k]) / (tail[k] + out.nis[k]))
                     right = weight / slope
                     right += grown * (1.0 - right)
                 share = right * slope
