@@ -45,8 +45,8 @@ def journal_of(inputs: RunInputs, outputs: RunOutputs, x: FloatArray, P: FloatAr
     step = outputs.stride or len(inputs.imu)
     return Journal(
         model=model, sensors=events.sensors, t=events.t, sensor=events.sensor, index=events.index, row=events.row,
-        nu=outputs.nu, white=outputs.white, S_row=outputs.S_row, S=outputs.S, nis=outputs.nis,
-        loglik=outputs.loglik, weight=outputs.weight, status=outputs.status,
+        freedom=events.freedom, nu=outputs.nu, white=outputs.white, S_row=outputs.S_row, S=outputs.S,
+        nis=outputs.nis, loglik=outputs.loglik, weight=outputs.weight, status=outputs.status,
         x=outputs.x_event[:, : n + 1], var=outputs.var_event[:, :n],
         imu_t=inputs.imu.t[::step], imu_x=outputs.x_imu[:, : n + 1], imu_var=outputs.var_imu[:, :n],
         x_end=x, P_end=P, t_start=float(inputs.imu.t[0]), t_end=float(inputs.imu.t[-1]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class Events:
     def __len__(self) -> int:
         return len(self.t)
 
-    @property
+    @cached_property
     def freedom(self) -> IntArray:
         """(K,) components of each reading that tell something: not the height of a fix in two dimensions."""
         found = np.diff(self.row)

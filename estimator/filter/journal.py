@@ -76,6 +76,7 @@ class Journal:
     model : what the filter believed
     t : (K,) s of the readings, in the order of processing; `sensor` (K,) index into `sensors`; `index` row in it
     row : (K + 1,) first component in `nu` and `white` (rows,); S_row : (K + 1,) first element in `S`, row by row
+    freedom : (K,) mean of each NIS where all is well: the components that tell something (`Events.freedom`)
     nis, loglik, weight, status : (K,); NaN where nothing was predicted
     x, var : (K, n + 1), (K, n) nominal state and variances after the reading; with `keep_states=False` empty
     imu_t, imu_x, imu_var : (N,), (N, n + 1), (N, n) at IMU samples, before readings at the same instant; decimated
@@ -92,6 +93,7 @@ class Journal:
     sensor: IntArray
     index: IntArray
     row: IntArray
+    freedom: IntArray
     nu: FloatArray
     white: FloatArray
     S_row: IntArray
@@ -120,15 +122,6 @@ class Journal:
     def dof(self) -> IntArray:
         """(K,) components of each reading."""
         return np.diff(self.row)
-
-    @property
-    def freedom(self) -> IntArray:
-        """(K,) mean of each NIS where all is well: the components that tell something (`StreamJournal.tells`)."""
-        found = self.dof.copy()
-        if "gps" in self.sensors:
-            fixes = self.stream("gps")
-            found[fixes.events] = np.sum(fixes.tells, axis=1)
-        return found
 
     @property
     def accepted(self) -> BoolArray:
