@@ -12,7 +12,7 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.noise import BiasProcess
 
 #: Sensors that are none: what a motion is taken to be where no position is measured.
-ASSUMED = ("level", "place", "speed")
+ASSUMED = ("level", "place", "speed", "zero_rate")
 #: Readings of the bounds a second: a swing of the arm lasts about as long as one of them.
 RATE = 2.0
 #: Sigma of what is not bounded: higher than what flies without GPS [m].

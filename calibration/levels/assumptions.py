@@ -70,7 +70,13 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     if levels.tail is not None:
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
+    if levels.zero_rate is not None:
+        at_rest, sigma = levels.zero_rate, float(np.sqrt(np.mean(levels.zero_rate.sigma**2)))
+        what = f"rate of turn in {len(at_rest.end)} windows at rest, from {at_rest.begin[0]:.0f} s on (1 sigma)"
+        rows.append(Assumption("motion", what, sigma, "rad/s", None, True, "log: as quiet and white as an instrument"))
     for name, stray in levels.stray.items():
+        if name not in levels.specs:
+            continue
         what, reach = "share of answers from what is not the ground", "reach of such answers"
         rows.append(Assumption(name, what, stray.share, "", None, True, CLASS))
         rows.append(Assumption(name, reach, stray.reach, "m", None, True, "log: its farthest answer"))

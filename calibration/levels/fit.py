@@ -25,6 +25,7 @@ from sinan.calibration.levels.noise_start import (
     readings_of,
     rounding_of,
 )
+from sinan.calibration.levels.zero_rate import zero_rate_of
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.alignment import ALIGNING, first_state
 from sinan.estimator.filter.effect_forms import declared_terms
@@ -40,6 +41,7 @@ from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, VELOCITY, Recording, SensorSpec
 from sinan.sensors.registry import sensor, sensors, where
+from sinan.sensors.zero_rate import ZeroRate
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
 #: instruments and the 8 from which on nobody would notice (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
@@ -129,6 +131,7 @@ class Levels:
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
     tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
+    zero_rate : where the body does not turn
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
@@ -146,6 +149,7 @@ class Levels:
     upsets: tuple[Upset, ...] = ()
     latency: Mapping[str, float] = default(default_factory=dict)
     stray: Mapping[str, Stray] = default(default_factory=dict)
+    zero_rate: ZeroRate | None = None
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
@@ -155,7 +159,7 @@ class Levels:
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std, rounding=self.rounding,
-            said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
+            said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency, zero_rate=self.zero_rate,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -299,11 +303,13 @@ def first_levels(
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
     bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
+    still = zero_rate_of(recording) if "gyro" in undeclared else None
+    stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
-        _said_of_most(recording, sizes), stray=stray_answers(recording, undeclared),
+        _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)

@@ -219,10 +219,14 @@ def pack(along: Along, effects: tuple[Effect, ...]) -> tuple[Columns, IntArray, 
             order[slices[i]] = place + np.arange(effects[i].size)
             place += effects[i].size
     accel, gyro = (of[stream] for stream in DRIVERS)
-    Gz, at = _of_readings(along, of)
+    rates = driver_regressors(along, "gyro", gyro.effects) if gyro.width else np.zeros((len(along.table), 3, 0))
+    if "zero_rate" in sensors:  # reads the gyroscope, and what its effects add
+        of["zero_rate"] = gyro
+    Gz, at = _of_readings(along, of, rates)
     columns = Columns(
         -(-place // TILE), accel.tiles, gyro.first_tile, gyro.tiles,
-        _of_samples(along, "accel", accel), _of_samples(along, "gyro", gyro), Gz, at,
+        _of_samples(accel, driver_regressors(along, "accel", accel.effects) if accel.width else None),
+        _of_samples(gyro, rates if gyro.width else None), Gz, at,
         np.array([of[name].first for name in sensors], dtype=np.int64),
         np.array([of[name].width for name in sensors], dtype=np.int64),
     )  # fmt: skip
@@ -247,26 +251,31 @@ class _Packed:
         return -(-(self.first + self.width) // TILE) - self.first_tile if self.width else 0
 
 
-def _of_samples(along: Along, stream: str, packed: _Packed) -> FloatArray:
+def _of_samples(packed: _Packed, regressors: FloatArray | None) -> FloatArray:
     """(N tiles, 48) regressors of a driver at the samples of the IMU, three rows of 16 columns; of none (1, 48)."""
-    if not packed.width:
+    if regressors is None:
         return np.zeros((1, 3 * TILE))
-    G = np.zeros((len(along.table), 3, packed.tiles * TILE))
+    G = np.zeros((len(regressors), 3, packed.tiles * TILE))
     at = packed.first - packed.first_tile * TILE
-    G[:, :, at : at + packed.width] = driver_regressors(along, stream, packed.effects)
+    G[:, :, at : at + packed.width] = regressors
     return G.reshape(len(G), 3, -1, TILE).transpose(0, 2, 1, 3).reshape(-1, 3 * TILE)
 
 
-def _of_readings(along: Along, of: Mapping[str, _Packed]) -> tuple[FloatArray, IntArray]:
-    """Flat regressors of the readings of all sensors, and (K,) where those of each reading begin."""
+def _of_readings(along: Along, of: Mapping[str, _Packed], rates: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Flat regressors of the readings of all sensors, and (K,) where those of each reading begin.
+
+    Parameters
+    ----------
+    rates : (N, 3, p) of the gyroscope's effects at the samples of the IMU
+    """
     events = along.inputs.events
-    effects = [entry for name in events.sensors for entry in of[name].effects]
+    effects = [entry for name in events.sensors if name != "zero_rate" for entry in of[name].effects]
     vehicle = along.of_vehicle if any({"f_b", "w_ib_b"} & set(entry.needs) for entry in effects) else along
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
     for s, name in enumerate(events.sensors):
         if not of[name].effects:
             continue
-        G = sensor_regressors(vehicle, name, of[name].effects)
+        G = along.at_zero_rate(rates) if name == "zero_rate" else sensor_regressors(vehicle, name, of[name].effects)
         of_sensor = events.sensor == s
         start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
         parts.append(G.ravel())

@@ -82,7 +82,25 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         x[block] = found[0] if declared is None else declared
         if model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
+    if model.field is not None and "gps" not in model.sensors and initial.quaternion is None:
+        P = _north_of_first_heading(q, P, model)
     return x, P
+
+
+def _north_of_first_heading(q_nb: FloatArray, P: FloatArray, model: FlightModel) -> FloatArray:
+    """(n, n) covariance of the first state where its heading is right by definition.
+
+    Where nothing but the compass tells a direction, all that is measured is the same for a body, a motion and a field
+    turned about the vertical together. So the error of the heading, h = d . C_nb dtheta about the vertical d, may be
+    taken off all of them: dtheta - C_bn d h, and the field's error less (d x m_n) h, which then is that of the
+    declination.
+    """
+    layout, down = model.layout, np.array([0.0, 0.0, 1.0])
+    down_b = rotate(quaternion_conjugate(q_nb), down)
+    T = np.eye(layout.n)
+    T[DTHETA, DTHETA] -= np.outer(down_b, down_b)
+    T[layout.slice("field"), DTHETA] -= np.outer(np.cross(down, model.m_n), down_b)
+    return T @ P @ T.T
 
 
 def _of_what_is_there(flight: Flight) -> Flight:

@@ -19,7 +19,7 @@ import numpy as np
 
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import Engine, run
-from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps
+from sinan.estimator.filter.events import StreamForm, collect, is_form_only, stamps, with_readings
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.imu import ImuTable, imu_table
@@ -286,8 +286,14 @@ class Along(OfFlight):
         linear = [name for name in self.model.sensors if self.model.relinearise or is_form_only(name)]
         forms = {**self.added, **{name: linear_form(self, name) for name in linear}}
         events = collect(self.flight, forms, {name: self.terms.lateness(name) for name in self.model.sensors})
+        if "zero_rate" in self.model.sensors and self.terms.of_stream("gyro"):
+            events = with_readings(events, "zero_rate", self.at_zero_rate(self.corrected.u[:, 3:]))
         first = first_state(self.flight.reading(self.without_effects)) if self.first is None else self.first
         return prepare(self.flight, imu=self.corrected, events=events, first=first, aligned=self.without_effects)
+
+    def at_zero_rate(self, values: FloatArray) -> FloatArray:
+        """(k, ...) means over the windows of `zero_rate` of what goes with the samples of the table, (N, ...)."""
+        return self.model.sensors["zero_rate"].means(self.table.t, values)  # type: ignore[attr-defined, no-any-return]
 
     @cached_property
     def of_signal(self) -> Motion:

@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 
 from sinan.estimator.filter.kernel_cache import options
+from sinan.estimator.filter.tails import NOTHING
 from sinan.sensors.arrays import FloatArray, IntArray
 
 CAP = 40  # = layout.CAPACITY
@@ -959,7 +960,7 @@ def _doubt(nis, m, tail, stray):
     spread, own = (tail + nis) / (tail + m), nis
     if nis > m:
         own = m + (tail + m) * np.log(spread)
-    return max(1.0, spread) * (1.0 + np.exp(stray + 0.5 * (own - nis)))
+    return max(1.0, spread) * (1.0 + np.exp(min(stray + 0.5 * (own - nis), NOTHING)))
 
 
 @njit(**_INLINE)

@@ -12,7 +12,7 @@ from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs
 from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.atmosphere import height_from_pressure
-from sinan.sensors.bounds import RATE
+from sinan.sensors.bounds import ASSUMED, RATE
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, NO_HEIGHT, POSITION, VELOCITY, Recording, Stream, tells_height
 from sinan.sensors.registry import is_sensor, sensor
@@ -105,6 +105,9 @@ def readings(flight: Flight, name: str) -> tuple[FloatArray, FloatArray]:
         return window_means(flight, recording.streams["imu"].array(ACCEL)), t
     if name in ("place", "speed"):
         return np.zeros((len(t), 3)), t
+    if name == "zero_rate":
+        imu = recording.streams["imu"]
+        return flight.model.sensors[name].means(imu.t, imu.array(GYRO)), t  # type: ignore[attr-defined]
     stream, size = recording.streams[name], flight.model.sensors[name].size
     if name == "camera":
         return stream.array(("u", "v")), t
@@ -144,6 +147,8 @@ def stamps(flight: Flight, name: str) -> FloatArray:
     if name in ("place", "speed"):
         imu = streams["imu"].t
         return np.arange(imu[0], imu[-1], 1.0 / RATE)
+    if name == "zero_rate":
+        return np.asarray(flight.model.sensors[name].end)  # type: ignore[attr-defined]
     return streams[name].t - flight.model.latency.get(name, 0.0)
 
 
@@ -200,6 +205,13 @@ def with_variances(events: Events, flight: Flight) -> Events:
         at = events.row[mine][:, None] + np.arange(flight.model.sensors[name].size)
         r[at] = variances(flight, name)[events.index[mine]]
     return replace(events, r=r)
+
+
+def with_readings(events: Events, name: str, values: FloatArray) -> Events:
+    """The events with other readings (k, m) of one sensor."""
+    mine, z = np.flatnonzero(events.sensor == events.sensors.index(name)), events.z.copy()
+    z[events.row[mine][:, None] + np.arange(values.shape[1])] = values[events.index[mine]]
+    return replace(events, z=z)
 
 
 def ranges_of(stream: Stream, numbered: str = "range_") -> tuple[str, ...]:
@@ -331,7 +343,7 @@ def _part_of(flight: Flight, name: str, form: StreamForm | None, late: float) ->
     z, t = readings(flight, name)
     t = t - late
     status = np.where((t < imu[0]) | (t > imu[-1]), OUTSIDE, ACCEPTED)
-    notes = _outside(name, t[t < imu[0]]) + _outside(name, t[t > imu[-1]])
+    notes = [] if name in ASSUMED else _outside(name, t[t < imu[0]]) + _outside(name, t[t > imu[-1]])
     if is_sensor(name) and sensor(name).components and name != "base":
         notes += _faults(name, z, t, status)
     if form is None and is_form_only(name):  # the pass that finds the motion about which it is linear

@@ -11,6 +11,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.level import Level
 from sinan.sensors.recording import Recording, SensorSpec
+from sinan.sensors.zero_rate import ZeroRate
 
 
 class Passed(Beliefs, total=False):
@@ -22,6 +23,7 @@ class Passed(Beliefs, total=False):
     bounds: Bounds | None
     magnetic_field: FloatArray | None
     field: FloatArray | None
+    zero_rate: ZeroRate | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.estimator.filter.layout import StateLayout, layout_for
-from sinan.estimator.filter.tails import spread_of, stray_over_centre
+from sinan.estimator.filter.tails import NORMAL, spread_of, stray_over_centre
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.bounds import ASSUMED, Bounds
@@ -31,6 +31,7 @@ from sinan.sensors.recording import VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.registry import sensors as all_sensors
 from sinan.sensors.sensor_type import Given
+from sinan.sensors.zero_rate import ZeroRate
 
 #: Streams that drive the filter, both in the table of the IMU.
 DRIVERS = ("accel", "gyro")
@@ -184,6 +185,8 @@ class FlightModel:
 
     def tail_of(self, sensor: str) -> float | None:
         """Degrees of freedom of the Student law of a sensor's innovations; of a bound on the motion none: it is met."""
+        if sensor == "zero_rate" and self.tail is not None:
+            return NORMAL
         return None if sensor in ASSUMED else self.tail
 
     def stray_of(self, sensor: str) -> float:
@@ -248,6 +251,7 @@ def flight_model(
     bounds: Bounds | None = None,
     magnetic_field: FloatArray | None = None,
     field: FloatArray | None = None,
+    zero_rate: ZeroRate | None = None,
     **beliefs: Unpack[Beliefs],
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
@@ -262,6 +266,7 @@ def flight_model(
     bounds : of place and speed, where no GPS aids the position; see `sensors.bounds`
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
+    zero_rate : windows in which the body does not turn
     beliefs : latency, gate_level, robust_level, in_step, stamp_std, rounding, said, upsets, tail, stray, relinearise:
         see `FlightModel`
 
@@ -273,6 +278,7 @@ def flight_model(
     rate = 1.0 / float(np.median(np.diff(_imu_of(recording).t)))
     declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
     sensors, notes = _updating_sensors(recording, declared, set(aiding() if use is None else use), level, bounds)
+    sensors = sensors if zero_rate is None else {**sensors, zero_rate.name: zero_rate}
     colour = _colours(where, declared, sensors)
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
@@ -287,7 +293,7 @@ def flight_model(
         m_n=m_n,
         ground_down=environment.ground_down,
         w_ie_n=_earth_rate(recording),
-        translation=bool(set(sensors) - {"mag", "base", "level"}),
+        translation=bool(set(sensors) - {"mag", "base", "level", "zero_rate"}),
         colour=colour,
         field=field,
         notes=(*notes, *said),

@@ -23,7 +23,8 @@ from sinan.sensors.window import between
 _CODES = {"position": 0, "zero": 1, "form": 1, "field": 2, "height": 3, "range": 4, "level": 5, "speed": 6}
 RANGE = _CODES["range"]
 #: What is no sensor: its equations, and the state that they read besides.
-_ASSUMED = {"level": ("level", "b_accel"), "place": ("position", "b_place"), "speed": ("speed", "b_speed")}
+_ASSUMED = {"level": ("level", "b_accel"), "place": ("position", "b_place"), "speed": ("speed", "b_speed"),
+            "zero_rate": ("zero", "b_gyro")}  # fmt: skip
 
 
 def kind_of(name: str) -> int:

@@ -21,6 +21,13 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray, IntArray
 
+#: Degrees of freedom of a Student law that is normal: of a reading that is 10 sigma off the two differ by 100 / 1e6 of
+#: the weight.
+NORMAL = 1e6
+
+#: Logarithm of the odds against a reading beyond which its weight, exp(-30) = 1e-13, is nothing to a float.
+NOTHING = 30.0
+
 
 class Laws(Protocol):
     """What says the law of each sensor: a `FlightModel`."""
@@ -52,7 +59,8 @@ def deviance_of(
     found = np.array(nis, dtype=np.float64)
     v, k, far = v[heavy], np.broadcast_to(m, nis.shape)[heavy], nis[heavy]
     found[heavy] = k + (v + k) * np.log((v + far) / (v + k))
-    return found - 2.0 * np.log1p(np.exp(stray + 0.5 * found))
+    over = stray + 0.5 * found
+    return found - 2.0 * (np.maximum(over, 0.0) + np.log1p(np.exp(-np.abs(over))))
 
 
 def spread_of(
@@ -64,7 +72,7 @@ def spread_of(
     the nominal one (Lange, Little, Taylor, J. Am. Stat. Assoc. 84(408), 1989).
     """
     own = deviance_of(np.asarray(nis, dtype=np.float64), m, tail)
-    return np.maximum(1.0, (tail + nis) / (tail + m)) * (1.0 + np.exp(stray + 0.5 * own))
+    return np.maximum(1.0, (tail + nis) / (tail + m)) * (1.0 + np.exp(np.minimum(stray + 0.5 * own, NOTHING)))
 
 
 def stray_over_centre(stray: FloatArray | float, normal: FloatArray | float, nis: FloatArray | float) -> FloatArray:

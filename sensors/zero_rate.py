@@ -1,0 +1,60 @@
+"""Zero rate: a body that lies or stands still does not turn, and its gyroscope reads its bias."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.motion import Motion
+from sinan.sensors.noise import BiasProcess
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroRate:
+    """Over some windows the body does not turn: a pseudo-reading mean(w) = b_gyro + n at the end of each.
+
+    It is a sensor like any other, named, journalled, in the report; on only where the noise of the gyroscope is not
+    declared, and the log has such windows.
+
+    Neglects the rotation of the Earth (7e-5 rad/s, which is then part of the bias) and that the same samples drive
+    the filter: over a window the estimate of the attitude is better than its covariance says.
+
+    Attributes
+    ----------
+    begin, end : (k,) of the windows [s]
+    sigma : (3,) standard deviation of the mean rate of a window about the bias [rad/s]
+    """
+
+    begin: FloatArray
+    end: FloatArray
+    sigma: FloatArray
+    name: str = "zero_rate"
+    size: int = 3
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) (rad/s)^2."""
+        return np.diag(self.sigma**2)
+
+    @property
+    def bias(self) -> BiasProcess | None:
+        """None: its bias is that of the gyroscope, which is a state of its own."""
+        return None
+
+    def predict(self, motion: Motion) -> FloatArray:
+        """(n, 3) zero [rad/s]: the body does not turn."""
+        return np.zeros((len(motion), 3))
+
+    def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
+        """The gyroscope's bias."""
+        return {"b_gyro": np.broadcast_to(np.eye(3), (len(motion), 3, 3))}
+
+    def means(self, t: FloatArray, values: FloatArray) -> FloatArray:
+        """(k, ...) means over the windows of what goes with the instants t (n,), (n, ...); zero where there is none."""
+        first, after = np.searchsorted(t, self.begin), np.searchsorted(t, self.end, side="right")
+        total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        count = np.maximum(after - first, 1).reshape(-1, *(1 for _ in values.shape[1:]))
+        return np.asarray((total[after] - total[first]) / count)
