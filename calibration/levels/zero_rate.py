@@ -23,18 +23,19 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import ACCEL, GYRO, Recording
 from sinan.sensors.zero_rate import ZeroRate
 
-#: Length of a window, and of the means in it [s]: a choice, ten means a second, of which a hand's motion moves each
-#: like the one before (it is below 5 Hz), and between which an instrument's low-pass of 10 Hz or more forgets.
+#: Length of a window, and of the means in it [s]: a choice. A hand moves below 5 Hz, so that one mean is like the one
+#: before, and an instrument's low-pass of 10 Hz or more forgets between them. Half and twice of either find the same
+#: seconds of a log to one at its ends (`test_zero_rate`).
 WINDOW, MEAN = 1.0, 0.1
 #: White noise of consumer gyroscopes [rad/s/sqrt(Hz)] and accelerometers [m/s^2/sqrt(Hz)], and the spread of its
 #: logarithm: by their data sheets 0.005 (MPU-6050), 0.01 (MPU-9250), 0.014 (BMI088) and 0.03 deg/s/sqrt(Hz) (L3GD20),
-#: 400, 300 and 175 ug/sqrt(Hz) (the first three).
+#: 400, 300 and 175 ug/sqrt(Hz) (the first three). Twice of that spread takes two of twenty shaken seconds for rest.
 GYRO_NOISE, ACCEL_NOISE, SPREAD = 1.7e-4, 2e-3, 1.0
 #: Over how much of its logarithm the scatter of what moves is uniform: log(1e5), from 1e-4 to 10 rad/s, 1e-3 to
 #: 100 m/s^2.
 DECADES = float(np.log(1e5))
-#: A body that turns as smoothly as if it were at rest does so at any rate between -1 and 1 rad/s: a choice, as wide as
-#: hands, swings and vehicles turn.
+#: A body that turns as smoothly as if it were at rest does so at any rate between -1 and 1 rad/s: a choice. Half and
+#: twice weigh a turn of 0.1 rad/s with less than 1e-6 (`test_zero_rate`).
 TURNS = 2.0
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.zero_rate import zero_rate_of
+from sinan.calibration.levels import zero_rate
+from sinan.calibration.levels.zero_rate import TURNS, zero_rate_of
 from sinan.estimator.evidence.level_scores import level_scores
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.engine import run
@@ -78,6 +79,33 @@ def test_what_lies_on_a_table_is_at_rest_and_what_is_held_or_shaken_is_not() -> 
     assert np.allclose(found[0].sigma, SIGMA, rtol=0.5)
     assert found[1].share < 0.1
     assert zero_rate_of(turned(vibration=0.05)[0]) is None
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("name", ["WINDOW", "MEAN", "GYRO_NOISE", "ACCEL_NOISE", "DECADES"])
+def test_half_and_twice_of_what_is_taken_find_the_same_rest(
+    name: str, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zero_rate, name, factor * getattr(zero_rate, name))
+    found = zero_rate_of(turned()[0])
+    assert found is not None
+    at_rest = found[0].end - found[0].begin
+    assert np.sum(at_rest) == pytest.approx(REST, abs=2.0)
+    assert np.max(found[0].end) <= REST
+    assert zero_rate_of(turned(vibration=0.05)[0]) is None
+
+
+@pytest.mark.parametrize("turns", [0.5 * TURNS, TURNS, 2.0 * TURNS])
+def test_a_smooth_turn_at_a_constant_rate_has_no_weight(turns: float) -> None:
+    recording, _ = turned()
+    imu = recording.streams["imu"]
+    turning = {"gyro_z": imu["gyro_z"] + np.where((imu.t >= 10.0) & (imu.t < REST), 0.1, 0.0)}
+    recording = recording.replace(streams={"imu": Stream(imu.t, {**imu.columns, **turning})})
+    model = model_of(recording, zero_rate=seconds(0, 20), tail=4.0, stray={"zero_rate": Stray(0.05, turns)})
+    weight = run_filter(Flight(recording, model), engine="numba").stream("zero_rate").weight
+    early, late = np.split(weight, 2)
+    assert np.all(early > 0.9)
+    assert np.all(late < 1e-6)
 
 
 def test_the_bias_is_known_from_rest_and_the_heading_after_it() -> None:
