@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,14 +12,15 @@ from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.instants import at_regular_instants
-from sinan.calibration.levels.noise_start import within_imu
+from sinan.calibration.levels.noise_start import readings_of, within_imu
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.recording import Recording
+from sinan.sensors.recording import VELOCITY, Recording
+from sinan.sensors.settling import unsettled
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,8 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if not sizes and not is_field_open(within):
         return as_declared(recording)
     notes = outside_notes(recording, within)
+    within, said = settled(within, {size.sensor for size in sizes})
+    notes += said
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)
         notes += said
@@ -114,6 +118,32 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
         return recording, []
     some = all_of.rows(np.arange(len(all_of)) % every == 0)
     return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
+
+
+def settled(recording: Recording, sensors: Collection[str]) -> tuple[Recording, list[str]]:
+    """Without the fixes of a receiver and the heights of a barometer from before they had settled; and that in words.
+
+    Parameters
+    ----------
+    sensors : whose noise nobody declared
+    """
+    streams, notes = dict(recording.streams), []
+    for name in ("gps", "baro"):
+        if name not in streams or name not in sensors:
+            continue
+        stream = streams[name]
+        velocity = stream.array(VELOCITY) if name == "gps" and stream.has(VELOCITY) else None
+        logs = np.split(np.arange(len(stream)), np.searchsorted(stream.t, recording.breaks))
+        values = readings_of(recording, name)
+        early = [
+            rows[: unsettled(stream.t[rows], values[rows], None if velocity is None else velocity[rows])]
+            for rows in logs
+        ]
+        if count := sum(map(len, early)):
+            streams[name] = stream.rows(np.isin(np.arange(len(stream)), np.concatenate(early), invert=True))
+            words = "first reading" if count == 1 else f"first {count} readings"
+            notes.append(f"{name}: the {words}, far from what follows as no motion is, left out: it had not settled")
+    return recording.replace(streams=streams) if notes else recording, notes
 
 
 def is_field_open(recording: Recording) -> bool:
