@@ -10,7 +10,7 @@ import numpy as np
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
-from sinan.calibration.levels.heading import with_heading
+from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.instants import at_regular_instants
 from sinan.calibration.levels.noise_start import readings_of, within_imu
 from sinan.calibration.levels.upsets import with_upsets
@@ -93,6 +93,10 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     headed = with_heading(within, first_levels(within, sizes, None, None).specs)
     believed = beforehand(headed)
     sizes = sizes_of(within, believed.iron)
+    turned = beside_iron(first_levels(headed, sizes, believed.m_n, believed.covariance).flight(headed))
+    if turned is not headed:
+        headed, believed = turned, beforehand(turned)
+        sizes = sizes_of(within, believed.iron)
     notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:

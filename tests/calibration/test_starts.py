@@ -1,14 +1,15 @@
-"""A log that begins badly: a first reading far off."""
+"""A log that begins badly: a first reading far off, a compass that was never calibrated."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.preparation import prepared
-from sinan.estimator.filter.layout import P_N
+from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.estimator.filter.layout import P_N, Q_NB
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.recording import Initial, Recording, Stream
+from sinan.sensors.recording import MAG, VELOCITY, Initial, Recording, Stream
+from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.estimator.analytic_flight import fly
 
 
@@ -23,6 +24,12 @@ def with_stream(recording: Recording, name: str, **columns: FloatArray) -> Recor
     """With other columns in a stream."""
     stream = recording.streams[name]
     return recording.replace(streams={**recording.streams, name: Stream(stream.t, {**stream.columns, **columns})})
+
+
+def attitude_error(ready: Prepared, truth: FloatArray) -> FloatArray:
+    """(n,) of the filter [deg]."""
+    off = quaternion_multiply(quaternion_conjugate(truth[:, Q_NB]), ready.run().imu_x[:, Q_NB])
+    return np.asarray(np.rad2deg(np.linalg.norm(quaternion_log(off), axis=1)))
 
 
 @pytest.mark.parametrize(("name", "column", "off"), [("gps", "north", 500.0), ("baro", "height", -1000.0)])
@@ -41,3 +48,25 @@ def test_one_first_reading_does_not_move_a_flight(
     )
     away = ready.run().imu_x[:, P_N] - truth[:, P_N]
     assert np.sqrt(np.mean(np.sum(away[len(away) // 2 :] ** 2, axis=1))) < 5.0
+
+
+def test_a_compass_beside_iron_does_not_tell_the_first_heading(flown: tuple[Recording, FloatArray]) -> None:
+    """Its heading was 91 deg off, and 4 deg after half a minute."""
+    recording, truth = flown
+    mag, gps = (recording.streams[name] for name in ("mag", "gps"))
+    norm = np.median(np.linalg.norm(mag.array(MAG), axis=1))
+    beside = with_stream(
+        recording, "mag", **{axis: mag[axis] + norm * iron for axis, iron in zip(MAG, (-0.5, 0.4, 0.2), strict=True)}
+    )
+    places = Stream(gps.t, {name: column for name, column in gps.columns.items() if name not in VELOCITY})
+    ready = prepared(beside.replace(streams={**beside.streams, "gps": places}))
+    assert any(note.startswith("heading: ") for note in ready.notes)
+    error = attitude_error(ready, truth)
+    assert error[0] < 25.0
+    assert np.max(error[len(error) // 2 :]) < 2.0
+
+
+def test_a_compass_that_tells_the_heading_is_left_alone(flown: tuple[Recording, FloatArray]) -> None:
+    ready = prepared(flown[0])
+    assert not any(note.startswith("heading: ") for note in ready.notes)
+    assert ready.recording.initial.quaternion is None
