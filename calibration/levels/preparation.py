@@ -19,7 +19,7 @@ from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.recording import VELOCITY, Recording
+from sinan.sensors.recording import VELOCITY, Recording, Stream
 from sinan.sensors.settling import unsettled
 
 
@@ -77,11 +77,11 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     """
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
-    within = within_imu(recording)
+    within, unsaid = without_still_velocity(within_imu(recording))
     sizes = sizes_of(within)
     if not sizes and not is_field_open(within):
         return as_declared(recording)
-    notes = outside_notes(recording, within)
+    notes = outside_notes(recording, within) + unsaid
     within, said = settled(within, {size.sensor for size in sizes})
     notes += said
     if any(size.sensor == "mag" for size in sizes):
@@ -124,6 +124,20 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
     return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
 
 
+def without_still_velocity(recording: Recording) -> tuple[Recording, list[str]]:
+    """Without velocities of a receiver that never change, zeros most often: it tells none; and that in words. Where
+    their noise is declared they stay.
+    """
+    gps = recording.streams.get("gps")
+    if gps is None or len(gps) < 2 or not gps.has(VELOCITY) or recording.spec("gps").velocity_noise_std is not None:
+        return recording, []
+    if np.any(np.diff(gps.array(VELOCITY), axis=0)):
+        return recording, []
+    columns = {name: column for name, column in gps.columns.items() if name not in VELOCITY}
+    note = "gps: its velocity never changes: it tells none, left out"
+    return recording.replace(streams={**recording.streams, "gps": Stream(gps.t, columns)}), [note]
+
+
 def settled(recording: Recording, sensors: Collection[str]) -> tuple[Recording, list[str]]:
     """Without the fixes of a receiver and the heights of a barometer from before they had settled; and that in words.
 
@@ -159,7 +173,7 @@ def is_declared(recording: Recording) -> bool:
     """Whether a recording declares noise and field: nothing but bounds of the motion is open."""
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
-    within = within_imu(recording)
+    within, _ = without_still_velocity(within_imu(recording))
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 

@@ -1,11 +1,11 @@
-"""A log that begins badly: a first reading far off, a compass that was never calibrated."""
+"""A log that begins badly: a first reading far off, a compass that was never calibrated, no velocity."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.preparation import Prepared, prepared
+from sinan.calibration.levels.preparation import Prepared, is_declared, prepared
 from sinan.estimator.filter.layout import P_N, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import MAG, VELOCITY, Initial, Recording, Stream
@@ -48,6 +48,17 @@ def test_one_first_reading_does_not_move_a_flight(
     )
     away = ready.run().imu_x[:, P_N] - truth[:, P_N]
     assert np.sqrt(np.mean(np.sum(away[len(away) // 2 :] ** 2, axis=1))) < 5.0
+
+
+def test_velocities_of_zero_are_none(flown: tuple[Recording, FloatArray]) -> None:
+    """Such a log was refused: its velocities are without any noise."""
+    recording, truth = flown
+    zero = np.zeros(len(recording.streams["gps"]))
+    still = with_stream(recording, "gps", **dict.fromkeys(VELOCITY, zero))
+    assert not is_declared(still)
+    ready = prepared(still)
+    assert "gps: its velocity never changes: it tells none, left out" in ready.notes
+    assert np.max(attitude_error(ready, truth)[len(truth) // 2 :]) < 5.0
 
 
 def test_a_compass_beside_iron_does_not_tell_the_first_heading(flown: tuple[Recording, FloatArray]) -> None:
