@@ -1,6 +1,7 @@
-"""The first heading of a log without a magnetometer: the one that makes its flight likeliest.
+"""The first heading of a log that no magnetometer shows: the one that makes its flight likeliest.
 
-A start in a manoeuvre shows it already (`estimator.filter.alignment_in_motion`).
+There is none, or its hard iron may be as large as the field. A start in a manoeuvre shows the heading already
+(`estimator.filter.alignment_in_motion`).
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import collect
 from sinan.estimator.filter.flight import Flight
+from sinan.estimator.filter.imu import UNBRIDGED
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.rotation import quaternion_multiply
 
@@ -52,14 +55,9 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
         return recording
     events = collect(flight)
 
-    def turned(heading: float) -> Recording:
-        turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])
-        first = replace(initial, quaternion=quaternion_multiply(turn, x[Q_NB]), attitude_std=LEFT)
-        return recording.replace(initial=first)
-
     def surprise(heading: float) -> float:
         """Bounded NIS and log |S|; the readings that `OUTLIER_LEVEL` calls outliers count with a logarithm."""
-        journal = run(prepare(flight.reading(turned(heading)), events=events), "numba", stride=0)
+        journal = run(prepare(flight.reading(_turned(recording, x, heading)), events=events), "numba", stride=0)
         limit = flight.model.robust_threshold(journal.freedom)
         over = np.maximum(journal.nis / limit, 1.0)
         bounded = np.where(over > 1.0, limit * (1.0 + np.log(over)), journal.nis)
@@ -67,6 +65,50 @@ def with_heading(recording: Recording, specs: Mapping[str, SensorSpec]) -> Recor
 
     best = min(np.arange(0.0, 2.0 * np.pi, COARSE), key=surprise)
     best = min(best + np.arange(-0.5 * COARSE, 0.5 * COARSE + 1e-9, FINE), key=surprise)
-    found = turned(float(best))
-    note = f"heading: {np.rad2deg(best) % 360.0:.0f} deg about the first vertical is the likeliest"
-    return found.replace(notes=(*recording.notes, note))
+    return _noted(_turned(recording, x, float(best)), float(best))
+
+
+def beside_iron(flight: Flight) -> Recording:
+    """The recording with the first attitude that all its readings agree on best, where its magnetometer tells the first
+    heading worse than a linear filter can bear (`UNBRIDGED`); else unchanged.
+
+    As `with_heading` for a compass that was never calibrated. What the log tells the heading to is the spread of the
+    coarse headings by their likelihood.
+
+    Parameters
+    ----------
+    flight : with GPS and magnetometer, at levels and field that are believed beforehand
+    """
+    recording = flight.recording
+    if not {"mag", "gps"} <= set(recording.streams) or recording.initial.quaternion is not None:
+        return recording
+    x, P = first_state(flight)
+    if np.linalg.eigvalsh(P[DTHETA, DTHETA])[-1] < UNBRIDGED**2:
+        return recording
+    events = collect(flight)
+
+    def log_likelihood(heading: float) -> float:
+        reading = flight.reading(_turned(recording, x, heading))
+        return run(prepare(reading, events=events), "numba", stride=0).log_likelihood
+
+    headings = np.arange(0.0, 2.0 * np.pi, COARSE)
+    each = np.array([log_likelihood(float(heading)) for heading in headings])
+    off = np.angle(np.exp(1j * (headings - headings[np.argmax(each)])))
+    share = np.exp(each - np.max(each))
+    std = max(LEFT, float(np.sqrt(np.sum(share * off**2) / np.sum(share))))
+    fine = headings[np.argmax(each)] + np.arange(-0.5 * COARSE, 0.5 * COARSE + 1e-9, FINE)
+    best = max(fine.tolist(), key=log_likelihood)
+    return _noted(_turned(recording, x, best, std), best)
+
+
+def _turned(recording: Recording, x: FloatArray, heading: float, std: float = LEFT) -> Recording:
+    """The recording that begins with the attitude of a state turned about the vertical, known to `std` [rad]."""
+    turn = np.array([np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading)])
+    first = replace(recording.initial, quaternion=quaternion_multiply(turn, x[Q_NB]), attitude_std=std)
+    return recording.replace(initial=first)
+
+
+def _noted(found: Recording, heading: float) -> Recording:
+    """With a note on the heading that was found."""
+    note = f"heading: {np.rad2deg(heading) % 360.0:.0f} deg about the first vertical is the likeliest"
+    return found.replace(notes=(*found.notes, note))

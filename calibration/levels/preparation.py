@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,16 +10,17 @@ import numpy as np
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
-from sinan.calibration.levels.heading import with_heading
+from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.instants import at_regular_instants
-from sinan.calibration.levels.noise_start import within_imu
+from sinan.calibration.levels.noise_start import readings_of, within_imu
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.recording import Recording
+from sinan.sensors.recording import VELOCITY, Recording, Stream
+from sinan.sensors.settling import unsettled
 
 
 @dataclass(frozen=True)
@@ -75,11 +77,13 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     """
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
-    within = within_imu(recording)
+    within, unsaid = without_still_velocity(within_imu(recording))
     sizes = sizes_of(within)
     if not sizes and not is_field_open(within):
         return as_declared(recording)
-    notes = outside_notes(recording, within)
+    notes = outside_notes(recording, within) + unsaid
+    within, said = settled(within, {size.sensor for size in sizes})
+    notes += said
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)
         notes += said
@@ -89,6 +93,10 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     headed = with_heading(within, first_levels(within, sizes, None, None).specs)
     believed = beforehand(headed)
     sizes = sizes_of(within, believed.iron)
+    turned = beside_iron(first_levels(headed, sizes, believed.m_n, believed.covariance).flight(headed))
+    if turned is not headed:
+        headed, believed = turned, beforehand(turned)
+        sizes = sizes_of(within, believed.iron)
     notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
@@ -116,6 +124,46 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
     return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
 
 
+def without_still_velocity(recording: Recording) -> tuple[Recording, list[str]]:
+    """Without velocities of a receiver that never change, zeros most often: it tells none; and that in words. Where
+    their noise is declared they stay.
+    """
+    gps = recording.streams.get("gps")
+    if gps is None or len(gps) < 2 or not gps.has(VELOCITY) or recording.spec("gps").velocity_noise_std is not None:
+        return recording, []
+    if np.any(np.diff(gps.array(VELOCITY), axis=0)):
+        return recording, []
+    columns = {name: column for name, column in gps.columns.items() if name not in VELOCITY}
+    note = "gps: its velocity never changes: it tells none, left out"
+    return recording.replace(streams={**recording.streams, "gps": Stream(gps.t, columns)}), [note]
+
+
+def settled(recording: Recording, sensors: Collection[str]) -> tuple[Recording, list[str]]:
+    """Without the fixes of a receiver and the heights of a barometer from before they had settled; and that in words.
+
+    Parameters
+    ----------
+    sensors : whose noise nobody declared
+    """
+    streams, notes = dict(recording.streams), []
+    for name in ("gps", "baro"):
+        if name not in streams or name not in sensors:
+            continue
+        stream = streams[name]
+        velocity = stream.array(VELOCITY) if name == "gps" and stream.has(VELOCITY) else None
+        logs = np.split(np.arange(len(stream)), np.searchsorted(stream.t, recording.breaks))
+        values = readings_of(recording, name)
+        early = [
+            rows[: unsettled(stream.t[rows], values[rows], None if velocity is None else velocity[rows])]
+            for rows in logs
+        ]
+        if count := sum(map(len, early)):
+            streams[name] = stream.rows(np.isin(np.arange(len(stream)), np.concatenate(early), invert=True))
+            words = "first reading" if count == 1 else f"first {count} readings"
+            notes.append(f"{name}: the {words}, far from what follows as no motion is, left out: it had not settled")
+    return recording.replace(streams=streams) if notes else recording, notes
+
+
 def is_field_open(recording: Recording) -> bool:
     """Whether a magnetometer reads a field that the recording does not say."""
     return "mag" in recording.streams and recording.environment.magnetic_field is None
@@ -125,7 +173,7 @@ def is_declared(recording: Recording) -> bool:
     """Whether a recording declares noise and field: nothing but bounds of the motion is open."""
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
-    within = within_imu(recording)
+    within, _ = without_still_velocity(within_imu(recording))
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 

@@ -197,20 +197,31 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
 
 
 def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | None:
-    """The field of the window, its readings turned back (t, turn: the IMU's) and averaged; None: no compass."""
+    """The field of the window, its readings turned back (t, turn: the IMU's) and averaged; None: no compass.
+
+    Of a compass that begins later, its first reading, turned back over all that time, to what the gyroscope's bias may
+    have turned meanwhile.
+    """
     model = flight.model
     if "mag" not in model.sensors or float(np.hypot(*model.m_n[:2])) == 0.0:
         return None
     stream, mag = flight.recording.streams["mag"], model.sensors["mag"]
     near = np.flatnonzero((stream.t >= t[0]) & (stream.t <= t[0] + WINDOW))
-    near = near if len(near) else np.array([int(np.argmin(np.abs(stream.t - t[0])))])
+    unknown_turn = 0.0
+    if not len(near):
+        near = np.array([int(np.argmin(np.abs(stream.t - t[0])))])
+        imu = flight.recording.streams["imu"]
+        until = imu.t <= max(float(stream.t[near[0]]), t[-1])
+        t = imu.t[until]
+        turn, unknown_turn = turned_since_start(t, imu.array(GYRO)[until]), model.gyro.bias_std * float(t[-1] - t[0])
     back = quaternion_interpolate(np.clip(stream.t[near], t[0], t[-1]), t, turn)
     m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    variance = float(mag.R[0, 0]) + float(m_b @ m_b) * unknown_turn**2
     processes = [
         process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None
     ]
     errors = tuple((process.block, process.std**2 * np.eye(3)) for process in processes)
-    return Field(m_b, model.m_n, float(mag.R[0, 0]), errors, model.field)
+    return Field(m_b, model.m_n, variance, errors, model.field)
 
 
 def _acceleration(flight: Flight) -> tuple[FloatArray, float | None]:

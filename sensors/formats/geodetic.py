@@ -9,7 +9,8 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import GEODETIC, NO_HEIGHT, POSITION, Stream
+from sinan.sensors.recording import GEODETIC, NO_HEIGHT, POSITION, VELOCITY, Stream
+from sinan.sensors.settling import unsettled
 
 Origin = tuple[float, float, float]
 
@@ -24,7 +25,7 @@ def to_ned(
     where : of the recording, for messages
     streams : by name; latitude, longitude in deg, height in m above the ellipsoid; a GPS without heights is taken to be
         at that of the origin, its fixes marked by `epv` as such that tell none
-    origin : of the NED frame; None: the first fix of `gps`, else of `base`
+    origin : of the NED frame; None: the first fix of `gps` after it has settled, else of `base`
 
     Returns
     -------
@@ -51,12 +52,20 @@ def to_ned(
         lla = stream.array(GEODETIC)
         _check_degrees(where, name, lla)
         if origin is None:
-            origin = (float(lla[0, 0]), float(lla[0, 1]), float(lla[0, 2]))
-            notes.append(f"no [origin]: the first fix of {name} is taken ({origin[0]:.7f}, {origin[1]:.7f} deg, "
-                         f"{origin[2]:.2f} m)")  # fmt: skip
+            first = _settled(stream, lla)
+            origin = (float(lla[first, 0]), float(lla[first, 1]), float(lla[first, 2]))
+            which = f"fix {first + 1} of {name}, where it has settled," if first else f"the first fix of {name}"
+            notes.append(f"no [origin]: {which} is taken ({origin[0]:.7f}, {origin[1]:.7f} deg, {origin[2]:.2f} m)")
         kept = {column: values for column, values in stream.columns.items() if column not in GEODETIC}
         changed[name] = Stream(stream.t, {**ned_columns(lla, origin), **kept})
     return changed, origin, tuple(notes)
+
+
+def _settled(stream: Stream, lla: FloatArray) -> int:
+    """Row of the first fix after the receiver has settled."""
+    somewhere = lla[len(lla) // 2]
+    places = np.column_stack(list(ned_columns(lla, (somewhere[0], somewhere[1], somewhere[2])).values()))
+    return unsettled(stream.t, places, stream.array(VELOCITY) if stream.has(VELOCITY) else None)
 
 
 def ned_columns(lla: FloatArray, origin: Origin) -> dict[str, FloatArray]:

@@ -78,6 +78,19 @@ def test_what_is_declared_is_taken() -> None:
     assert P[6, 6] == pytest.approx(0.02**2)
 
 
+def test_a_compass_that_begins_later_tells_the_heading_of_its_first_reading() -> None:
+    """It was taken for that of the first second: of a body that had turned meanwhile the heading was off by that."""
+    for seed in range(3):
+        recording, truth = fly(seed, duration=12.0, sensors=("mag", "gps"))
+        mag = recording.streams["mag"]
+        late = {**recording.streams, "mag": mag.rows(mag.t > 8.0)}
+        flight = Flight.of(recording.replace(streams=late, initial=Initial()))
+        q, P, _ = align(flight)
+        error = quaternion_log(quaternion_multiply(quaternion_conjugate(q), truth[0, Q_NB]))
+        assert error @ np.linalg.solve(P, error) < 16.3  # chi2.isf(0.001, 3)
+        assert np.linalg.norm(error) < 0.4
+
+
 def test_without_a_declared_start_the_filter_finds_its_way() -> None:
     recording, truth = fly(2, duration=30.0)
     recording = recording.replace(initial=Initial())
