@@ -10,13 +10,22 @@ decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sinan.calibration.levels.declared_effects import Readings
-from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED, Levels, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.fit import (
+    AS_IT_COMES,
+    CALIBRATED,
+    LITTLE,
+    Iron,
+    Levels,
+    first_levels,
+    fit_levels,
+    sizes_of,
+)
+from sinan.calibration.levels.iron import iron_of_turns
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.sensors.arrays import FloatArray
@@ -35,7 +44,7 @@ DECLINATION_STD = 0.2
 #: of the first or twice the second call a dip that is 0.2 rad off another field, not steel; the other two change none
 #: of 0.04 to 0.3 rad (`bounds_of_work fields`).
 BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
-#: Of compasses whose noise nobody declares, the share that was never calibrated: a choice. Of iron of 0.149 and 0.156
+#: Of compasses whose noise nobody declares, the share that was never calibrated: a choice. Of iron of 0.139 and 0.147
 #: of the field half takes both for what a calibration left, twice neither (`bounds_of_work iron`).
 NEVER_CALIBRATED = 0.1
 #: Of such IMUs the share that is sampled at instants, without a low-pass of about its own rate: a choice. Half takes
@@ -78,10 +87,15 @@ class Believed:
     ----------
     field : magnetic, of the place; None where it is declared, or nothing reads it
     iron : median of the hard iron's prior, as a part of the field
+    compass : that iron, less what the log's own turns show of it
+    prior : logarithm of the share of such compasses, and of the density of the iron from which the bias starts over
+        that which the model gives it
     """
 
     field: Field | None
     iron: float
+    compass: Iron = LITTLE
+    prior: float = 0.0
 
     @property
     def m_n(self) -> FloatArray | None:
@@ -97,22 +111,31 @@ class Believed:
     def notes(self) -> list[str]:
         """What of it a reader is told, a line each."""
         found = [] if self.field is None else [self.field.note]
-        if self.iron == AS_IT_COMES:
+        if self.iron == AS_IT_COMES and self.compass.taken is not None:
             found.append("mag: its hard iron is that of a compass which was never calibrated, by the likelihood")
+            each = ", ".join(f"{one:.3g}" for one in self.compass.taken)
+            found.append(f"mag: its bias starts from {each}, the hard iron that the turns of the log show")
         return found
 
 
 def beforehand(recording: Recording) -> Believed:
     """The likeliest beliefs, at the medians of all sizes."""
-    irons = {CALIBRATED: 1.0 - NEVER_CALIBRATED, AS_IT_COMES: NEVER_CALIBRATED}
-    if sizes_of(recording, CALIBRATED) == sizes_of(recording, AS_IT_COMES):
-        irons = {CALIBRATED: 1.0}  # its size is declared, or nothing reads the field
-    believed = [Believed(*each) for each in product(fields_beforehand(recording) or (None,), irons)]
+    believed = [
+        replace(one, field=field)
+        for one in compasses_beforehand(recording)
+        for field in fields_beforehand(recording, one.compass) or (None,)
+    ]
     if len(believed) == 1:
         return believed[0]
 
+    sizes = sizes_of(recording)
+
     def levels_of(one: Believed) -> Levels:
-        return first_levels(recording, sizes_of(recording, one.iron), one.m_n, one.covariance)
+        levels = replace(first_levels(recording, sizes, one.m_n, one.covariance), iron=one.compass.taken)
+        for size in sizes_of(recording, one.compass):
+            if (size.sensor, size.key) == ("mag", "bias_std"):  # noise and colour are those of one norm for all
+                levels = levels.with_size(size, size.median)
+        return levels
 
     readings = Readings.of(levels_of(believed[0]).flight(recording))
 
@@ -121,10 +144,32 @@ def beforehand(recording: Recording) -> Believed:
             journal = run(readings.inputs(levels_of(one).flight(recording)), "numba", 0)
         except InputError:  # no state follows from such a field
             return -np.inf
-        prior = (1.0 if one.field is None else one.field.prior) * irons[one.iron]
-        return journal.log_likelihood + float(np.log(prior))
+        return journal.log_likelihood + one.prior + float(np.log(1.0 if one.field is None else one.field.prior))
 
     return max(believed, key=log_posterior)
+
+
+def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
+    """What may be believed of a compass, of no field yet: that it was calibrated, or never.
+
+    Iron as large as the field turns the first heading by any angle, from which no filter that is linear finds back, and
+    makes the norm of the readings another than the field's. So the bias of a compass that was never calibrated starts
+    from what the turns of the whole log show, and what they leave is the prior of the rest. What a calibration leaves
+    the filter learns itself.
+    """
+    if sizes_of(recording) == sizes_of(recording, Iron(AS_IT_COMES)):
+        return (Believed(None, CALIBRATED),)  # its size is declared, or nothing reads the field
+    rate_std = first_levels(recording, sizes_of(recording), None, None).specs["gyro"].bias_std
+    assert rate_std is not None
+    std = AS_IT_COMES * LITTLE.norm(recording)
+    taken, sigma = iron_of_turns(recording, std, rate_std)
+    norm = Iron(taken=taken).norm(recording)
+    left = min(float(np.hypot(CALIBRATED * norm, sigma)), std)
+    density = -0.5 * float(taken @ taken) / std**2 - 3.0 * float(np.log(std / left))
+    return (
+        Believed(None, CALIBRATED, prior=float(np.log(1.0 - NEVER_CALIBRATED))),
+        Believed(None, AS_IT_COMES, Iron(left / norm, taken), float(np.log(NEVER_CALIBRATED)) + density),
+    )
 
 
 def fitted(recording: Recording, believed: Believed) -> Levels:
@@ -138,7 +183,7 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
         kinds = {recording.spec("accel").imu_samples: 1.0}
     found, near = dict[str, Levels](), None
     for kind in kinds:
-        near = fit_levels(recording, believed.m_n, believed.covariance, believed.iron, kind, near)
+        near = fit_levels(recording, believed.m_n, believed.covariance, believed.compass, kind, near)
         found[kind] = near
 
     def log_posterior(kind: str) -> float:
@@ -172,7 +217,7 @@ def not_told_late(recording: Recording, levels: Levels) -> frozenset[str]:
     )
 
 
-def fields_beforehand(recording: Recording) -> Sequence[Field]:
+def fields_beforehand(recording: Recording, compass: Iron = LITTLE) -> Sequence[Field]:
     """What may be believed of a field that the recording does not declare.
 
     The norm is that of the readings. Dip and declination are those of the place, where there is one, as the model has
@@ -180,7 +225,7 @@ def fields_beforehand(recording: Recording) -> Sequence[Field]:
     """
     if "mag" not in recording.streams or recording.environment.magnetic_field is not None:
         return ()
-    found = field_of_the_log(recording)
+    found = field_of_the_log(recording, compass.taken)
     norm, dip = float(np.linalg.norm(found)), inclination(found)
     gps = "gps" in recording.streams  # whose north is the true one
     words = "found from the log" + ("" if gps else "; north is that of the first heading")

@@ -130,6 +130,7 @@ class Levels:
     in_step : noise of the IMU that goes with the motion
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
+    iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
     tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
     zero_rate : where the body does not turn
     found : the sizes that the log gave
@@ -153,13 +154,15 @@ class Levels:
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
+    iron: FloatArray | None = None
 
     def flight(self, recording: Recording) -> Flight:
         """A recording with the model that these sizes make."""
         return Flight.of(
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
-            field=self.field, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std, rounding=self.rounding,
-            said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency, zero_rate=self.zero_rate,
+            field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
+            rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
+            zero_rate=self.zero_rate,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -192,13 +195,31 @@ class Levels:
 OF_THE_MOTION = {"accel": 0.05, "gyro": 1e-3}
 
 
-def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
-    """The sizes that the recording does not declare, with their priors.
+@dataclass(frozen=True, eq=False)
+class Iron:
+    """The hard iron of a compass, as it is believed before its sizes are sought.
 
-    Parameters
+    Attributes
     ----------
-    iron : median of the hard iron's prior, as a part of the field
+    left : median of the prior of what `taken` leaves, as a part of the field
+    taken : (3,) that the bias starts from, which is no part of the field's norm; None: zero
     """
+
+    left: float = CALIBRATED
+    taken: FloatArray | None = None
+
+    def norm(self, recording: Recording) -> float:
+        """Of the field, as the readings have it."""
+        m = recording.streams["mag"].array(MAG) - (0.0 if self.taken is None else self.taken)
+        return float(np.median(np.linalg.norm(m, axis=1)))
+
+
+#: Of a compass that was calibrated.
+LITTLE = Iron()
+
+
+def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
+    """The sizes that the recording does not declare, with their priors."""
     streams = recording.streams
     sizes: list[Size] = []
     unaided = 0.0 if "gps" in streams else 1.0
@@ -212,12 +233,12 @@ def sizes_of(recording: Recording, iron: float = CALIBRATED) -> list[Size]:
         ]
     sizes.append(Size("in_step", "rate", 0.004, 0.7))
     if "mag" in streams:
-        norm = float(np.median(np.linalg.norm(streams["mag"].array(MAG), axis=1)))
+        norm = iron.norm(recording)
         sizes += [
             Size("mag", "noise_std", max(_white(recording, "mag"), (0.065 if unaided else 0.01) * norm), 1.0),
             Size("mag", "colour_std", 0.045 * norm, 0.7),
             Size("mag", "colour_time", 3.0, 0.7),
-            Size("mag", "bias_std", iron * norm, 0.7),
+            Size("mag", "bias_std", iron.left * norm, 0.7),
             Size("stamps", "mag", STAMP_STD, 1.0),
             Size("latency", "mag", *LATE_COMPASS, linear=True),
         ]
@@ -573,7 +594,7 @@ def fit_levels(
     recording: Recording,
     m_n: FloatArray | None = None,
     field: FloatArray | None = None,
-    iron: float = CALIBRATED,
+    iron: Iron = LITTLE,
     imu_samples: str = "instant",
     near: Levels | None = None,
 ) -> Levels:
@@ -582,11 +603,11 @@ def fit_levels(
     Parameters
     ----------
     m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
-    iron, imu_samples : see `sizes_of`, `first_levels`
+    iron, imu_samples : see `Iron`, `first_levels`
     near : where the search begins; default: the medians
     """
     sizes = sizes_of(recording, iron)
-    first = first_levels(recording, sizes, m_n, field, imu_samples)
+    first = replace(first_levels(recording, sizes, m_n, field, imu_samples), iron=iron.taken)
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]

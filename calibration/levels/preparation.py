@@ -92,11 +92,12 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         notes += said
     headed = with_heading(within, first_levels(within, sizes, None, None).specs)
     believed = beforehand(headed)
-    sizes = sizes_of(within, believed.iron)
-    turned = beside_iron(first_levels(headed, sizes, believed.m_n, believed.covariance).flight(headed))
+    sizes = sizes_of(within, believed.compass)
+    levels = first_levels(headed, sizes, believed.m_n, believed.covariance)
+    turned = beside_iron(replace(levels, iron=believed.compass.taken).flight(headed))
     if turned is not headed:
         headed, believed = turned, beforehand(turned)
-        sizes = sizes_of(within, believed.iron)
+        sizes = sizes_of(within, believed.compass)
     notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:

@@ -66,6 +66,8 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         P[block, block] = np.eye(process.size) * process.std**2
     if model.field is not None:
         P[layout.slice("field"), layout.slice("field")] = model.field
+    if model.iron is not None and layout.has("b_mag"):
+        x[layout.nominal("b_mag")] = model.iron
     flight = _of_what_is_there(flight)
     q, P_attitude, cross_covariances = _first_attitude(flight)
     x[Q_NB], P[DTHETA, DTHETA] = q, P_attitude
@@ -215,7 +217,8 @@ def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | Non
         t = imu.t[until]
         turn, unknown_turn = turned_since_start(t, imu.array(GYRO)[until]), model.gyro.bias_std * float(t[-1] - t[0])
     back = quaternion_interpolate(np.clip(stream.t[near], t[0], t[-1]), t, turn)
-    m_b = rotate(back, stream.array(MAG)[near]).mean(axis=0)
+    iron = np.zeros(3) if model.iron is None else model.iron
+    m_b = rotate(back, stream.array(MAG)[near] - iron).mean(axis=0)
     variance = float(mag.R[0, 0]) + float(m_b @ m_b) * unknown_turn**2
     processes = [
         process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None

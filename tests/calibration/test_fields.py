@@ -7,9 +7,12 @@ import pytest
 
 from sinan.calibration.levels.fields import DECLINATION_STD, beforehand, fitted
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
+from sinan.calibration.levels.iron import iron_of_turns
+from sinan.calibration.levels.preparation import prepared
+from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.geomagnetism import direction_at, field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream
-from sinan.sensors.rotation import quaternion_from_rpy, rotate_back
+from sinan.sensors.rotation import quaternion_from_rpy, rotate_back, rpy_from_quaternion
 from tests.estimator.analytic_flight import fly
 
 ZURICH = (47.4, 8.5, 400.0)
@@ -69,11 +72,49 @@ def test_the_log_says_whether_its_compass_was_calibrated(
     origin: tuple[float, float, float] | None, hard_iron: float, iron: float
 ) -> None:
     board = turned_at(origin, field_along(0.5, *direction_at(ZURICH)))
+    assert beforehand(with_iron(board, hard_iron * np.array([0.6, -0.7, 0.4]))).iron == iron
+
+
+def with_iron(board: Recording, iron: np.ndarray) -> Recording:
+    """The same, with hard iron in its readings."""
     mag = board.streams["mag"]
-    offset = hard_iron * np.array([0.6, -0.7, 0.4])
-    columns = {name: mag[name] + offset[i] for i, name in enumerate(MAG)}
-    board = board.replace(streams={**board.streams, "mag": Stream(mag.t, columns)})
-    assert beforehand(board).iron == iron
+    columns = dict(zip(MAG, (mag.array(MAG) + iron).T, strict=True))
+    return board.replace(streams={**board.streams, "mag": Stream(mag.t, columns)})
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.05])
+def test_turns_show_the_hard_iron(rate: float) -> None:
+    iron = np.array([0.36, -0.42, 0.24])
+    board = with_iron(turned_at(None, field_along(0.5, 1.1, 0.0)), iron)
+    imu = board.streams["imu"]
+    columns = {name: column + (rate if name in GYRO else 0.0) for name, column in imu.columns.items()}
+    found, sigma = iron_of_turns(board.replace(streams={**board.streams, "imu": Stream(imu.t, columns)}), 0.3, 0.01)
+    assert sigma < 0.01
+    assert np.linalg.norm(found - iron) < 4.0 * np.sqrt(3.0) * sigma
+
+
+def test_what_does_not_turn_shows_no_hard_iron() -> None:
+    board = with_iron(turned_at(None, field_along(0.5, 1.1, 0.0)), np.array([0.3, 0.0, 0.0]))
+    for name, columns in (("imu", GYRO), ("mag", MAG)):
+        stream = board.streams[name]
+        still = {k: np.full(len(stream), c[0] if k in columns else 0.0) for k, c in stream.columns.items()}
+        still |= {k: 0.0 * c for k, c in stream.columns.items() if k in GYRO}
+        board = board.replace(streams={**board.streams, name: Stream(stream.t, still)})
+    found, sigma = iron_of_turns(board, 0.3, 0.01)
+    assert np.all(np.abs(found) < 1e-6)
+    assert sigma == pytest.approx(0.3, rel=1e-3)
+
+
+@pytest.mark.parametrize("heading", [0.5, 2.0, -2.5])
+def test_iron_larger_than_the_field_turns_no_heading(heading: float) -> None:
+    """North of the iron and of the field may be opposite: no filter that is linear finds back from there."""
+    level = np.array([np.cos(heading), np.sin(heading), 0.0])
+    board = with_iron(turned_at(None, field_along(0.5, 1.1, 0.0)), 0.6 * level + np.array([0.0, 0.0, 0.2]))
+    journal = prepared(board).run()
+    yaw = rpy_from_quaternion(journal.imu_x[:, Q_NB])[:, 2]
+    truth = 0.8 * np.sin(0.3 * journal.imu_t)
+    late = journal.imu_t > 5.0
+    assert np.max(np.abs(np.angle(np.exp(1j * (yaw - truth))))[late]) < np.deg2rad(5.0)
 
 
 @pytest.mark.parametrize(("imu_samples", "every"), [("instant", 25), ("average", 10)])
