@@ -20,6 +20,7 @@ from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
+from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import sample_std
@@ -126,11 +127,14 @@ def test_the_bias_is_known_from_rest_and_the_heading_after_it() -> None:
 
 def test_engines_agree_and_a_turn_is_no_rest() -> None:
     recording, _ = turned()
-    model = model_of(recording, zero_rate=seconds(15, 30), tail=4.0, stray={"zero_rate": Stray(0.05, 2.0)})
+    law: dict[str, Any] = {"tail": 4.0, "stray": {"zero_rate": Stray(0.05, 2.0)}}
+    model = model_of(recording, zero_rate=seconds(15, 30), **law)
     fast, slow = (run_filter(Flight(recording, model), engine=engine) for engine in ("numba", "filterpy"))
     assert difference(fast, slow) < AGREEMENT
     weight = fast.stream("zero_rate").weight
     assert np.all(weight[:5] > 0.9)
+    before = run_filter(Flight(recording, model_of(recording, **{**law, "zero_rate": seconds(0, 20)})), engine="numba")
+    assert doubted_shares(before)["zero_rate"] == 0.0
     turning = [6, 7, 8]
     assert np.all(weight[turning] < 1e-3)  # it turns by up to 1.2 rad/s
 
