@@ -195,7 +195,8 @@ def _print_means(title: str, rows: Mapping[str, Mapping[str, Score]]) -> None:
     for part, scores in parts.items():
         for mine, other in ((FILTER, VQF), (SMOOTHER, VQF_OFFLINE)):
             mean, worst, name = ratios(scores, mine, other)
-            said = f"{mean:.2f} in the mean, {worst:.2f} at worst ({name})"
+            each = np.mean([row[mine].total / row[other].total for row in scores.values()])
+            said = f"{mean:.2f} by the means, {each:.2f} the mean of all, {worst:.2f} at worst ({name})"
             print(f"\n{title}{part}: {mine} over {other} {said}", flush=True)
 
 

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.intervals.outliers import wrong_among
+from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.recording import NO_HEIGHT, Stream
+from tests.estimator.analytic_flight import fly
 
 N = 3000
 #: Logarithm of the p-value at which one of a hundred hypotheses passes at one per cent.
@@ -81,3 +85,17 @@ def test_readings_that_are_held_are_counted_once() -> None:
 @pytest.mark.parametrize("error", [np.zeros((200, 1)), np.arange(20.0)[:, None]])
 def test_nothing_is_said_of_too_few_or_of_equal_readings(error: FloatArray) -> None:
     assert wrong_among(error) is None
+
+
+def test_what_stands_for_a_height_is_no_wrong_reading() -> None:
+    """One fix in four is two-dimensional: where they were counted, 47 were wrong, and none of the ten that are."""
+    recording, _ = fly(21, duration=60.0)
+    gps = recording.streams["gps"]
+    flat, wrong = np.arange(len(gps)) % 4 == 0, np.arange(17, len(gps), 60)
+    north = gps["north"].copy()
+    north[wrong] += 15.0
+    heights = {"down": np.where(flat, 0.0, gps["down"]), "epv": np.where(flat, 2.0 * NO_HEIGHT, 1.0)}
+    fixes = Stream(gps.t, {**gps.columns, **heights, "north": north})
+    recording = recording.replace(streams={**recording.streams, "gps": fixes})
+    source = FlightSource(Flight.of(recording), logged=recording)
+    assert np.array_equal(source._wrong_among_logged["gps"].row, wrong)

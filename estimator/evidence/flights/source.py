@@ -57,7 +57,7 @@ from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.streams import STREAMS
 from sinan.sensors.motion import Motion
-from sinan.sensors.recording import Recording
+from sinan.sensors.recording import Recording, tells_height
 
 #: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared, since nothing but
 #: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
@@ -354,8 +354,10 @@ class FlightSource(OfFlight):
             if name in self.wrong and name in self._logged.streams:
                 z, t = readings(self.flight.reading(self._logged), name)
                 inside = (t >= self._passes.start) & (t <= self._passes.end)
-                z, t = z[inside], t[inside]
-                found[name] = wrong_among(z - sensor.predict(self._passes.plain_motion.at(t)))
+                error = z[inside] - sensor.predict(self._passes.plain_motion.at(t[inside]))
+                if name == "gps" and not np.all(tells_height(self._logged.streams[name])[inside]):
+                    error = np.delete(error, 2, axis=1)
+                found[name] = wrong_among(error)
         return {name: one for name, one in found.items() if one is not None}
 
     def _outlier_share(self, term: Term) -> tuple[FloatArray, FloatArray]:
