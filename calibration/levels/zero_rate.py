@@ -63,8 +63,11 @@ def zero_rate_of(recording: Recording) -> tuple[ZeroRate, Stray] | None:
     white = np.mean(np.var(rates, axis=1, ddof=1), axis=0) / n
     follows = np.diff(rest) == 1
     allan = 0.5 * np.mean(np.diff(rates.mean(axis=1), axis=0)[follows] ** 2, axis=0) if np.any(follows) else 0.0
+    noise = np.maximum(white, allan)
+    rounding = np.finfo(float).eps * np.max(np.abs(rates))
+    noise = np.where(noise > rounding**2, noise, np.max(noise))  # an axis whose last digit never changes tells none
     share = float(np.mean(1.0 / (1.0 + np.exp(odds[rest]))))
-    return ZeroRate(t[rest, 0], t[rest, -1], np.sqrt(np.maximum(white, allan))), Stray(share, TURNS)
+    return ZeroRate(t[rest, 0], t[rest, -1], np.sqrt(noise)), Stray(share, TURNS)
 
 
 def log_odds(means: FloatArray, step: float) -> FloatArray:

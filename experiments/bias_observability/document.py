@@ -26,7 +26,7 @@ from sinan.sensors.registry import BySensor
 WORTH = 0.7
 #: Instants of the curves in the JSON.
 MOST_INSTANTS = 200
-NAMES = BySensor(lambda entry: entry.title, after={"level": "level assumption"})
+NAMES = BySensor(lambda entry: entry.title, after={"level": "level assumption", "zero_rate": "rest"})
 
 
 def document(study: Study) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from sinan.sensors.registry import BySensor
 from sinan.sensors.window import Span
 
 #: what a stream's sensor is called in a sentence
-SENSORS = BySensor(lambda entry: entry.title, after={"level": "level (accelerometer)"})
+SENSORS = BySensor(lambda entry: entry.title, after={"level": "level (accelerometer)", "zero_rate": "rest (gyroscope)"})
 
 
 def number(value: float) -> str:

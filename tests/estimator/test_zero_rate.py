@@ -82,6 +82,18 @@ def test_what_lies_on_a_table_is_at_rest_and_what_is_held_or_shaken_is_not() -> 
     assert zero_rate_of(turned(vibration=0.05)[0]) is None
 
 
+def test_an_axis_that_shows_no_noise_has_that_of_the_others() -> None:
+    recording = turned()[0]
+    imu = recording.streams["imu"]
+    coarse = np.where(imu.t < REST, BIAS[0], imu["gyro_x"])
+    streams = {**recording.streams, "imu": Stream(imu.t, {**imu.columns, "gyro_x": coarse})}
+    recording = recording.replace(streams=streams)
+    found = zero_rate_of(recording)
+    assert found is not None
+    assert len(found[0].end) == REST
+    assert found[0].sigma[0] == max(found[0].sigma) > 0.0
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", ["WINDOW", "MEAN", "GYRO_NOISE", "ACCEL_NOISE", "DECADES"])
 def test_half_and_twice_of_what_is_taken_find_the_same_rest(
