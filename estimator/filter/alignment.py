@@ -84,7 +84,7 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         x[block] = found[0] if declared is None else declared
         if model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
-    if model.field is not None and "gps" not in model.sensors and initial.quaternion is None:
+    if model.field is not None and np.any(model.field) and "gps" not in model.sensors and initial.quaternion is None:
         P = _north_of_first_heading(q, P, model)
     return x, P
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sinan
 from sinan.calibration.levels import zero_rate
 from sinan.calibration.levels.zero_rate import TURNS, zero_rate_of
 from sinan.estimator.evidence.level_scores import level_scores
@@ -204,3 +205,9 @@ def test_north_is_that_of_the_first_heading_where_nothing_tells_it(monkeypatch: 
     turn_n = quaternion_log(quaternion_multiply(q, quaternion_conjugate(q_other)))
     assert np.max(np.ptp(turn_n, axis=0)) < 1e-3 < np.max(np.abs(turn_n))
     assert np.max(np.abs(turn_n[:, :2])) < 1e-3
+
+
+def test_rest_and_a_known_field_are_in_what_can_be_seen() -> None:
+    said = sinan.observability(turned()[0]).summary()
+    assert ", rest; rank" in said
+    assert "weak: heading by itself" not in said
