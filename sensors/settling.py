@@ -19,6 +19,8 @@ STEPS_TAIL = 4.0
 #: A filter that starts this far off is led back by right readings [m]: ten sigmas of a receiver's bias, as wide as its
 #: start is taken (`estimator.filter.alignment.WIDE`).
 LED_BACK = 10.0 * GPS.believed_bias
+#: Steps longer than this many usual ones are outages: 2 < 2.5 < 3, one reading that is lost makes two of them.
+LOST = 2.5
 #: Speed of what tells none [m/s]: beyond small aircraft; a choice that only the first steps of such a log depend on.
 FASTEST = 100.0
 
@@ -41,10 +43,11 @@ def unsettled(t: FloatArray, values: FloatArray, velocity: FloatArray | None = N
     if most < 1:
         return 0
     h = np.diff(t)
-    e, fastest = np.diff(values, axis=0), FASTEST
+    e, fastest = np.diff(values, axis=0), np.full(len(h), FASTEST)
     if velocity is not None:
         e = e - 0.5 * h[:, None] * (velocity[1:] + velocity[:-1])
-        fastest = float(np.max(np.linalg.norm(velocity, axis=1)))
+        told = float(np.max(np.linalg.norm(velocity, axis=1)))
+        fastest = np.where(h > LOST * np.median(h), max(FASTEST, told), told)  # what moved while none was told
     e = np.nan_to_num(e)
     step, off = np.linalg.norm(e, axis=1), np.linalg.norm(np.cumsum(e, axis=0), axis=1)
     later = np.maximum.accumulate((step / h)[::-1])[::-1]

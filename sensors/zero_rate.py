@@ -55,6 +55,8 @@ class ZeroRate:
     def means(self, t: FloatArray, values: FloatArray) -> FloatArray:
         """(k, ...) means over the windows of what goes with the instants t (n,), (n, ...); zero where there is none."""
         first, after = np.searchsorted(t, self.begin), np.searchsorted(t, self.end, side="right")
-        total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-        count = np.maximum(after - first, 1).reshape(-1, *(1 for _ in values.shape[1:]))
-        return np.asarray((total[after] - total[first]) / count)
+        means = np.zeros((len(first), *values.shape[1:]))
+        for k, (i, j) in enumerate(zip(first.tolist(), after.tolist(), strict=True)):
+            if j > i:
+                means[k] = values[i:j].mean(axis=0)
+        return means

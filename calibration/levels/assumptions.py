@@ -71,8 +71,9 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
     if levels.zero_rate is not None:
+        start = recording.streams["imu"].t[0]
         at_rest, sigma = levels.zero_rate, float(np.sqrt(np.mean(levels.zero_rate.sigma**2)))
-        what = f"rate of turn in {len(at_rest.end)} windows at rest, from {at_rest.begin[0]:.0f} s on (1 sigma)"
+        what = f"rate of turn in {len(at_rest.end)} windows at rest, from {at_rest.begin[0] - start:.0f} s on (1 sigma)"
         rows.append(Assumption("motion", what, sigma, "rad/s", None, True, "log: as quiet and white as an instrument"))
     for name, stray in levels.stray.items():
         if name not in levels.specs:

@@ -23,6 +23,7 @@ from sinan.calibration.levels.fit import (
     Levels,
     first_levels,
     fit_levels,
+    has_its_own_north,
     sizes_of,
 )
 from sinan.calibration.levels.iron import iron_of_turns
@@ -221,14 +222,18 @@ def fields_beforehand(recording: Recording, compass: Iron = LITTLE) -> Sequence[
     """What may be believed of a field that the recording does not declare.
 
     The norm is that of the readings. Dip and declination are those of the place, where there is one, as the model has
-    them or beside steel; or the dip is that of the log, and north is that of the first heading (`first_state`).
+    them or beside steel; or the dip is that of the log, and north is magnetic north, or that of the first heading.
     """
     if "mag" not in recording.streams or recording.environment.magnetic_field is not None:
         return ()
     found = field_of_the_log(recording, compass.taken)
     norm, dip = float(np.linalg.norm(found)), inclination(found)
     gps = "gps" in recording.streams  # whose north is the true one
-    words = "found from the log" + ("" if gps else "; north is that of the first heading")
+    words = "found from the log"
+    if has_its_own_north(recording):
+        words += "; north is that of the first heading"
+    elif not gps:
+        words += "; north is magnetic north"
     stds = FIELD_STD, DECLINATION_STD if gps else 0.0
     if recording.origin is None:
         return (_field(norm, dip, 0.0, stds, 1.0, words),)

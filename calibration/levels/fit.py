@@ -133,6 +133,7 @@ class Levels:
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
     tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
     zero_rate : where the body does not turn
+    own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
@@ -151,6 +152,7 @@ class Levels:
     latency: Mapping[str, float] = default(default_factory=dict)
     stray: Mapping[str, Stray] = default(default_factory=dict)
     zero_rate: ZeroRate | None = None
+    own_north: bool = False
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
@@ -162,7 +164,7 @@ class Levels:
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
             rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
-            zero_rate=self.zero_rate,
+            zero_rate=self.zero_rate, own_north=self.own_north,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -324,17 +326,28 @@ def first_levels(
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
     bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
-    still = zero_rate_of(recording) if "gyro" in undeclared else None
+    gyro = recording.spec("gyro")
+    is_open = bool(sizes) and gyro.noise_density is None and gyro.noise_std is None
+    still = zero_rate_of(recording) if is_open else None
     stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
+        own_north=has_its_own_north(recording),
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)
     return levels
+
+
+def has_its_own_north(recording: Recording) -> bool:
+    """Whether nothing but a compass in an unknown field tells a direction: no place, no fixes, nothing that is seen."""
+    initial, blind = recording.initial, where(lambda entry: entry.kernel in ("", "field", "height", "range"))
+    told = (initial.quaternion, initial.position, initial.velocity, recording.environment.magnetic_field)
+    seen = {name for name in recording.streams if name in where(lambda entry: True)} - set(blind)
+    return not seen and recording.origin is None and all(one is None for one in told)
 
 
 def stray_answers(recording: Recording, sensors: Collection[str]) -> dict[str, Stray]:

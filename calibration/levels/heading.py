@@ -19,6 +19,7 @@ from sinan.estimator.filter.imu import UNBRIDGED
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording, SensorSpec
 from sinan.sensors.rotation import quaternion_multiply
 
@@ -89,13 +90,16 @@ def beside_iron(flight: Flight) -> Recording:
 
     def log_likelihood(heading: float) -> float:
         reading = flight.reading(_turned(recording, x, heading))
-        return run(prepare(reading, events=events), "numba", stride=0).log_likelihood
+        try:
+            return run(prepare(reading, events=events), "numba", stride=0).log_likelihood
+        except InputError:  # no state follows from such a heading
+            return -np.inf
 
     headings = np.arange(0.0, 2.0 * np.pi, COARSE)
     each = np.array([log_likelihood(float(heading)) for heading in headings])
     off = np.angle(np.exp(1j * (headings - headings[np.argmax(each)])))
     share = np.exp(each - np.max(each))
-    std = max(LEFT, float(np.sqrt(np.sum(share * off**2) / np.sum(share))))
+    std = float(np.clip(np.sqrt(np.sum(share * off**2) / np.sum(share)), LEFT, UNBRIDGED))
     fine = headings[np.argmax(each)] + np.arange(-0.5 * COARSE, 0.5 * COARSE + 1e-9, FINE)
     best = max(fine.tolist(), key=log_likelihood)
     return _noted(_turned(recording, x, best, std), best)

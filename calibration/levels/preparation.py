@@ -50,9 +50,10 @@ def as_declared(recording: Recording, slow_gps: bool = False) -> Prepared:
     ----------
     slow_gps : whether the receiver may err for seconds besides its declared noise
     """
+    recording, unsaid = without_still_velocity(recording)
     levels = first_levels(recording, (), None, None)
     headed = with_heading(recording, levels.specs)
-    notes, flight = tuple(headed.notes[len(recording.notes) :]), Flight.of(headed)
+    notes, flight = (*unsaid, *headed.notes[len(recording.notes) :]), Flight.of(headed)
     if slow_gps and "gps" in headed.streams:
         levels = with_slow_gps(headed)
         flight = Flight.of(headed, specs=levels.specs)
@@ -82,7 +83,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if not sizes and not is_field_open(within):
         return as_declared(recording)
     notes = outside_notes(recording, within) + unsaid
-    within, said = settled(within, {size.sensor for size in sizes})
+    within, said = settled(within, {size.sensor for size in sizes if size.key == "noise_std"})
     notes += said
     if any(size.sensor == "mag" for size in sizes):
         within, said = thinned(within, "mag", MAG_RATE)

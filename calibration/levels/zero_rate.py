@@ -21,6 +21,7 @@ import numpy as np
 from sinan.estimator.filter.flight_model import Stray
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import ACCEL, GYRO, Recording
+from sinan.sensors.rounding import rounding_variance
 from sinan.sensors.zero_rate import ZeroRate
 
 #: Length of a window, and of the means in it [s]: a choice. A hand moves below 5 Hz, so that one mean is like the one
@@ -28,12 +29,15 @@ from sinan.sensors.zero_rate import ZeroRate
 #: seconds of a log to one at its ends (`test_zero_rate`).
 WINDOW, MEAN = 1.0, 0.1
 #: White noise of consumer gyroscopes [rad/s/sqrt(Hz)] and accelerometers [m/s^2/sqrt(Hz)], and the spread of its
-#: logarithm: by their data sheets 0.005 (MPU-6050), 0.01 (MPU-9250), 0.014 (BMI088) and 0.03 deg/s/sqrt(Hz) (L3GD20),
-#: 400, 300 and 175 ug/sqrt(Hz) (the first three). Twice of that spread takes two of twenty shaken seconds for rest.
+#: logarithm: a choice within their data sheets, 0.005 (MPU-6050), 0.01 (MPU-9250), 0.014 (BMI088) and 0.03
+#: deg/s/sqrt(Hz) (L3GD20), 400, 300 and 175 ug/sqrt(Hz) (the first three). Half and twice of the first two find the
+#: same rest (`test_zero_rate`), twice of the spread takes two of twenty shaken seconds for it.
 GYRO_NOISE, ACCEL_NOISE, SPREAD = 1.7e-4, 2e-3, 1.0
-#: Over how much of its logarithm the scatter of what moves is uniform: log(1e5), from 1e-4 to 10 rad/s, 1e-3 to
-#: 100 m/s^2.
+#: Over how much of its natural logarithm the scatter of what moves is uniform, as a density: log(1e5), from 1e-4 to
+#: 10 rad/s/sqrt(Hz), 1e-3 to 100 m/s^2/sqrt(Hz).
 DECADES = float(np.log(1e5))
+#: Median of chi-square with one degree of freedom: chi2.ppf(0.5, 1).
+OF_MEDIAN = 0.455
 #: A body that turns as smoothly as if it were at rest does so at any rate between -1 and 1 rad/s: a choice. Half and
 #: twice weigh a turn of 0.1 rad/s with less than 1e-6 (`test_zero_rate`).
 TURNS = 2.0
@@ -43,7 +47,7 @@ def zero_rate_of(recording: Recording) -> tuple[ZeroRate, Stray] | None:
     """Windows of a log in which the body is at rest, and the share of them in which it is not; None: there are none.
 
     The noise of a mean rate is the Allan deviation over a window, which has the gyroscope's flicker besides its white
-    noise; where no two windows follow each other it is that of white noise.
+    noise; where no two windows follow each other it is that of white noise; and at least what the last digit hides.
     """
     imu = recording.streams["imu"]
     step = float(np.median(np.diff(imu.t)))
@@ -62,10 +66,14 @@ def zero_rate_of(recording: Recording) -> tuple[ZeroRate, Stray] | None:
     rates = means[rest, :, :3]
     white = np.mean(np.var(rates, axis=1, ddof=1), axis=0) / n
     follows = np.diff(rest) == 1
-    allan = 0.5 * np.mean(np.diff(rates.mean(axis=1), axis=0)[follows] ** 2, axis=0) if np.any(follows) else 0.0
+    steps = np.diff(rates.mean(axis=1), axis=0)[follows] ** 2
+    allan = 0.5 * np.median(steps, axis=0) / OF_MEDIAN if len(steps) else 0.0  # one step of a slow turn is no noise
     noise = np.maximum(white, allan)
-    rounding = np.finfo(float).eps * np.max(np.abs(rates))
-    noise = np.where(noise > rounding**2, noise, np.max(noise))  # an axis whose last digit never changes tells none
+    digit = rounding_variance(imu.array(GYRO))
+    scatter = np.mean(np.var(u.reshape(count, -1, 6)[rest, :, :3], axis=1), axis=0)
+    noise = np.maximum(noise, np.where(scatter < 3.0 * digit, digit, 0.0))  # below half a step all windows err alike
+    silent = scatter <= (np.finfo(float).eps * np.max(np.abs(rates))) ** 2
+    noise = np.where(silent, np.max(noise), noise)
     share = float(np.mean(1.0 / (1.0 + np.exp(odds[rest]))))
     return ZeroRate(t[rest, 0], t[rest, -1], np.sqrt(noise)), Stray(share, TURNS)
 

@@ -84,7 +84,7 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         x[block] = found[0] if declared is None else declared
         if model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
-    if model.field is not None and np.any(model.field) and "gps" not in model.sensors and initial.quaternion is None:
+    if model.own_north and model.field is not None and initial.quaternion is None:
         P = _north_of_first_heading(q, P, model)
     return x, P
 
@@ -92,10 +92,10 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
 def _north_of_first_heading(q_nb: FloatArray, P: FloatArray, model: FlightModel) -> FloatArray:
     """(n, n) covariance of the first state where its heading is right by definition.
 
-    Where nothing but the compass tells a direction, all that is measured is the same for a body, a motion and a field
-    turned about the vertical together. So the error of the heading, h = d . C_nb dtheta about the vertical d, may be
-    taken off all of them: dtheta - C_bn d h, and the field's error less (d x m_n) h, which then is that of the
-    declination.
+    Where nothing but the compass tells a direction (`FlightModel.own_north`), all that is measured is the same for a
+    body, a motion and a field turned about the vertical together. So the error of the heading, h = d . C_nb dtheta
+    about the vertical d, may be taken off all of them: dtheta - C_bn d h, and the field's error less (d x m_n) h, which
+    then is that of the declination.
     """
     layout, down = model.layout, np.array([0.0, 0.0, 1.0])
     down_b = rotate(quaternion_conjugate(q_nb), down)
@@ -215,7 +215,8 @@ def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | Non
         imu = flight.recording.streams["imu"]
         until = imu.t <= max(float(stream.t[near[0]]), t[-1])
         t = imu.t[until]
-        turn, unknown_turn = turned_since_start(t, imu.array(GYRO)[until]), model.gyro.bias_std * float(t[-1] - t[0])
+        turn = turned_since_start(t, imu.array(GYRO)[until])
+        unknown_turn = min(model.gyro.bias_std * float(t[-1] - t[0]), UNKNOWN_ATTITUDE)
     back = quaternion_interpolate(np.clip(stream.t[near], t[0], t[-1]), t, turn)
     iron = np.zeros(3) if model.iron is None else model.iron
     m_b = rotate(back, stream.array(MAG)[near] - iron).mean(axis=0)

@@ -959,7 +959,7 @@ def _doubt(nis, m, tail, stray):
     """`tails.spread_of`, with `stray` over the reading's normal density."""
     spread, own = (tail + nis) / (tail + m), nis
     if nis > m:
-        own = m + (tail + m) * np.log(spread)
+        own = m + (tail + m) * np.log1p((nis - m) / (tail + m))
     return max(1.0, spread) * (1.0 + np.exp(min(stray + 0.5 * (own - nis), NOTHING)))
 
 

@@ -113,6 +113,7 @@ class FlightModel:
     in_step : noise of the IMU that goes with the motion
     field : (3, 3) covariance of the error of the magnetic field m_n, a constant in NED; None: the field is known
     iron : (3,) hard iron from which the magnetometer's bias starts; None: from zero
+    own_north : whether north is that of the first heading, since nothing but the compass tells a direction
     stamp_std : how far the stamps of the magnetometer may be off those of the gyroscope [s]
     rounding : by sensor, variance of each component's error of rounding, besides the white noise
     said : what a receiver says of its own fixes, by column the median (`eph`, `epv`, `s_variance`), where the level of
@@ -144,6 +145,7 @@ class FlightModel:
     in_step: InStep = InStep()
     field: FloatArray | None = None
     iron: FloatArray | None = None
+    own_north: bool = False
     stamp_std: float = 0.0
     rounding: Mapping[str, FloatArray] = default(default_factory=dict)
     said: Mapping[str, float] = default(default_factory=dict)
@@ -236,6 +238,7 @@ class Beliefs(TypedDict, total=False):
     robust_level: float | None
     in_step: InStep
     iron: FloatArray | None
+    own_north: bool
     stamp_std: float
     rounding: Mapping[str, FloatArray]
     said: Mapping[str, float]
@@ -270,8 +273,8 @@ def flight_model(
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
     zero_rate : windows in which the body does not turn
-    beliefs : latency, gate_level, robust_level, in_step, iron, stamp_std, rounding, said, upsets, tail, stray,
-        relinearise: see `FlightModel`
+    beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
+        stray, relinearise: see `FlightModel`
 
     Raises
     ------

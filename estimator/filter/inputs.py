@@ -99,7 +99,7 @@ def prepare(
     first: tuple[FloatArray, FloatArray] | None = None,
     aligned: Recording | None = None,
 ) -> RunInputs:
-    """Everything an engine needs of a flight.
+    """Everything an engine needs of a flight. What begins after a gap that nothing bridges has the north of before.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ def prepare(
     for (_, end), (i0, i1) in pairwise(imu.stretches):
         status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
         stretch = between(from_first.recording, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf)))
-        later.append(first_state(flight.reading(stretch)))
+        own = flight.model.own_north and float(imu.t[i0]) in from_first.recording.breaks
+        later.append(first_state(flight.believing(own_north=own).reading(stretch)))
     return RunInputs(flight, imu, replace(events, status=status), x, P, tuple(later))
 
 

@@ -58,7 +58,7 @@ def deviance_of(
     heavy = np.isfinite(v) & (nis > m)
     found = np.array(nis, dtype=np.float64)
     v, k, far = v[heavy], np.broadcast_to(m, nis.shape)[heavy], nis[heavy]
-    found[heavy] = k + (v + k) * np.log((v + far) / (v + k))
+    found[heavy] = k + (v + k) * np.log1p((far - k) / (v + k))
     over = stray + 0.5 * found
     return found - 2.0 * (np.maximum(over, 0.0) + np.log1p(np.exp(-np.abs(over))))
 

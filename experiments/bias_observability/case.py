@@ -152,7 +152,7 @@ def _case(
     from sinan.estimator.filter.inputs import prepare
 
     if flight.model.layout.has("field"):  # left out below: it counts as known
-        flight = flight.believing(field=np.zeros((3, 3)))
+        flight = flight.believing(own_north=False)
     inputs, model = prepare(flight), flight.model
     if used is None:
         events = inputs.events

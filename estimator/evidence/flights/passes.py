@@ -124,13 +124,14 @@ class FlightPasses:
     """
 
     def __init__(self, flight: Flight, prior_sigma: float = IMPLAUSIBLE) -> None:
-        self.flight, self.prior_sigma = flight, prior_sigma
+        # passes start from the attitude of the one before, whose heading a field that is known holds
+        self.flight, self.prior_sigma = flight.believing(own_north=False), prior_sigma
         self.table = imu_table(flight)
         recording = flight.recording
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
         self.split = float(t[round(_FITTING_SHARE * (len(t) - 1))])
-        journal = run_filter(flight, {}, engine="numba", stride=0)
+        journal = run_filter(self.flight, {}, engine="numba", stride=0)
         self.notes = journal.notes
         plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
         declared = recording.initial
@@ -141,7 +142,7 @@ class FlightPasses:
         )
         self._start_std = self._attitude_std_at_start(journal)
         if self._start_std is not None and self._start_std >= COARSE_ATTITUDE:
-            self.flight = flight.believing(relinearise=True)
+            self.flight = self.flight.believing(relinearise=True)
         self.plain_motion = self._settled(plain_motion)
 
     def along(self, own: Terms, motion: Motion, recording: Recording | None = None) -> Along:
