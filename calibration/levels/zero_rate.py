@@ -70,10 +70,10 @@ def zero_rate_of(recording: Recording) -> tuple[ZeroRate, Stray] | None:
     allan = 0.5 * np.median(steps, axis=0) / OF_MEDIAN if len(steps) else 0.0  # one step of a slow turn is no noise
     noise = np.maximum(white, allan)
     digit = rounding_variance(imu.array(GYRO))
-    scatter = np.mean(np.var(u.reshape(count, -1, 6)[rest, :, :3], axis=1), axis=0)
+    samples = u.reshape(count, -1, 6)[rest, :, :3]
+    scatter = np.mean(np.var(samples, axis=1), axis=0)
     noise = np.maximum(noise, np.where(scatter < 3.0 * digit, digit, 0.0))  # below half a step all windows err alike
-    silent = scatter <= (np.finfo(float).eps * np.max(np.abs(rates))) ** 2
-    noise = np.where(silent, np.max(noise), noise)
+    noise = np.where(np.any(np.ptp(samples, axis=1), axis=0), noise, np.max(noise))  # a silent axis tells none
     share = float(np.mean(1.0 / (1.0 + np.exp(odds[rest]))))
     return ZeroRate(t[rest, 0], t[rest, -1], np.sqrt(noise)), Stray(share, TURNS)
 
