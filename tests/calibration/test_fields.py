@@ -90,7 +90,7 @@ def test_turns_show_the_hard_iron(rate: float) -> None:
     columns = {name: column + (rate if name in GYRO else 0.0) for name, column in imu.columns.items()}
     found, sigma = iron_of_turns(board.replace(streams={**board.streams, "imu": Stream(imu.t, columns)}), 0.3, 0.01)
     assert sigma < 0.01
-    assert np.linalg.norm(found - iron) < 4.0 * np.sqrt(3.0) * sigma
+    assert np.linalg.norm(found - iron) < 3.0 * np.sqrt(3.0) * sigma
 
 
 def test_what_does_not_turn_shows_no_hard_iron() -> None:

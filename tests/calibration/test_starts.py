@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,16 @@ def test_velocities_of_zero_are_none(flown: tuple[Recording, FloatArray]) -> Non
     ready = prepared(still)
     assert "gps: its velocity never changes: it tells none, left out" in ready.notes
     assert np.max(attitude_error(ready, truth)[len(truth) // 2 :]) < 5.0
+
+
+def test_velocities_of_zero_are_none_where_all_else_is_declared() -> None:
+    """Such a log was refused for a velocity noise that it does not declare."""
+    recording, _ = fly(1, duration=5.0)
+    silent = replace(recording.spec("gps"), velocity_noise_std=None)
+    recording = recording.replace(sensors={**recording.sensors, "gps": silent})
+    zero = np.zeros(len(recording.streams["gps"]))
+    ready = prepared(with_stream(recording, "gps", **dict.fromkeys(VELOCITY, zero)))
+    assert "gps: its velocity never changes: it tells none, left out" in ready.notes
 
 
 @pytest.mark.parametrize("turns_show_it", [True, False])

@@ -11,7 +11,9 @@ import pytest
 
 import sinan
 from sinan.calibration.levels import zero_rate
+from sinan.calibration.levels.fit import has_its_own_north
 from sinan.calibration.levels.zero_rate import TURNS, zero_rate_of
+from sinan.estimator.evidence.flights.passes import FlightPasses
 from sinan.estimator.evidence.level_scores import level_scores
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.engine import run
@@ -210,3 +212,30 @@ def test_rest_and_a_known_field_are_in_what_can_be_seen() -> None:
     said = sinan.observability(turned()[0]).summary()
     assert ", rest; rank" in said
     assert "weak: heading by itself" not in said
+
+
+def test_what_tells_a_direction_has_its_north() -> None:
+    recording = turned()[0]
+    assert has_its_own_north(recording)
+    t = recording.streams["mag"].t
+    camera = Stream(t, {"point": t, "u": t, "v": t})
+    for other in (
+        recording.replace(origin=(47.0, 8.0, 400.0)),
+        recording.replace(streams={**recording.streams, "camera": camera}),
+        recording.replace(initial=Initial(velocity=np.zeros(3))),
+        recording.replace(environment=replace(recording.environment, magnetic_field=FIELD)),
+    ):
+        assert not has_its_own_north(other)
+
+
+def test_a_later_stretch_and_a_pass_of_a_trace_have_the_north_of_the_field() -> None:
+    """A stretch of its own north jumped by what a compass errs; a pass had a heading without a declination."""
+    recording = turned()[0]
+    imu = recording.streams["imu"]
+    cut = imu.rows((imu.t < 22.0) | (imu.t > 32.0))
+    recording = recording.replace(streams={**recording.streams, "imu": cut})
+    flight = Flight(recording, model_of(recording, own_north=True, field=np.diag([1e-4, 0.0, 1e-4])))
+    inputs = prepare(flight)
+    (_, P), down = inputs.later[0], DTHETA.start + 2
+    assert inputs.P[down, down] < 1e-6 < 1e-4 < P[down, down]
+    assert not FlightPasses(flight).flight.model.own_north

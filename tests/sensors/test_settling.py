@@ -77,6 +77,14 @@ def test_an_outage_is_no_reason(told: bool) -> None:
     assert unsettled(t[keep], p[keep], v[keep] if told else None) == 0
 
 
+def test_what_moves_between_two_rests_while_no_fix_comes_is_no_reason() -> None:
+    """Of thirty fixes at rest, an outage of half a minute and thirty fixes elsewhere the first thirty were left out."""
+    rng = np.random.default_rng(4)
+    t = np.concatenate([np.arange(30.0), np.arange(60.0, 95.0)])
+    p = rng.normal(0.0, 0.5, (len(t), 3)) + np.where(t > 45.0, 1500.0, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    assert unsettled(t, p, rng.normal(0.0, 0.1, p.shape)) == 0
+
+
 def test_the_origin_is_where_the_receiver_has_settled() -> None:
     """It was at latitude and longitude zero, and the vertical of the log that of the gulf of Guinea."""
     t, p, v = circles()
