@@ -52,6 +52,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "lenses": ("tests/sensors/test_camera.py",),
     "camera": ("tests/sensors/test_camera.py", "tests/sensors/test_camera_effects.py", *_CONTRACTS),
     "bounds": ("tests/sensors/test_bounds.py",),
+    "zero_rate": ("tests/estimator/test_zero_rate.py",),
     "noise": ("tests/sensors/test_noise.py", *_CONTRACTS),
     "atmosphere": ("tests/sensors/test_atmosphere.py", "tests/sensors/test_sonar.py"),
     "pseudorange": ("tests/sensors/test_pseudorange_model.py", *_GNSS),

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sinan.calibration.levels.fit import TAIL
 from sinan.estimator.filter.alignment import WINDOW
 from sinan.estimator.filter.imu import GAP
 from sinan.sensors.arrays import BoolArray, FloatArray
@@ -26,10 +27,8 @@ from sinan.sensors.rotation import (
     turned_since_start,
 )
 
-#: Degrees of freedom of the law of the readings, as `fit.TAIL`.
-TAIL = 4.0
-#: Rounds of iron, bias and weights: bound of work. Iron of 1.2 of the field and 0.1 rad/s are found to 3 sigma of it
-#: (`test_turns_show_the_hard_iron`).
+#: Rounds of iron, bias and weights: bound of work. Half and twice move iron of 1.2 of the field by less than its sigma
+#: (`test_fields`).
 ROUNDS = 5
 
 

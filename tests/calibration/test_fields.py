@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sinan.calibration.levels import iron
 from sinan.calibration.levels.fields import DECLINATION_STD, beforehand, fitted
 from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.calibration.levels.iron import iron_of_turns
@@ -91,6 +92,17 @@ def test_turns_show_the_hard_iron(rate: float) -> None:
     found, sigma = iron_of_turns(board.replace(streams={**board.streams, "imu": Stream(imu.t, columns)}), 0.3, 0.01)
     assert sigma < 0.01
     assert np.linalg.norm(found - iron) < 3.0 * np.sqrt(3.0) * sigma
+
+
+@pytest.mark.parametrize("rounds", [iron.ROUNDS // 2, 2 * iron.ROUNDS])
+def test_half_and_twice_of_the_rounds_find_the_same_iron(rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    board = with_iron(turned_at(None, field_along(0.5, 1.1, 0.0)), np.array([0.36, -0.42, 0.24]))
+    imu = board.streams["imu"]
+    columns = {name: column + (0.05 if name in GYRO else 0.0) for name, column in imu.columns.items()}
+    board = board.replace(streams={**board.streams, "imu": Stream(imu.t, columns)})
+    found, sigma = iron_of_turns(board, 0.3, 0.01)
+    monkeypatch.setattr(iron, "ROUNDS", rounds)
+    assert np.linalg.norm(iron_of_turns(board, 0.3, 0.01)[0] - found) < sigma
 
 
 def test_what_does_not_turn_shows_no_hard_iron() -> None:

@@ -110,6 +110,17 @@ def test_half_and_twice_of_what_is_taken_find_the_same_rest(
     assert zero_rate_of(turned(vibration=0.05)[0]) is None
 
 
+@pytest.mark.parametrize(("factor", "seconds_at_most"), [(0.5, 0), (2.0, 2)])
+def test_of_the_spread_twice_takes_two_shaken_seconds_for_rest(
+    factor: float, seconds_at_most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zero_rate, "SPREAD", factor * zero_rate.SPREAD)
+    found, shaken = zero_rate_of(turned()[0]), zero_rate_of(turned(vibration=0.05)[0])
+    assert found is not None
+    assert len(found[0].end) == REST
+    assert (0 if shaken is None else len(shaken[0].end)) <= seconds_at_most
+
+
 @pytest.mark.parametrize("turns", [0.5 * TURNS, TURNS, 2.0 * TURNS])
 def test_a_smooth_turn_at_a_constant_rate_has_no_weight(turns: float) -> None:
     recording, _ = turned()
