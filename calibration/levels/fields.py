@@ -45,7 +45,7 @@ DECLINATION_STD = 0.2
 #: of the first or twice the second call a dip that is 0.2 rad off another field, not steel; the other two change none
 #: of 0.04 to 0.3 rad (`bounds_of_work fields`).
 BESIDE_STEEL, ELSEWHERE = 0.1, 0.01
-#: Of compasses whose noise nobody declares, the share that was never calibrated: a choice. Of iron of 0.139 and 0.147
+#: Of compasses whose noise nobody declares, the share that was never calibrated: a choice. Of iron of 0.141 and 0.148
 #: of the field half takes both for what a calibration left, twice neither (`bounds_of_work iron`).
 NEVER_CALIBRATED = 0.1
 #: Of such IMUs the share that is sampled at instants, without a low-pass of about its own rate: a choice. Half takes
@@ -147,30 +147,33 @@ def beforehand(recording: Recording) -> Believed:
             return -np.inf
         return journal.log_likelihood + one.prior + float(np.log(1.0 if one.field is None else one.field.prior))
 
-    return max(believed, key=log_posterior)
+    best = max(range(len(believed)), key=lambda k: log_posterior(believed[k]))
+    if believed[best].iron == AS_IT_COMES:
+        return believed[best]
+    fields = fields_beforehand(recording) or (None,)  # what a calibration leaves the filter learns itself
+    return Believed(fields[best % len(fields)], CALIBRATED)
 
 
 def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
     """What may be believed of a compass, of no field yet: that it was calibrated, or never.
 
     Iron as large as the field turns the first heading by any angle, from which no filter that is linear finds back, and
-    makes the norm of the readings another than the field's. So the bias of a compass that was never calibrated starts
-    from what the turns of the whole log show, and what they leave is the prior of the rest. What a calibration leaves
-    the filter learns itself.
+    makes the norm of the readings another than the field's. So the bias starts from what the turns of the whole log
+    show, and what they leave is the prior of the rest.
     """
     if sizes_of(recording) == sizes_of(recording, Iron(AS_IT_COMES)):
         return (Believed(None, CALIBRATED),)  # its size is declared, or nothing reads the field
     rate_std = first_levels(recording, sizes_of(recording), None, None).specs["gyro"].bias_std
     assert rate_std is not None
-    std = AS_IT_COMES * LITTLE.norm(recording)
-    taken, sigma = iron_of_turns(recording, std, rate_std)
-    norm = Iron(taken=taken).norm(recording)
-    left = min(float(np.hypot(CALIBRATED * norm, sigma)), std)
-    density = -0.5 * float(taken @ taken) / std**2 - 3.0 * float(np.log(std / left))
-    return (
-        Believed(None, CALIBRATED, prior=float(np.log(1.0 - NEVER_CALIBRATED))),
-        Believed(None, AS_IT_COMES, Iron(left / norm, taken), float(np.log(NEVER_CALIBRATED)) + density),
-    )
+    found = []
+    for iron, share in ((CALIBRATED, 1.0 - NEVER_CALIBRATED), (AS_IT_COMES, NEVER_CALIBRATED)):
+        std = iron * LITTLE.norm(recording)
+        taken, sigma = iron_of_turns(recording, std, rate_std)
+        norm = Iron(taken=taken).norm(recording)
+        left = min(float(np.hypot(CALIBRATED * norm, sigma)), std)
+        density = -0.5 * float(taken @ taken) / std**2 - 3.0 * float(np.log(std / left))
+        found.append(Believed(None, iron, Iron(left / norm, taken), float(np.log(share)) + density))
+    return found
 
 
 def fitted(recording: Recording, believed: Believed) -> Levels:

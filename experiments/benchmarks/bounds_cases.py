@@ -548,7 +548,7 @@ def _left() -> Answer:
 def _iron() -> Answer:
     """Whether a compass is taken for one that was never calibrated, by its hard iron as a part of the field."""
     words = []
-    for size in (0.139, 0.147):
+    for size in (0.141, 0.148):
         recording = _board(0.0)
         mag = recording.streams["mag"]
         off = mag["mag_x"] + size * float(np.median(np.linalg.norm(mag.array(MAG), axis=1)))
