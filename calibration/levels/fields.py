@@ -129,10 +129,10 @@ def beforehand(recording: Recording) -> Believed:
     if len(believed) == 1:
         return believed[0]
 
-    sizes = sizes_of(recording)
+    first = first_levels(recording, sizes_of(recording), None, None)
 
     def levels_of(one: Believed) -> Levels:
-        levels = replace(first_levels(recording, sizes, one.m_n, one.covariance), iron=one.compass.taken)
+        levels = replace(first, m_n=one.m_n, field=one.covariance, iron=one.compass.taken)
         for size in sizes_of(recording, one.compass):
             if (size.sensor, size.key) == ("mag", "bias_std"):  # noise and colour are those of one norm for all
                 levels = levels.with_size(size, size.median)

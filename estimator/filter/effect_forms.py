@@ -293,7 +293,7 @@ class Along(OfFlight):
 
     def at_zero_rate(self, values: FloatArray) -> FloatArray:
         """(k, ...) means over the windows of `zero_rate` of what goes with the samples of the table, (N, ...)."""
-        return self.model.sensors["zero_rate"].means(self.table.t, values)  # type: ignore[attr-defined]
+        return self.model.rest.means(self.table.t, values)
 
     @cached_property
     def of_signal(self) -> Motion:

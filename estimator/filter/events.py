@@ -107,7 +107,7 @@ def readings(flight: Flight, name: str) -> tuple[FloatArray, FloatArray]:
         return np.zeros((len(t), 3)), t
     if name == "zero_rate":
         imu = recording.streams["imu"]
-        return flight.model.sensors[name].means(imu.t, imu.array(GYRO)), t  # type: ignore[attr-defined]
+        return flight.model.rest.means(imu.t, imu.array(GYRO)), t
     stream, size = recording.streams[name], flight.model.sensors[name].size
     if name == "camera":
         return stream.array(("u", "v")), t
@@ -148,7 +148,7 @@ def stamps(flight: Flight, name: str) -> FloatArray:
         imu = streams["imu"].t
         return np.arange(imu[0], imu[-1], 1.0 / RATE)
     if name == "zero_rate":
-        return np.asarray(flight.model.sensors[name].end)  # type: ignore[attr-defined]
+        return flight.model.rest.end
     return streams[name].t - flight.model.latency.get(name, 0.0)
 
 

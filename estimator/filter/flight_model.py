@@ -172,6 +172,13 @@ class FlightModel:
         """A copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    @property
+    def rest(self) -> ZeroRate:
+        """The pseudo-sensor `zero_rate`, of a model that has it."""
+        found = self.sensors["zero_rate"]
+        assert isinstance(found, ZeroRate)
+        return found
+
     def withholds(self, sensor: str, t: FloatArray) -> BoolArray:
         """(n,) which readings of a sensor, by their stamps [s], are predicted but not used."""
         found = np.zeros(len(t), dtype=bool)
