@@ -9,18 +9,28 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
-from sinan.sensors.noise import BiasProcess
+from sinan.sensors.noise import BiasProcess, colour
+
+#: What gravity makes of a gyroscope's bias in one attitude [rad/s]: a choice, a third of 0.1 deg/s/g, which data sheets
+#: call the linear acceleration sensitivity (MPU-6050, ITG-3200, BMI088). Half and twice keep the bias within its
+#: sigmas where three times as much is put in (`test_zero_rate`).
+OF_GRAVITY = 5e-4
+#: How long a body that rests now and then keeps its attitude [s]: a choice; half and twice likewise.
+ATTITUDE_TIME = 30.0
 
 
 @dataclass(frozen=True, eq=False)
 class ZeroRate:
-    """Over some windows the body does not turn: a pseudo-reading mean(w) = b_gyro + n at the end of each.
+    """Over some windows the body does not turn: a pseudo-reading mean(w) = b_gyro + c + n at the end of each.
+
+    c is what gravity does to the gyroscope in the attitude of that rest, a state with a time constant; a filter that
+    has no room for it takes it for zero.
 
     It is a sensor like any other, named, journalled, in the report; on only where the noise of the gyroscope is not
     declared, and the log has such windows.
 
     Neglects the rotation of the Earth (7e-5 rad/s, which is then part of the bias) and that the same samples drive
-    the filter: over a window the estimate of the attitude is better than its covariance says.
+    the filter: over a window the estimate of the attitude is better than its covariance says, and c is in its rate too.
 
     Attributes
     ----------
@@ -43,6 +53,11 @@ class ZeroRate:
     def bias(self) -> BiasProcess | None:
         """None: its bias is that of the gyroscope, which is a state of its own."""
         return None
+
+    @property
+    def of_gravity(self) -> BiasProcess:
+        """What gravity adds to the rate in this attitude and in no other: windows of one rest have it in common."""
+        return colour("c_zero_rate", self.size, OF_GRAVITY, ATTITUDE_TIME)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) zero [rad/s]: the body does not turn."""

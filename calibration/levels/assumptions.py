@@ -75,6 +75,8 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         at_rest, sigma = levels.zero_rate, float(np.sqrt(np.mean(levels.zero_rate.sigma**2)))
         what = f"rate of turn in {len(at_rest.end)} windows at rest, from {at_rest.begin[0] - start:.0f} s on (1 sigma)"
         rows.append(Assumption("motion", what, sigma, "rad/s", None, True, "log: as quiet and white as an instrument"))
+        what = "gyroscope's bias of one attitude at rest (1 sigma)"
+        rows.append(Assumption("motion", what, at_rest.of_gravity.std, "rad/s", None, True, CLASS))
     for name, stray in levels.stray.items():
         if name not in levels.specs:
             continue

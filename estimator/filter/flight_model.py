@@ -14,7 +14,7 @@ import numpy as np
 
 from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
-from sinan.estimator.filter.layout import StateLayout, layout_for
+from sinan.estimator.filter.layout import CAPACITY, StateLayout, layout_for
 from sinan.estimator.filter.tails import NORMAL, spread_of, stray_over_centre
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -295,8 +295,12 @@ def flight_model(
     colour = _colours(where, declared, sensors)
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
+    layout = _layout(sensors, colour, field is not None)
+    if zero_rate is not None and layout.n + zero_rate.size <= CAPACITY:
+        colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
+        layout = _layout(sensors, colour, field is not None)
     return FlightModel(
-        layout=_layout(sensors, colour, field is not None),
+        layout=layout,
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
         gyro=Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)),
         sensors=sensors,

@@ -41,7 +41,7 @@ def blocks() -> dict[str, tuple[str, ...]]:
     for kind in ("b_", "c_"):
         of_kind = [(name, axes) for name, axes in own if name.startswith(kind)]
         laid |= sorted(of_kind, key=lambda block: -len(block[1]))
-    return {**laid, "field": NED}
+    return {**laid, "c_zero_rate": XYZ, "field": NED}
 
 
 def size_of(block: str) -> int:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from sinan.experiments.report.words import SENSORS
+from sinan.sensors.bounds import ASSUMED
 
 #: Share of a stream's readings from which on it is said to be refused.
 NEARLY_ALL = 0.95
 
 
 def refused(shares: Mapping[str, float]) -> dict[str, str]:
-    """A sentence for each stream of which the filter believes hardly a reading; the level is no sensor of its own.
+    """A sentence for each stream of which the filter believes hardly a reading; what is assumed is no stream.
 
     A filter that starts with a wrong attitude is lost as well, and then most positions do not fit its motion.
     """
@@ -19,7 +20,7 @@ def refused(shares: Mapping[str, float]) -> dict[str, str]:
         sensor: f"the filter believes {_few(share)} of the {SENSORS.get(sensor, sensor)} readings: their unit, axis or "
         "frame is another than the recording says, or the first attitude is wrong (try a later --from)"
         for sensor, share in shares.items()
-        if share >= NEARLY_ALL and sensor != "level"
+        if share >= NEARLY_ALL and sensor not in ASSUMED
     }
 
 

@@ -455,7 +455,7 @@ class FlightSource(OfFlight):
 
     def _unit_of(self, name: str) -> str:
         known = field_unit(float(np.linalg.norm(self.model.m_n)), self.field.name)
-        return {"mag": known, "level": "m/s^2", "camera": "pixel"}.get(name, "m")
+        return {"mag": known, "level": "m/s^2", "speed": "m/s", "zero_rate": "rad/s", "camera": "pixel"}.get(name, "m")
 
     def signature(self, before: Fit, term: Term, beta: FloatArray) -> Signature | None:
         """What an effect predicts for the whitened innovations of its stream, and those innovations; an effect on the
