@@ -174,7 +174,7 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             if document["remaining"]
             else []
         )
-        return "; ".join([*longer, *remains, "check axes, units and clocks; declare the noise of the sensors"])
+        return "; ".join([*longer, *remains, "check axes, units and clocks"])
     return "; ".join(_use(effect, log) for effect in _kinds(reported(document)))
 
 
