@@ -9,6 +9,7 @@ import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -24,6 +25,8 @@ _CELLS = 2**20
 #: How programs write a number that is none; how spreadsheets and merged tables leave a cell without a reading.
 NOT_A_NUMBER = ("nan", "NaN")
 NO_READING = (*NOT_A_NUMBER, "", "NA", "None", "null")
+#: How a column is called that holds nothing, since rows end in a separator: no name of a column.
+_NOTHING = "\n"
 #: A number with a comma for the point, and one with the point; rows among which one is looked for.
 _COMMA, _POINT, _FIRST_ROWS = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d+.*"), 20
 
@@ -115,6 +118,8 @@ class TextTable:
     delimiter : one character; empty: any run of blanks
     skip_lines : lines before the first row
     gaps : texts that a cell may hold instead of a number, as programs write what they do not know, or infinities
+
+    Rows may all end in a separator after which there is nothing, and which the line of names lacks.
     """
 
     where: Path | str
@@ -124,10 +129,19 @@ class TextTable:
     skip_lines: int = 1
     gaps: Collection[str] = ()
 
+    @cached_property
+    def _width(self) -> int:
+        """Cells of a row: the named ones, and an empty one where the first row ends in a separator."""
+        try:
+            first = next((cells for _, _, cells in self._cells()), [])
+        except (UnicodeDecodeError, csv.Error, OSError):
+            first = []
+        return len(self.names) + (len(first) == len(self.names) + 1 and not first[-1].strip())
+
     def without_cut_line(self) -> tuple[TextTable, tuple[str, ...]]:
         """The table without a last line that lost its end, as a logger without power leaves it, and a note of it.
 
-        Such a line has no end of line and fewer cells than there are columns; one with all of them is a row.
+        Such a line has no end of line and fewer cells than a row has; one with all of them is a row.
         """
         with self.open() as file:
             size = file.seek(0, io.SEEK_END)
@@ -146,10 +160,10 @@ class TextTable:
             cells = len(next(iter(rows), []))
         except (UnicodeDecodeError, csv.Error):
             return self, ()
-        if cells >= len(self.names):
+        if cells >= self._width:
             return self, ()
         whole = replace(self, open=lambda: cast(BinaryIO, _Beginning(self.open(), size - len(last))))
-        return whole, (f"the last line is cut off after {cells} of {len(self.names)} columns, left out",)
+        return whole, (f"the last line is cut off after {cells} of {self._width} columns, left out",)
 
     def read(self, wanted: Sequence[str]) -> dict[str, FloatArray] | None:
         """The wanted columns, each (n,) and to the last bit of its text; None: something in them is no number.
@@ -167,6 +181,8 @@ class TextTable:
                 warnings.simplefilter("error")
                 for frame in self._frames(file, wanted):
                     rows += len(frame)
+                    if self._width > len(self.names) and bool((frame.pop(_NOTHING).str.strip() != "").any()):
+                        return None
                     ends_early |= bool(self.gaps) and bool(frame.iloc[:, -1].isna().any())
                     require_numbers(self.where, rows * len(wanted), f"after row {rows - len(frame)}")
                     parts.append({name: frame[name].to_numpy(np.float64) for name in wanted})
@@ -239,12 +255,13 @@ class TextTable:
         """The rows as tables of pandas, some at a time."""
         import pandas as pd
 
+        names = [*self.names, _NOTHING][: self._width]
         # The default of pandas 3 is exact; before, exact had to be asked for.
         exact = {"float_precision": "round_trip"} if int(pd.__version__.split(".")[0]) < 3 else {}
         return pd.read_csv(
-            file, sep=self.delimiter or r"\s+", header=None, names=list(self.names), index_col=False,
-            dtype={name: np.float64 if name in wanted else str for name in self.names}, encoding="utf-8-sig",
-            skipinitialspace=True, keep_default_na=False, na_values=sorted(self.gaps),
+            file, sep=self.delimiter or r"\s+", header=None, names=names, index_col=False,
+            dtype={name: np.float64 if name in wanted else str for name in names}, encoding="utf-8-sig",
+            skipinitialspace=True, keep_default_na=False, na_values=dict.fromkeys(self.names, sorted(self.gaps)),
             decimal=self._decimal(), chunksize=max(1, _CELLS // len(self.names)), **exact,
         )  # fmt: skip
 
@@ -297,7 +314,13 @@ class TextTable:
         return decimal_of(cells)
 
     def _rows(self) -> Iterator[tuple[int, int, list[str]]]:
-        """Row number, line number and cells of every row."""
+        """Row number, line number and cells of every row, but for an empty one after the last separator."""
+        for row, line, cells in self._cells():
+            nothing = len(cells) == self._width > len(self.names) and not cells[-1].strip()
+            yield row, line, cells[:-1] if nothing else cells
+
+    def _cells(self) -> Iterator[tuple[int, int, list[str]]]:
+        """Row number, line number and all cells of every row."""
         row = 0
         with io.TextIOWrapper(self._past_the_head(), encoding="utf-8-sig", newline="") as text:
             lines = csv.reader(text, delimiter=self.delimiter or " ", skipinitialspace=True)

@@ -145,6 +145,50 @@ def test_a_row_that_is_cut_off_is_not_one_with_empty_cells(tmp_path: Path, fligh
         open_log(path)
 
 
+def trailing(path: Path, mark: str) -> list[str]:
+    """The lines of a table, each row with something after the last cell."""
+    head, *rows = path.read_text().splitlines()
+    return [head, *(row + mark for row in rows)]
+
+
+@pytest.mark.parametrize("end", ["\n", ""])
+def test_a_separator_at_the_end_of_every_row_is_no_column(tmp_path: Path, flight: Flight, end: str) -> None:
+    """The line of names lacks it."""
+    path = write(tmp_path / "log.csv", ["t", *NAMES], [flight.t, *axes(flight)])
+    path.write_text("\n".join(trailing(path, ",")) + end)
+    recording = open_log(path)
+    check(recording, flight, FRD, field=False)
+    assert len(recording.streams["imu"]) == len(flight.t)
+    map_file = tmp_path / "log.toml"
+    map_file.write_text(
+        f'kind = "flight"\n[file]\nheader = true\n[streams.imu]\ntime = {{ column = "t" }}\n'
+        f"accel = {{ columns = {NAMES[:3]} }}\ngyro = {{ columns = {NAMES[3:]} }}\n"
+    )
+    check(open_log(path, map_file), flight, FRD, field=False)
+
+
+def test_a_column_without_a_name_that_holds_something_is_an_error(tmp_path: Path, flight: Flight) -> None:
+    path = write(tmp_path / "log.csv", ["t", *NAMES], [flight.t, *axes(flight)])
+    lines = trailing(path, ",")
+    lines[700] += "5"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"row 700 \(line 701\): 8 columns; expected 7 columns"):
+        open_log(path)
+
+
+def test_of_rows_that_end_in_a_separator_one_that_is_cut_off_is_told(tmp_path: Path, flight: Flight) -> None:
+    path = write(tmp_path / "log.csv", ["t", *NAMES], [flight.t, *axes(flight)])
+    lines = trailing(path, ",")
+    path.write_text("\n".join(lines)[:-2])
+    recording = open_log(path)
+    assert len(recording.streams["imu"]) == len(flight.t) - 1
+    assert "the last line is cut off after 7 of 8 columns, left out" in recording.notes
+    lines[700] = lines[700].rsplit(",", 2)[0]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"row 700 \(line 701\): 6 columns; expected 7 columns"):
+        open_log(path)
+
+
 @pytest.mark.parametrize("empty", ["", "nan"])
 def test_an_inertial_reading_that_is_no_number_is_an_error(tmp_path: Path, flight: Flight, empty: str) -> None:
     force = axes(flight)
