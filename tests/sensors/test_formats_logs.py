@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sinan.experiments.datasets import resolve
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
-from sinan.sensors.formats.columns import FileOptions, content_of, read_columns
+from sinan.sensors.formats.columns import FileOptions, content_of, notes_of, read_columns
 from sinan.sensors.formats.matlab import read_matlab
 from sinan.sensors.formats.mwlog import MwlogWriter, read_mwlog
 from sinan.sensors.formats.records import RecordLayout, read_records
@@ -383,17 +383,44 @@ def test_a_measured_log_of_a_receiver_is_as_its_map_reads_it(measured_data: Path
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (ubx(bytes(92))[:-1], "cut off"),
+        (ubx(bytes(92))[:-1], "no NAV-PVT message; the last message is cut off: its 99 bytes left out"),
+        (ubx(bytes(92))[:4] + b"\xff\xff" + ubx(bytes(92)), "a message of 65535 bytes that is cut off"),
         (ubx(bytes(92))[:-1] + b"\0", "checksum"),
         (ubx(bytes(80)), "NAV-PVT of 80 bytes"),
         (ubx(b"", b"\x01\x22"), "no NAV-PVT"),
-        (b"\xb5\x62\x01\x07\xff\xff", "cut off"),
+        (b"\xb5\x62\x01\x07\xff\xff", "no NAV-PVT message; the last message is cut off: its 6 bytes left out"),
     ],
 )
 def test_ubx_damaged(tmp_path: Path, data: bytes, expected: str) -> None:
     (tmp_path / "a").write_bytes(data)
     with pytest.raises(InputError, match=expected):
         read_ubx(tmp_path / "a")
+
+
+@pytest.mark.parametrize("left", [3, 23, 99])
+def test_a_last_ubx_message_that_is_cut_off_is_left_out(tmp_path: Path, left: int) -> None:
+    whole = b"".join(solution(1000 * k) for k in range(3))
+    (tmp_path / "a.ubx").write_bytes(whole + solution(3000)[:left])
+    note = f"the last message is cut off: its {left} bytes left out"
+    recording = open_log(tmp_path / "a.ubx")
+    np.testing.assert_allclose(recording.streams["gps"].t, np.arange(3.0))
+    assert note in recording.notes
+    assert notes_of(read_ubx(tmp_path / "a.ubx")) == (note,)
+
+
+@pytest.mark.parametrize(
+    ("solutions", "why"),
+    [
+        ([solution(0, fix=5), solution(1000, fix=5)], "2 of the time only (fixType 5)"),
+        ([solution(0, fix=0), solution(1000, fix=2)], "1 without a fix (fixType 0), 1 in two dimensions (fixType 2)"),
+        ([solution(0, flags=0)], "1 not within the receiver's own limits (gnssFixOK)"),
+        ([solution(0, fix=9)], "1 of an unknown fixType"),
+    ],
+)
+def test_solutions_that_are_no_fix_say_why(tmp_path: Path, solutions: list[bytes], why: str) -> None:
+    (tmp_path / "a.ubx").write_bytes(b"".join(solutions))
+    expected = f"no gps, since no solution is a fix in three dimensions: {why}; expected a receiver that solves for"
+    assert expected in message(tmp_path / "a.ubx")
 
 
 @pytest.mark.parametrize(
