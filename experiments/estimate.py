@@ -11,6 +11,7 @@ import numpy as np
 
 from sinan.estimator.evidence.consistency import BLOCK_NAMES, nees, nees_by_block, nis
 from sinan.estimator.filter.engine import Engine, choose_engine
+from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.journal import Journal
@@ -23,6 +24,7 @@ from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file
 from sinan.sensors.recording import POSITION, QUATERNION, VELOCITY, Stream, Truth
 from sinan.sensors.simulate import BIAS_COLUMNS
+from sinan.sensors.window import told_from
 
 STATE_LOG_STEP = 0.02  # s between rows of the table of states, at least
 
@@ -106,9 +108,10 @@ def report_of(journal: Journal) -> dict[str, Any]:
     sigma = np.sqrt(np.diag(journal.P_end))
     biases = {name[2:]: name for name in layout.names if name.startswith("b_")}
     consistency = nis(journal)
+    recording = journal.run.recording  # type: ignore[attr-defined]
     return {
         "format": 1,
-        "recording": journal.run.recording.name,  # type: ignore[attr-defined]
+        "recording": recording.name,
         "field_unit": field_unit_of(journal) or None,
         "duration": journal.t_end - journal.t_start,
         "bias": {sensor: end[layout.nominal(block)].tolist() for sensor, block in biases.items()},
@@ -125,7 +128,7 @@ def report_of(journal: Journal) -> dict[str, Any]:
             "position_std": sigma[DP].tolist(), "velocity_std": sigma[DV].tolist(),
             "attitude_std": sigma[DTHETA].tolist(),
         },
-        "notes": [str(note) for note in journal.notes],
+        "notes": [note.told(told_from(recording)) if isinstance(note, Note) else note for note in journal.notes],
     }  # fmt: skip
 
 

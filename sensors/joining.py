@@ -10,7 +10,7 @@ import numpy as np
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.recording import Recording, Stream, tells_height
-from sinan.sensors.window import between, end_of, start_of
+from sinan.sensors.window import between, end_of, second_words, start_of, told_from
 
 #: Stamps of each log begin at a multiple of this many seconds after those of the first, past the end of the one before.
 ROUND = 1000.0
@@ -57,7 +57,8 @@ def joined(recordings: Sequence[Recording]) -> Recording:
     }
     breaks = [float(streams["imu"].t[0] + shift) for streams, shift in shifted]
     places = zip(recordings, breaks, strict=True)
-    notes = [f"log {k + 1}, {one.where}: from {at:.4g} s" for k, (one, at) in enumerate(places)]
+    zero = told_from(first)
+    notes = [f"log {k + 1}, {one.where}: from {second_words(at, zero)} s" for k, (one, at) in enumerate(places)]
     own = [note for one in recordings for note in one.notes]
     return first.replace(
         name=f"{first.name} and {len(recordings) - 1} more",

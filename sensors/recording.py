@@ -235,6 +235,7 @@ class Recording:
     breaks : stamps of the IMU [s] at which another log of the same vehicle begins, unrelated to what was before
     points : (k, 4) known points that a camera sees: number, north, east, down [m]; None: there are none
     log_start : clock of the original log at t = 0 [s]; None: not known
+    first_sample : of a part, t of the first sample of the whole log [s]; None: it is the whole
     """
 
     name: str
@@ -251,6 +252,7 @@ class Recording:
     breaks: tuple[float, ...] = ()
     points: FloatArray | None = None
     log_start: float | None = None
+    first_sample: float | None = None
 
     def __post_init__(self) -> None:
         if not self.streams:

@@ -15,6 +15,12 @@ LEAST_ROWS = 2
 Span = tuple[float | None, float | None]
 WHOLE: Span = (None, None)
 _CLOCKS = ("imu", "poses")
+#: A clock that shows less at the first sample counts from there as well as words tell it: a tenth of a second is their
+#: last digit from 100 s on [s].
+NEAR_ZERO = 0.1
+#: From here on words tell whole seconds: of the four digits that they have else, at most thousandths, the last would be
+#: tens [s].
+_LONG = 1e4
 
 
 def start_of(recording: Recording) -> float:
@@ -33,6 +39,33 @@ def end_of(recording: Recording) -> float:
         if name in recording.streams:
             return float(recording.streams[name].t[-1])
     return max(float(stream.t[-1]) for stream in recording.streams.values())
+
+
+def told_from(recording: Recording) -> float:
+    """What the recording's clock shows at the instant from which words and pages count, as `--from` and `--to` do: the
+    first sample of the log, of which this may be a part; 0 where the clock shows about 0 there [s].
+    """
+    first = start_of(recording) if recording.first_sample is None else recording.first_sample
+    return first if abs(first) > NEAR_ZERO else 0.0
+
+
+def told_from_note(recording: Recording) -> list[str]:
+    """A sentence that says from when words count, where that is not the recording's own clock."""
+    zero = told_from(recording)
+    said = f"times are told in seconds after the log's first sample, {zero:.3f} s on its own clock"
+    return [f"{said}: `--from` and `--to` take them so"] if zero else []
+
+
+def second_words(t: float, zero: float = 0.0) -> str:
+    """An instant in words [s].
+
+    Parameters
+    ----------
+    t : on the recording's clock
+    zero : `told_from` of it
+    """
+    after = t - zero
+    return f"{round(after, 3) + 0.0:.4g}" if abs(after) < _LONG else f"{after:.0f}"
 
 
 def between(recording: Recording, begin: float, end: float) -> Recording:
@@ -88,7 +121,8 @@ def window(recording: Recording, span: Span) -> Recording:
     lost = [name for name in recording.streams if name not in part.streams]
     notes = [f"{span_words(span)} of the log, counted from its first sample"]
     notes += [f"{', '.join(lost)}: fewer than {LEAST_ROWS} readings in that part, left out"] if lost else []
-    return part.replace(notes=(*part.notes, *notes))
+    first = start if recording.first_sample is None else recording.first_sample
+    return part.replace(notes=(*part.notes, *notes), first_sample=first)
 
 
 def span_words(span: Span) -> str:

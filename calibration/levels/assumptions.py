@@ -13,6 +13,7 @@ from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.geomagnetism import declination, direction_at, field_along, inclination
 from sinan.sensors.recording import Recording
+from sinan.sensors.window import told_from
 
 FOUND, CLASS = "log, near its class", "class of instruments"
 #: What a key of a sensor is called, and what its unit has besides the sensor's own.
@@ -57,7 +58,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     rows += _of_the_last_digit(recording, levels)
     for upset in levels.upsets:
         for quantity, value, unit in (("attitude", upset.attitude, "rad"), ("velocity", upset.velocity, "m/s")):
-            what = f"{quantity} open again at {upset.t:.1f} s (1 sigma)"
+            what = f"{quantity} open again at {upset.t - told_from(recording):.1f} s (1 sigma)"
             rows.append(Assumption("motion", what, value, unit, None, True, "log: likeliest of those tried"))
     if levels.bounds is not None:
         for quantity, value, unit in (
@@ -71,9 +72,9 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         what = "degrees of freedom of the Student law of innovations"
         rows.append(Assumption("all", what, levels.tail, "", None, True, CLASS))
     if levels.zero_rate is not None:
-        start = recording.streams["imu"].t[0]
         at_rest, sigma = levels.zero_rate, float(np.sqrt(np.mean(levels.zero_rate.sigma**2)))
-        what = f"rate of turn in {len(at_rest.end)} windows at rest, from {at_rest.begin[0] - start:.0f} s on (1 sigma)"
+        begin = at_rest.begin[0] - told_from(recording)
+        what = f"rate of turn in {len(at_rest.end)} windows at rest, from {begin:.0f} s on (1 sigma)"
         rows.append(Assumption("motion", what, sigma, "rad/s", None, True, "log: as quiet and white as an instrument"))
         what = "gyroscope's bias of one attitude at rest (1 sigma)"
         rows.append(Assumption("motion", what, at_rest.of_gravity.std, "rad/s", None, True, CLASS))

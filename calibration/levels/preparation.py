@@ -21,6 +21,7 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.recording import VELOCITY, Recording, Stream
 from sinan.sensors.settling import unsettled
+from sinan.sensors.window import told_from
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
     flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
-    notes += level_notes(levels)
+    notes += level_notes(levels, told_from(recording))
     return Prepared(flight.reading(headed.replace(notes=(*recording.notes, *notes))), levels, tuple(notes))
 
 
@@ -202,8 +203,8 @@ def near_level_or_a_place(recording: Recording) -> Prepared:
     return max((as_declared(recording), prepared(recording, late=False)), key=log_likelihood)
 
 
-def level_notes(levels: Levels) -> list[str]:
-    """One line a sensor: the sizes that were found or taken from the class of instrument."""
+def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
+    """One line a sensor: the sizes that were found or taken from the class of instrument; times from `zero` [s] on."""
     lines = []
     for sensor in dict.fromkeys(size.sensor for size in levels.found if size.sensor not in OF_NO_SENSOR):
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
@@ -217,7 +218,7 @@ def level_notes(levels: Levels) -> list[str]:
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
-        lines.append(f"upset at {upset.t:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")
+        lines.append(f"upset at {upset.t - zero:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(

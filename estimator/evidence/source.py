@@ -18,6 +18,7 @@ from sinan.estimator.evidence.term import Model, Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE
+from sinan.sensors.window import second_words
 
 Part = Literal["all", "fitting"]
 
@@ -136,6 +137,7 @@ class StreamResidual:
     unit : of `residual`
     covariates : (n,) each, what the residual may follow
     row : (n,) number of the reading in its recording, the same in every fit of it
+    zero : what `t` shows where words and figures count from (`sensors.window.told_from`) [s]
     """
 
     stream: str
@@ -147,6 +149,7 @@ class StreamResidual:
     unit: str
     covariates: Mapping[str, FloatArray]
     row: IntArray
+    zero: float = 0.0
 
     @property
     def counted(self) -> bool:
@@ -157,7 +160,7 @@ class StreamResidual:
         """An interval in words: its end is past the last reading in it."""
         if self.counted:
             return f"in readings {int(np.ceil(start))} to {int(np.ceil(end)) - 1}"
-        return f"from {start:.4g} s to {end:.4g} s"
+        return f"from {second_words(start, self.zero)} s to {second_words(end, self.zero)} s"
 
     @property
     def rms(self) -> float:
@@ -193,6 +196,7 @@ class StreamResidual:
             self.unit,
             covariates,
             self.row[keep],
+            self.zero,
         )
 
 

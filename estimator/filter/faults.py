@@ -26,7 +26,12 @@ class Note:
     action: str
 
     def __str__(self) -> str:
-        when = f"from {self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"at {self.start:.3f} s"
+        return self.told()
+
+    def told(self, zero: float = 0.0) -> str:
+        """In words; `zero` [s] is where they count from (`sensors.window.told_from`)."""
+        start, stop = self.start - zero, self.stop - zero
+        when = f"from {start:.3f} to {stop:.3f} s" if stop > start else f"at {start:.3f} s"
         return f"{self.stream}: {self.kind} {when}, {self.action}"
 
 

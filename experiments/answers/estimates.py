@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -26,6 +26,7 @@ from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
 from sinan.sensors.model import SensorModel
 from sinan.sensors.recording import Recording
+from sinan.sensors.window import told_from, told_from_note
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -144,10 +145,9 @@ class Estimate(Answer):
         from sinan.experiments.review.drawing import drawn
         from sinan.experiments.review.of_answers import review_of_estimate
 
-        courses, review = (
-            bias_courses(self.journal, self.reference),
-            review_of_estimate(self.recording, self.journal, self.reference),
-        )
+        zero = told_from(self.recording)
+        courses = [replace(one, t=one.t - zero) for one in bias_courses(self.journal, self.reference)]
+        review = review_of_estimate(self.recording, self.journal, self.reference)
         estimate_page(Path(path), self.document["called"], self.document, courses, drawn(review))
         return Path(path)
 
@@ -242,7 +242,7 @@ def estimate(
     document["assumed"] = [name for name in document["nis"] if name not in recording.streams]
     document["noise"] = list(ready.notes)
     document["assumptions"] = as_rows(model.assumptions)
-    document["notes"] += coarse_note(journal)
+    document["notes"] += [*coarse_note(journal), *told_from_note(recording)]
     found = {size.sensor for size in ready.levels.found if size.key == "noise_std"}
     document["estimated"] = sorted(found & set(model.sensors))
     document["call"] = asked.call_of(recording)

@@ -27,6 +27,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Recording
+from sinan.sensors.window import second_words, told_from, told_from_note
 
 #: Below so many samples a second an IMU is said to be slow: a vehicle that turns to and fro 5 times a second, as the
 #: attitude loop of a multicopter may, then has four samples a turn or fewer [Hz].
@@ -194,7 +195,8 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     log = Log(asked.input_of(recording), asked.map_file, asked.choice)
     document = worded(report(traced), asked.name_of(recording), log)
     document["window"] = asked.window
-    document["notes"] = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    taken = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
+    document["notes"] = [*taken, *told_from_note(recording)]
     document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
     document["warnings"] = [*slow_imu(recording), *(one for part in traced.parts for one in _not_believed(part.source))]
     document["not_seen"] = not_seen(recording, document)
@@ -291,10 +293,10 @@ def taken_from_the_log(recording: Recording, source: Source) -> list[str]:
 
 def _stretches(source: Source) -> list[str]:
     """Which stretches a flight has, where gaps that nothing bridges cut it into several."""
-    found = source.stretches if isinstance(source, FlightSource) else []
-    if len(found) < 2:
+    if not isinstance(source, FlightSource) or len(found := source.stretches) < 2:
         return []
-    spans = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in found)
+    zero = told_from(source.recording)
+    spans = ", ".join(f"{second_words(start, zero)} to {second_words(end, zero)} s" for start, end in found)
     return [f"{len(found)} stretches, each with a first state and states of its own: {spans}"]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -57,6 +57,7 @@ def residuals_over_time(
     ----------
     held_out : which they are, in words; empty: none is shaded, since readings all over are withheld in turn
     """
+    zero, before, after = before.zero, _told(before), _told(after)
     figure, axes = new_figure(2, 1, 2.3, sharex=True, sharey=True)
     for one, r, colour, label in (
         (axes[0, 0], before, BEFORE, "plain model"),
@@ -69,7 +70,7 @@ def residuals_over_time(
             one.plot(r.t[thin], component[thin], ".", ms=3.5, color=colour, alpha=0.7, lw=0)
         one.axhline(0.0, color=SOFT, lw=0.8)
         for start, end in intervals:
-            one.axvspan(start, end, color=DISTURBED, alpha=0.35, lw=0)
+            one.axvspan(start - zero, end - zero, color=DISTURBED, alpha=0.35, lw=0)
         size = f"{r.rms:.3g} {stream_unit(r.stream, r.unit)}".strip()
         one.set_title(f"{label}: RMS {size} over all data", loc="left", fontsize=10)
         one.set_ylabel(
@@ -120,7 +121,9 @@ def residual_against_effect(signature: Signature, name: str) -> Figure:
 def effect_over_time(before: StreamResidual, after: StreamResidual, name: str, interval: tuple[float, float]) -> Figure:
     """Residual around the interval of a time-localised effect, of the model without it and of the final one."""
     unit = stream_unit(before.stream, before.unit)
-    t0, t1 = max(interval[0], before.t[0]), min(interval[1], before.t[-1])
+    start, end = interval[0] - before.zero, interval[1] - before.zero
+    before, after = _told(before), _told(after)
+    t0, t1 = max(start, before.t[0]), min(end, before.t[-1])
     step = (before.t[-1] - before.t[0]) / max(len(before.t), 1)
     around = max(1.5 * (t1 - t0), 12.0 * step)
     figure, axes = new_figure(1, 1, 3.0)
@@ -173,7 +176,7 @@ def residuals_like_noise(streams: Sequence[StreamResidual], scale: float) -> Fig
     figure, axes = new_figure(len(streams), 2, 1.7, gridspec_kw={"width_ratios": [3, 1]}, sharey="row")
     x = np.linspace(-4.0, 4.0, 161)
     normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
-    for (left, right), r in zip(axes, streams, strict=True):
+    for (left, right), r in zip(axes, map(_told, streams), strict=True):
         z, told = np.where(r.tells, r.whitened / scale, np.nan), r.whitened[r.tells] / scale
         thin = _thin(len(r.t))
         left.axhspan(-2.0, 2.0, color=BAND, lw=0)
@@ -187,7 +190,7 @@ def residuals_like_noise(streams: Sequence[StreamResidual], scale: float) -> Fig
         right.hist(np.clip(told, -4.4, 4.4), bins, density=True, orientation="horizontal", color=AFTER, alpha=0.5)
         right.plot(normal, x, color="black", lw=1.2)
         right.set_xticks([])
-    axes[-1, 0].set_xlabel(_time_label(streams[0].t, "grey: ± 2 σ, 95 % of pure noise"), fontsize=9)
+    axes[-1, 0].set_xlabel(_time_label(_told(streams[0]).t, "grey: ± 2 σ, 95 % of pure noise"), fontsize=9)
     axes[-1, 1].set_xlabel("black: pure noise", fontsize=9)
     return figure
 
@@ -200,6 +203,11 @@ def _legend(entries: Sequence[tuple[str, str]]) -> tuple[list[object], list[str]
 
 def _sensor(signature: Signature) -> str:
     return SENSORS.get(signature.stream, signature.stream)
+
+
+def _told(r: StreamResidual) -> StreamResidual:
+    """The same over the time that words tell."""
+    return replace(r, t=r.t - r.zero, zero=0.0)
 
 
 def _thin(n: int) -> slice:

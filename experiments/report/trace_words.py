@@ -18,6 +18,7 @@ from sinan.experiments.residual_loop.trials import (
     UNTRIED,
 )
 from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.window import second_words
 
 #: An excess beyond so many times the expected is said as a factor, not in per cent.
 _FACTOR = 9.0
@@ -65,12 +66,13 @@ def size_and_sigma(effect: Mapping[str, Any]) -> str:
 
 def interval_words(effect: Mapping[str, Any]) -> str:
     """When a time-localised effect acted; in a log without time stamps the numbers of the readings, from 0 on."""
-    start, end = effect["interval"]
+    start, end = effect.get("interval_after_first") or effect["interval"]
     step = str(effect["name"]).endswith(".step")
     if effect.get("interval_unit", "s") == "reading":
         first, last = int(np.ceil(start)), int(np.ceil(end)) - 1
         return f"from reading {first} on" if step else f"in readings {first} to {last}"
-    return f"from {start:.4g} s on" if step else f"from {start:.4g} s to {end:.4g} s"
+    begins, ends = second_words(start), second_words(end)
+    return f"from {begins} s on" if step else f"from {begins} s to {ends} s"
 
 
 def parameter_rows(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:

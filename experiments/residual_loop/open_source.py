@@ -25,6 +25,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.header import LARGEST
 from sinan.sensors.formats.plausible import OTHER_UNIT
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
+from sinan.sensors.window import told_from
 
 #: Rows closer than this are a full-rate log, in which static poses have to be found, else each row is a pose [s]: a
 #: pose takes `SHORTEST` + 2 `MARGIN` = 1.4 s, and of 1 / 0.1 = 10 readings a second a window has the 5 that tell a
@@ -237,8 +238,8 @@ def pose_source(recording: Recording, sensor: str | None = None, gravity: float 
     if others:
         raise InputError(recording.where, f"sensors {', '.join((sensor, *others))}", "one of them")
     if sensor == "gyro":
-        return LeastSquaresSource(_turns(recording, gravity, declared_for(recording, sensor)))
-    return LeastSquaresSource(norm_poses(recording, triad_readings(recording, sensor, gravity)))
+        return LeastSquaresSource(_turns(recording, gravity, declared_for(recording, sensor)), told_from(recording))
+    return LeastSquaresSource(norm_poses(recording, triad_readings(recording, sensor, gravity)), told_from(recording))
 
 
 def declared_for(recording: Recording, sensor: str, normalised_by: float = 1.0) -> dict[str, tuple[float, ...]]:

@@ -123,6 +123,10 @@ def time_is_count(part: Part) -> bool:
     return all(r.counted for r in part.source.residuals(part.trace.selection.plain))
 
 
+def _zero(part: Part) -> float:
+    return part.source.residuals(part.trace.selection.plain)[0].zero
+
+
 def _named(part: Part, named: Named) -> dict[str, object]:
     """An effect, and what it does to the held-out error."""
     held = named.contribution
@@ -159,6 +163,7 @@ def _effect(part: Part, finding: Finding) -> dict[str, object]:
         "confused_with": list(finding.confused_with),
         "at_least": finding.at_least,
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
+        "interval_after_first": None if interval is None else [float(t) - _zero(part) for t in interval],
         "interval_unit": "reading" if time_is_count(part) else "s",
         "satellite": finding.term.satellite,
         "summary": entry.opposite if entry.is_opposite(finding.beta) else entry.summary,

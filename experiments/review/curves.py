@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,6 +123,21 @@ class Review:
     def panels(self) -> tuple[Panel, ...]:
         """Of all sections."""
         return tuple(panel for section in self.sections for panel in section.panels)
+
+    def counted_from(self, zero: float) -> Review:
+        """The same with `zero` [s] as the origin of time."""
+        if self.axis != "time" or not zero:
+            return self
+        plan = None if self.plan is None else replace(self.plan, t=self.plan.t - zero)
+        events = tuple(replace(one, start=one.start - zero, stop=one.stop - zero) for one in self.events)
+        sections = tuple(replace(one, panels=tuple(_later(p, zero) for p in one.panels)) for one in self.sections)
+        return replace(self, span=(self.span[0] - zero, self.span[1] - zero), sections=sections, events=events,
+                       plan=plan)  # fmt: skip
+
+
+def _later(panel: Panel, zero: float) -> Panel:
+    curves = tuple(replace(curve, x=curve.x - zero) for curve in panel.curves)
+    return replace(panel, curves=curves) if panel.axis == "time" else panel
 
 
 def broken(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,6 +16,7 @@ from sinan.experiments.review.events import fault_events, found_events, gap_even
 from sinan.experiments.review.flight import Flown, flight_review
 from sinan.experiments.review.readings import readings_review
 from sinan.sensors.recording import Recording
+from sinan.sensors.window import told_from
 
 
 def review_of_estimate(recording: Recording, journal: Journal, target: Mounted | None) -> Review:
@@ -28,7 +29,7 @@ def review_of_estimate(recording: Recording, journal: Journal, target: Mounted |
     """
     events = [*logged_events(recording), *gap_events(recording), *fault_events(journal.notes)]
     flown = Flown(recording, journal.imu_t, journal.imu_x, journal, journal.model.translation, target, tuple(events))
-    return flight_review(flown)
+    return flight_review(flown).counted_from(told_from(recording))
 
 
 def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str, Any]) -> Review:
@@ -42,7 +43,8 @@ def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str,
     part = traced.parts[0]
     if not isinstance(part.source, FlightSource):
         review = readings_review(recording)
-        return replace(review, events=tuple(found_events(document, review.span[1])))
+        found = tuple(found_events(document, review.span[1]))
+        return replace(review, events=found).counted_from(told_from(recording))
     journal = part.source.journal(part.trace.final)
     t, x = part.source.states(part.trace.final)
     set_aside = [Event("refused", at, at, f"{SENSORS.get(name, name)} reading left out as wrong")
@@ -52,4 +54,4 @@ def review_of_trace(recording: Recording, traced: Traced, document: Mapping[str,
         *found_events(document, float(t[-1])), *gap_events(recording), *fault_events(journal.notes), *set_aside,
     ]  # fmt: skip
     flown = Flown(recording, t, x, journal, part.source.model.translation, reference_of(recording), tuple(events))
-    return flight_review(flown)
+    return flight_review(flown).counted_from(told_from(recording))

@@ -24,7 +24,7 @@ from sinan.experiments.report.estimate_words import warnings_of as innovation_wa
 from sinan.experiments.report.figures import biases_over_time
 from sinan.experiments.report.monte_carlo_words import remark
 from sinan.experiments.report.page import Page
-from sinan.experiments.report.trace_page import evidence, trace_page
+from sinan.experiments.report.trace_page import evidence, trace_figures, trace_page
 from sinan.experiments.report.trace_words import (
     REFUSED,
     effect_line,
@@ -68,6 +68,8 @@ from sinan.sensors.recording import MAG, Stream
 from sinan.sensors.simulate import simulate
 
 Report = tuple[Traced, dict[str, Any]]
+#: A time since 1970 [s].
+EPOCH = 1_629_000_000.0
 
 
 def traced(*effects: str, seed: int = 7) -> Report:
@@ -152,6 +154,28 @@ def test_localised_effect_is_drawn_where_it_acts(disturbed: Report, tmp_path: Pa
     assert re.fullmatch(r"from \d\d(\.\d+)? s to \d\d(\.\d+)? s", interval_words(document["effects"][0]))
     trace_page(tmp_path / "page.html", result, document)
     assert "The residual around the interval" in (tmp_path / "page.html").read_text()
+
+
+def test_times_are_told_as_from_and_to_take_them(tmp_path: Path) -> None:
+    """Of a log whose clock shows the time since 1970; the JSON has that clock."""
+    present = [parse_effect("mag.transient=0.2,0,0.1@40:60")]
+    recording, _ = simulate(load_scenario("mag_poses"), np.random.default_rng(7), present)
+    later = recording.replace(
+        streams={name: Stream(one.t + EPOCH, one.columns) for name, one in recording.streams.items()}
+    )
+    source = pose_source(later, "mag")
+    result, document = worded_report(Traced.alone(source, trace(source)))
+    (effect,) = document["effects"]
+    start, end = effect["interval"]
+    assert 35.0 < start - EPOCH < end - EPOCH < 65.0
+    assert effect["interval_after_first"] == [start - EPOCH, end - EPOCH]
+    assert interval_words(effect) in document["headline"]
+    assert interval_words(effect) == f"from {start - EPOCH:.4g} s to {end - EPOCH:.4g} s"
+    (residual,) = source.residuals(result.parts[0].trace.final)
+    assert residual.when(start, end) == interval_words(effect)
+    assert residual.rows(residual.held_out).zero == residual.zero
+    for figure, _ in (drawn for name, drawn in trace_figures(result, document).items() if name != "candidates"):
+        assert not any(axes.get_xlim()[1] > 1000.0 for axes in figure.axes)
 
 
 @pytest.mark.parametrize(

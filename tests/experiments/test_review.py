@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sinan
+from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.commands.estimate import run as estimate
 from sinan.experiments.report.page import Page
-from sinan.experiments.review.curves import Curve, Panel, Review, Section, broken, thinned
+from sinan.experiments.review.curves import Curve, Event, Panel, Review, Section, broken, thinned
 from sinan.experiments.review.drawing import decades, drawn, ticks, values_span
 from sinan.experiments.review.events import gap_events
 from sinan.experiments.review.flight import Flown, flight_review
+from sinan.experiments.review.of_answers import review_of_estimate
 from sinan.experiments.review.readings import readings_review
 from sinan.experiments.review.spectrum import amplitude_density
 from sinan.experiments.scenarios import simulate_to_folder
@@ -103,6 +107,23 @@ def test_fixes_in_two_dimensions_have_no_innovation_of_height() -> None:
     panels = [panel for panel in review.panels if panel.robust and panel.title.startswith("GPS")]
     innovations = {panel.title: {curve.name for curve in panel.curves} for panel in panels}
     assert innovations == {"GPS position": {"north", "east"}, "GPS velocity": {"north", "east", "down"}}
+
+
+def test_an_estimate_is_drawn_and_told_over_the_time_since_the_first_sample() -> None:
+    recording, _ = fly(2, duration=5.0, sensors=("gps", "mag"))
+    epoch = 1_629_000_000.0
+    later = {name: Stream(one.t + epoch, one.columns) for name, one in recording.streams.items()}
+    found = sinan.estimate(recording.replace(streams=later, truth=None))
+    note = Event("refused", epoch + 1.0, epoch + 2.0, "note")
+    review = review_of_estimate(found.recording, found.journal, None)
+    assert review.span == pytest.approx((0.0, 5.0), abs=0.1)
+    assert all(abs(curve.x[0]) < 1.5 for panel in review.panels if panel.axis == "time" for curve in panel.curves)
+    (told,) = replace(review, events=(note,)).counted_from(epoch).events
+    assert (told.start, told.stop) == (1.0, 2.0)
+    said = [text for text in found.document["notes"] if text.startswith("times are told in seconds after")]
+    assert len(said) == 1
+    assert str(Note("gps", "frozen", 313.0, 314.5, "left out")).startswith("gps: frozen from 313.000 to 314.500 s")
+    assert Note("gps", "gap", 313.0, 313.0, "left out").told(311.0) == "gps: gap at 2.000 s, left out"
 
 
 def test_page_of_an_hour_at_a_thousand_hertz_stays_small(tmp_path: Path) -> None:

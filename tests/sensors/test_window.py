@@ -7,7 +7,7 @@ import pytest
 
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Initial, Recording, SensorSpec, Stream, Truth
-from sinan.sensors.window import WHOLE, between, span_words, window
+from sinan.sensors.window import WHOLE, between, second_words, span_words, told_from, told_from_note, window
 
 #: What the clock of the log shows at its first IMU sample [s].
 START = 1000.0
@@ -98,3 +98,33 @@ def test_a_part_that_is_none_is_named(span: tuple[float | None, float | None], s
 def test_a_part_without_any_stream_is_named() -> None:
     with pytest.raises(InputError, match="fewer than 2 samples"):
         between(log().replace(streams={"power": log().streams["power"]}), START + 4.0, START + 5.0)
+
+
+def moved(recording: Recording, by: float) -> Recording:
+    """The same on another clock [s]."""
+    streams = {name: Stream(one.t + by, one.columns) for name, one in recording.streams.items()}
+    return recording.replace(streams=streams, truth=None)
+
+
+def test_words_count_from_the_first_sample_of_the_log_as_the_options_do() -> None:
+    part = window(window(log(), (10.0, None)), (5.0, 20.0))
+    for one in (log(), window(log(), (None, 20.0)), window(log(), (20.0, 40.0)), part):
+        assert told_from(one) == START
+        assert told_from_note(one) == [
+            "times are told in seconds after the log's first sample, 1000.000 s on its own clock: `--from` and `--to` "
+            "take them so"
+        ]
+    again = window(log(), (12.0, 13.0)).streams["imu"].t[0]
+    assert second_words(float(again), told_from(log())) == "12"
+
+
+def test_words_have_the_clock_of_a_log_that_begins_near_zero() -> None:
+    near = moved(log(), 0.05 - START)
+    for one in (near, window(near, (20.0, 40.0))):
+        assert (told_from(one), told_from_note(one)) == (0.0, [])
+
+
+def test_seconds_have_four_digits_or_are_whole() -> None:
+    epoch = 1_629_000_000.0
+    said = [second_words(epoch + t, epoch) for t in (-0.0001, 0.0121, 3.1416, 339.72, 12_345.6)]
+    assert said == ["0", "0.012", "3.142", "339.7", "12346"]

@@ -67,8 +67,8 @@ class _State:
 class LeastSquaresSource:
     """A `Source` made of a `LinearProblem`."""
 
-    def __init__(self, problem: LinearProblem) -> None:
-        self._problem = problem
+    def __init__(self, problem: LinearProblem, zero: float = 0.0) -> None:
+        self._problem, self._zero = problem, zero
         rows = problem.rows(problem.start(), {}, ())
         self._measured = rows.measured
         self._n = int(np.sum(self._measured))
@@ -403,6 +403,7 @@ class LeastSquaresSource:
                 self._problem.unit,
                 {name: value[keep] for name, value in self._problem.covariates.items()},
                 np.flatnonzero(keep),
+                self._zero,
             )
         ]
 

@@ -58,6 +58,7 @@ from sinan.sensors.effects import Effect
 from sinan.sensors.effects.streams import STREAMS
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording, tells_height
+from sinan.sensors.window import told_from
 
 #: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared, since nothing but
 #: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
@@ -434,7 +435,16 @@ class FlightSource(OfFlight):
                 white = np.where(one.tells, one.white * np.sqrt(one.weight)[:, None], 0.0)
                 rows.append(
                     StreamResidual(
-                        name, one.t[keep], one.told[keep], white[keep], one.tells[keep], held, unit, {}, one.index[keep]
+                        name,
+                        one.t[keep],
+                        one.told[keep],
+                        white[keep],
+                        one.tells[keep],
+                        held,
+                        unit,
+                        {},
+                        one.index[keep],
+                        told_from(self.recording),
                     )
                 )
         return rows
