@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.formats.facts import Facts
@@ -53,7 +54,20 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
         from sinan.sensors.formats.mapped import read_mapped
 
         choice.require_none(path, "which a map reads")
-        return read_mapped(path, read_map(Path(map_file)))
+        rules = read_map(Path(map_file))
+        return _with_axes(read_mapped(path, rules), rules.axes_of("mag"))
+    return _with_axes(_described(path, choice), None)
+
+
+def _with_axes(recording: Recording, axes: FloatArray | None) -> Recording:
+    """The recording with what is to be noted of its compass, whose map has some axes."""
+    from sinan.sensors.formats.compass_axes import note_of_axes
+
+    return recording.replace(notes=(*recording.notes, *note_of_axes(recording, axes)))
+
+
+def _described(path: Path, choice: Choice) -> Recording:
+    """A log that needs no map."""
     from sinan.sensors.formats.plain import HEADER_FILE, read_recording
 
     if path.name == HEADER_FILE or (path / HEADER_FILE).is_file():

@@ -186,3 +186,7 @@ class Map:
     kind_of_reference: str = ""
     aligned: bool = False
     notes: tuple[str, ...] = ()
+
+    def axes_of(self, quantity: str) -> FloatArray | None:
+        """(3, 3) axes that the first stream with this quantity gives it; None: those of the log."""
+        return next((one.quantities[quantity].axes for one in self.streams if quantity in one.quantities), None)

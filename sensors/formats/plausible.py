@@ -268,24 +268,40 @@ def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArr
 def sign_of_force(recording: Recording) -> list[str]:
     """A sentence where the field dips as it would at this place if the accelerometer had the other sign; else none.
 
-    sin(dip) is minus the mean of the cosine between force, which points up, and field. Hard iron as large as the field
-    may do the same, so that nothing is refused.
+    Hard iron as large as the field may do the same, so that nothing is refused.
+    """
+    if way_of_dip(recording) >= 0 or (dips := _dips(recording)) is None:
+        return []
+    seen, expected = np.degrees(np.arcsin(dips))
+    there = f"by what it says of up the field dips {seen:.0f} deg, and {expected:.0f} deg at this place"
+    way = "gravity is logged, not force (a map turns all three axes of accel), or mag has other axes"
+    return [f"accel: {there}: {way}"]
+
+
+def way_of_dip(recording: Recording) -> int:
+    """1: the field dips as it does at this place; -1: the other way, as much; 0: it is not known."""
+    if (dips := _dips(recording)) is None or abs(dips[1]) < _DIPS:
+        return 0
+    seen, expected = dips
+    near = min((1, -1), key=lambda way: abs(seen - way * expected))
+    return near if abs(seen - near * expected) <= _NEAR_DIP else 0
+
+
+def _dips(recording: Recording) -> tuple[float, float] | None:
+    """Sines of the dip that is seen and of that at this place; None: one is not known.
+
+    sin(dip) is minus the mean of the cosine between force, which points up, and field.
     """
     imu, mag = recording.streams.get("imu"), recording.streams.get("mag")
     if recording.origin is None or imu is None or mag is None or not mag.has(MAG):
-        return []
+        return None
     expected = inclination(earth_field(*recording.origin, _ANY_DATE))
     force = np.stack([np.interp(mag.t, imu.t, imu[name]) for name in ACCEL], axis=-1)
     field = mag.array(MAG)
     with np.errstate(all="ignore"):
         cosine = np.sum(force * field, axis=1) / (np.linalg.norm(force, axis=1) * np.linalg.norm(field, axis=1))
         seen = -float(np.nanmedian(cosine)) if np.any(np.isfinite(cosine)) else 0.0
-    if abs(np.sin(expected)) < _DIPS or abs(seen + np.sin(expected)) > _NEAR_DIP:
-        return []
-    dip = np.degrees(np.arcsin(np.clip(seen, -1.0, 1.0)))
-    there = f"by what it says of up the field dips {dip:.0f} deg, and {np.degrees(expected):.0f} deg at this place"
-    way = "gravity is logged, not force (a map turns all three axes of accel), or mag has other axes"
-    return [f"accel: {there}: {way}"]
+    return float(np.clip(seen, -1.0, 1.0)), float(np.sin(expected))
 
 
 def _gyro_error(recording: Recording, found: str) -> InputError:
