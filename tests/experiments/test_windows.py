@@ -64,7 +64,10 @@ def test_a_part_is_estimated_as_the_log_of_that_part(flight: Path, tmp_path: Pat
     assert (one["window"], other["window"]) == ([20.0, 45.0], None)
     assert one["called"] == "square from 20 s to 45 s"
     assert one["duration"] == pytest.approx(25.0, abs=0.01)
-    assert without(one, *SAYS_WHICH) == without(other, *SAYS_WHICH)
+    *notes, clock = other["notes"]
+    assert "20.000 s on its own clock" in clock  # of the whole log it shows zero at the first sample
+    assert one["notes"] == notes
+    assert without(one, *SAYS_WHICH, "notes") == without(other, *SAYS_WHICH, "notes")
 
 
 def test_a_part_finds_its_own_first_state(flight: Path, tmp_path: Path) -> None:
