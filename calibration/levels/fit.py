@@ -706,8 +706,7 @@ def is_told_without_position(size: Size) -> bool:
     """Whether a log without position tells a size.
 
     Its innovations are colour on the scale of the motion, of which the one-step likelihood makes instruments that are
-    too good; a time is told by the motion itself, a height sensor's noise by the sensor, and what a compass errs by for
-    seconds, iron in the room, by its turns in the log. Not its white noise: with it the attitude of twelve hand-held
-    trials is 1.26 times as wrong (docs/notes/attitude_benchmark.md).
+    too good; a time is told by the motion itself, and a height sensor's noise by the sensor. A compass's colour by the
+    log is smaller and slower than its prior, and what varies in a room is then named (docs/notes/ablation.md).
     """
-    return size.sensor in ("latency", *height_sensors()) or (size.sensor == "mag" and size.key != "noise_std")
+    return size.sensor in ("latency", *height_sensors()) or (size.sensor, size.key) == ("mag", "bias_std")

@@ -12,6 +12,10 @@ from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.flights import LOGS
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="with rest, or with the iron of turns, a temperature that is drawn is named at p = 4e-6",
+)
 @pytest.mark.measured
 def test_a_magnet_that_is_taken_off_is_no_temperature(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """BROAD 35: a magnet 4 cm from the instrument for the first half of the trial alone. A temperature that warms up
