@@ -65,7 +65,8 @@ def pairs_of(imu: Stream, mag: Stream) -> Pairs | None:
     i, j = i[keep], j[keep]
     if len(i) < _FEWEST:
         return None
-    turned = np.linalg.norm(_turns(_angles(imu), t[i], t[j])[1], axis=1)
+    angle = _angles(imu)
+    turned = np.linalg.norm(_turns(angle, t[i], t[j])[1], axis=1)
     most = np.sort(np.argsort(-turned)[:_PAIRS])
     most = most[np.isfinite(turned[most])]
     i, j, weight = i[most], j[most], 1.0 / np.hypot(turned[most], _STILL)
@@ -74,18 +75,18 @@ def pairs_of(imu: Stream, mag: Stream) -> Pairs | None:
         return None
     middle = np.median(m[i], axis=0)
     m1, m2 = (m[i] - middle) / unit, (m[j] - middle) / unit
-    return Pairs(m1, m2, middle, unit, t[i], t[j], weight, *_between(imu, t[i], t[j]))
+    return Pairs(m1, m2, middle, unit, t[i], t[j], weight, *_between(angle, t[i], t[j]))
 
 
 def when_late(imu: Stream, pairs: Pairs, late: float) -> Pairs:
     """The same pairs of readings, if these are late by so much [s]."""
-    Ct, phi, w1, w2 = _between(imu, pairs.t1 - late, pairs.t2 - late)
+    Ct, phi, w1, w2 = _between(_angles(imu), pairs.t1 - late, pairs.t2 - late)
     return pairs._replace(Ct=Ct, phi=phi, w1=w1, w2=w2)
 
 
-def _between(imu: Stream, t1: FloatArray, t2: FloatArray) -> tuple[FloatArray, ...]:
+def _between(angle: Callable[[FloatArray], FloatArray], t1: FloatArray, t2: FloatArray) -> tuple[FloatArray, ...]:
     """Ct, phi, w1 and w2 of `Pairs`."""
-    angle, half = _angles(imu), 0.5 * _RATE
+    half = 0.5 * _RATE
     return (*_turns(angle, t1, t2), *((angle(t + half) - angle(t - half)) / _RATE for t in (t1, t2)))
 
 

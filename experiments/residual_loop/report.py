@@ -118,13 +118,12 @@ def held_out_part(part: Part) -> str:
     return f"last {share}" if stretches == 1 and held[-1] else f"held-out {share}"
 
 
-def time_is_count(part: Part) -> bool:
-    """Whether the "time" of the readings is their number: a log without time stamps."""
-    return all(r.counted for r in part.source.residuals(part.trace.selection.plain))
-
-
-def _zero(part: Part) -> float:
-    return part.source.residuals(part.trace.selection.plain)[0].zero
+def _clock(part: Part) -> tuple[bool, float]:
+    """Whether the "time" of the readings is their number, in a log without time stamps; what it shows where words count
+    from.
+    """
+    residuals = part.source.residuals(part.trace.selection.plain)
+    return all(r.counted for r in residuals), residuals[0].zero
 
 
 def _named(part: Part, named: Named) -> dict[str, object]:
@@ -151,6 +150,7 @@ def _effect(part: Part, finding: Finding) -> dict[str, object]:
     entry = finding.term.effect
     size, units = part.source.field.of(entry)
     interval = finding.term.interval
+    is_count, zero = _clock(part)
     return {
         "name": finding.term.name,
         "beta": [float(size * b) for b in finding.beta],
@@ -163,8 +163,8 @@ def _effect(part: Part, finding: Finding) -> dict[str, object]:
         "confused_with": list(finding.confused_with),
         "at_least": finding.at_least,
         "interval": None if interval is None else [float(interval[0]), float(interval[1])],
-        "interval_after_first": None if interval is None else [float(t) - _zero(part) for t in interval],
-        "interval_unit": "reading" if time_is_count(part) else "s",
+        "interval_after_first": None if interval is None else [float(t) - zero for t in interval],
+        "interval_unit": "reading" if is_count else "s",
         "satellite": finding.term.satellite,
         "summary": entry.opposite if entry.is_opposite(finding.beta) else entry.summary,
     }
