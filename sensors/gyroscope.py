@@ -17,20 +17,23 @@ from sinan.sensors.sensor_type import XYZ, SensorType
 class Gyroscope:
     """Three-axis rate gyroscope.
 
-    w_meas = w_ib_b + b_gyro + n
+    w_ib_b = (1 - S) (w_meas - b_gyro) + n
 
-    Neglects gyro.scale, gyro.cross_axis, gyro.temperature, gyro.g_sensitivity; the rate of the Earth where the
+    S (3, 3) is what scale and axes err by, a constant; zero where `axes_std` is. Neglects gyro.scale and
+    gyro.cross_axis where S is no state, and gyro.temperature, gyro.g_sensitivity; the rate of the Earth where the
     recording does not say `earth_rotation`.
 
     Attributes
     ----------
     sigma : standard deviation of one reading's white noise [rad/s]
     bias_std, bias_walk : of the bias [rad/s], [rad/s/sqrt(s)]
+    axes_std : 1-sigma of each element of S; zero: it is no state
     """
 
     sigma: float
     bias_std: float = 0.0
     bias_walk: float = 0.0
+    axes_std: float = 0.0
     name: str = "gyro"
     size: int = 3
 
@@ -43,6 +46,11 @@ class Gyroscope:
     def bias(self) -> BiasProcess:
         """Random walk of the bias."""
         return BiasProcess("b_gyro", 3, self.bias_std, self.bias_walk)
+
+    @property
+    def axes(self) -> BiasProcess | None:
+        """The elements of S, row by row; None: none is a state."""
+        return BiasProcess.unless_zero("s_gyro", 9, self.axes_std, 0.0)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) angular rate in the body [rad/s]."""

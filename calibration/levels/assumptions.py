@@ -78,6 +78,9 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
         rows.append(Assumption("motion", what, sigma, "rad/s", None, True, "log: as quiet and white as an instrument"))
         what = "gyroscope's bias of one attitude at rest (1 sigma)"
         rows.append(Assumption("motion", what, at_rest.of_gravity.std, "rad/s", None, True, CLASS))
+    if levels.axes_std:
+        what = "scale and axes, each element of their matrix (1 sigma)"
+        rows.append(Assumption("gyro", what, levels.axes_std, "", None, True, CLASS))
     for name, stray in levels.stray.items():
         if name not in levels.specs:
             continue

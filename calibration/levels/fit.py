@@ -133,6 +133,7 @@ class Levels:
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
     tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
     zero_rate : where the body does not turn
+    axes_std : of the gyroscope's scale and axes
     own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
@@ -152,6 +153,7 @@ class Levels:
     latency: Mapping[str, float] = default(default_factory=dict)
     stray: Mapping[str, Stray] = default(default_factory=dict)
     zero_rate: ZeroRate | None = None
+    axes_std: float = 0.0
     own_north: bool = False
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
@@ -164,7 +166,7 @@ class Levels:
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
             rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
-            zero_rate=self.zero_rate, own_north=self.own_north,
+            zero_rate=self.zero_rate, axes_std=self.axes_std, own_north=self.own_north,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -191,10 +193,20 @@ class Levels:
         return float(getattr(holder, size.key))
 
 
-#: What the scale, the axes and the lever arm of a consumer IMU make of a hand's motion, as white noise
-#: [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; where no position is known nothing in the log tells it from the motion. A choice,
-#: half and twice of which move the sizes of flights without a GPS by 0.13 and 0.09 sigma (`bounds_of_work hand`).
-OF_THE_MOTION = {"accel": 0.05, "gyro": 1e-3}
+#: What the scale, the axes and the lever arm of a consumer accelerometer make of a hand's motion, as white noise
+#: [m/s^2/sqrt(Hz)]; where no position is known nothing in the log tells it from the motion. A choice, half and twice of
+#: which move the sizes of flights without a GPS by 0.21 and 0.16 sigma (`bounds_of_work hand`).
+OF_THE_MOTION = 0.05
+#: 1-sigma of each element of what a gyroscope's scale and axes err by, a state where no position is measured: a choice,
+#: a quarter of the 2 % that a data sheet allows (`effects.gyro_cross_axis`). Half and twice move the sizes of flights
+#: without a GPS by 0.09 sigma (`bounds_of_work hand`).
+AXES_STD = 0.005
+#: Median of the white noise that goes with the rate of turn [sqrt(s)], which stands for scale and axes: a choice, half
+#: and twice of which move a size by 0.7 and 0.4 sigma (`bounds_of_work sizes`).
+TURNING = 0.004
+#: The same where scale and axes are states, for what they leave, such as lateness: a choice, half and twice of which
+#: move a size by 0.01 and 0.03 sigma (`bounds_of_work hand`).
+TURNING_STRAIGHT = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,14 +238,15 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
     sizes: list[Size] = []
     unaided = 0.0 if "gps" in streams else 1.0
     for name, columns, bias, walk in (("accel", ACCEL, 0.05, 1e-3), ("gyro", GYRO, 0.01, 3e-5)):
-        density = float(np.hypot(imu_density(recording, columns), unaided * OF_THE_MOTION[name]))
+        of_motion = unaided * OF_THE_MOTION if name == "accel" else 0.0
+        density = float(np.hypot(imu_density(recording, columns), of_motion))
         sizes += [
             Size(name, "noise_density", density, 1.0),
             Size(name, "bias_std", bias, 0.7),
             Size(name, "bias_walk", walk, 1.0),
             Size("in_step", name, 1.0 / 6.0, 0.7),
         ]
-    sizes.append(Size("in_step", "rate", 0.004, 0.7))
+    sizes.append(Size("in_step", "rate", TURNING_STRAIGHT if has_axes(recording) else TURNING, 0.7))
     if "mag" in streams:
         norm = iron.norm(recording)
         sizes += [
@@ -326,20 +339,32 @@ def first_levels(
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
     bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
-    gyro = recording.spec("gyro")
-    is_open = bool(sizes) and gyro.noise_density is None and gyro.noise_std is None
-    still = zero_rate_of(recording) if is_open else None
+    still = zero_rate_of(recording) if sizes and has_open_gyro(recording) else None
     stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
+        axes_std=AXES_STD if sizes and has_axes(recording) else 0.0,
         own_north=has_its_own_north(recording),
     )  # fmt: skip
     for size in sizes:
         levels = levels.with_size(size, size.median)
     return levels
+
+
+def has_open_gyro(recording: Recording) -> bool:
+    """Whether nobody declares the gyroscope's noise."""
+    gyro = recording.spec("gyro")
+    return gyro.noise_density is None and gyro.noise_std is None
+
+
+def has_axes(recording: Recording) -> bool:
+    """Whether what the gyroscope's scale and axes err by is a state: nobody declares its noise, and no position is
+    measured that would tell it from noise.
+    """
+    return has_open_gyro(recording) and "gps" not in recording.streams
 
 
 def has_its_own_north(recording: Recording) -> bool:

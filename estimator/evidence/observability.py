@@ -154,7 +154,7 @@ def information(
     cell : s; default `CELL`, shorter where the process noise asks for it, longer where that were over `MOST_CELLS`
 
     Neglects that readings of one cell share process noise, the Earth's turn, what declared effects change in H, and
-    what is a state for the sake of others, the colour of readings and the error of the field: its sigmas are least ones
+    what is a state for the sake of others (`is_nuisance`): its sigmas are least ones
     where a model has these.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
@@ -192,8 +192,10 @@ def information(
 
 
 def is_nuisance(block: str) -> bool:
-    """Whether a block is a state for the sake of others: the colour of readings, the error of the field."""
-    return block.startswith("c_") or block == "field"
+    """Whether a block is a state for the sake of others: the colour of readings, the error of the field, and of
+    the gyroscope's scale and axes.
+    """
+    return block.startswith("c_") or block in ("s_gyro", "field")
 
 
 def _sees(sensor: SensorModel, motion: Motion) -> BoolArray:

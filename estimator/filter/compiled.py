@@ -147,7 +147,7 @@ class CompiledRun:
         walk2[:n], rate[:n] = bias_rates(model)
         self.world = kernels.World(
             model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged,
-            model.layout.start("field") if model.layout.has("field") else -1, 8 * -(-n // 8), walk2, rate,
+            _first(model, "field"), _first(model, "s_gyro"), 8 * -(-n // 8), walk2, rate,
         )  # fmt: skip
         self._imu = kernels.Imu(imu.t, imu.u, imu.q_accel, imu.q_gyro)
         self._readings = kernels.Readings(
@@ -210,3 +210,8 @@ class CompiledRun:
         """State (n + 1,) and covariance (n, n) now."""
         n = self.inputs.model.layout.n
         return self.x[: n + 1].copy(), self.P.reshape(CAPACITY, CAPACITY)[:n, :n].copy()
+
+
+def _first(model: FlightModel, block: str) -> int:
+    """First state of a block; -1: it is not there."""
+    return model.layout.start(block) if model.layout.has(block) else -1

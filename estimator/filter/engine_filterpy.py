@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition
+from sinan.estimator.filter.error_dynamics import bias_rates, decay_over, process_noise, transition, with_axes
 from sinan.estimator.filter.events import ACCEPTED, GATED, NO_PREDICTION, WITHHELD, is_form_only
 from sinan.estimator.filter.inputs import RunInputs, RunOutputs, bias_block, outputs_for, raise_for
-from sinan.estimator.filter.layout import D_BIASES, D_MOTION, DTHETA, P_N, PV, Q_NB, V_N, X_BIASES
+from sinan.estimator.filter.layout import B_GYRO, D_BIASES, D_MOTION, DTHETA, P_N, PV, Q_NB, V_N, X_BIASES
 from sinan.estimator.filter.strapdown import strapdown_step
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
@@ -126,13 +126,25 @@ class ReadableFilter:
             a0 = a1 = 1.0
         u0 = (1.0 - a0) * imu.u[i] + a0 * imu.u[i + 1]
         u1 = (1.0 - a1) * imu.u[i] + a1 * imu.u[i + 1]
+        rate = 0.5 * (u0 + u1)[3:] - self.x[B_GYRO]
+        u0, u1 = self._scaled(u0), self._scaled(u1)
         self.x, step = strapdown_step(self.x, u0, u1, h, model.g_n, model.w_ie_n, model.translation)
         phi, q = decay_over(h, self.walk2, self.rate)
         self.x[X_BIASES] *= phi[D_BIASES]
         self.ekf.F = transition(step, model.layout.n, model.translation, phi)
+        if model.gyro.axes is not None:
+            self.ekf.F = with_axes(self.ekf.F, model.layout.slice(model.gyro.axes.block), rate)
         self.ekf.Q = process_noise(h, imu.q_accel[i], imu.q_gyro[i], q, model.translation)
         self.ekf.predict()
         self.t = t_next
+
+    def _scaled(self, u: FloatArray) -> FloatArray:
+        """(6,) sample of the IMU less what the gyroscope's scale and axes err by."""
+        axes = self.model.gyro.axes
+        if axes is None:
+            return u
+        S = self.x[self.model.layout.nominal(axes.block)].reshape(3, 3)
+        return np.concatenate([u[:3], u[3:] - S @ (u[3:] - self.x[B_GYRO])])
 
     def read(self, k: int) -> None:
         """One reading: predict it, judge it, update with it, and count the error from the new estimate on."""

@@ -85,7 +85,9 @@ class Sensors(NamedTuple):
 
 
 class World(NamedTuple):
-    """Environment and process: `field` is the first state of the field's error (-1: none), `states` a multiple of 8."""
+    """Environment and process: `field` and `axes` are the first states of the field's error and of the gyroscope's
+    scale and axes (-1: none), `states` a multiple of 8.
+    """
 
     g: FloatArray
     m_n: FloatArray
@@ -94,6 +96,7 @@ class World(NamedTuple):
     translation: bool
     averaged: bool
     field: int
+    axes: int
     states: int
     walk2: FloatArray
     rate: FloatArray
@@ -142,7 +145,7 @@ class Written(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """What going backwards needs: steps (s, 58), steps before each reading and sample, L^-1 H P, L^-1 H, the turns; and
+    """What going backwards needs: steps (s, 61), steps before each reading and sample, L^-1 H P, L^-1 H, the turns; and
     after each step (s, coloured, CAP + 1) the states that have a time constant and their rows of P.
     """
 
@@ -423,6 +426,40 @@ def _predict(P, c, top, h, q_accel, q_gyro, world, phi, q):
         P[0, (CAP + 1) * i] += walk2[i] * h
     for i in range(15, states):
         P[0, (CAP + 1) * i] += q[i]
+
+
+@njit(**_INLINE)
+def _with_axes(P, at, w, sign):
+    """P <- T P T' with T = 1 + sign W: the gyroscope's bias and what scale and axes make of its rate become one.
+
+    b <- b + sign W s, with W s = S w: element 3 i + j of s, from state `at` on, is that of row i and column j of S.
+    T^-1 has the other sign.
+    """
+    for i in range(3):
+        for k in range(CAP):
+            more = w[0] * P[0, CAP * (at + 3 * i) + k] + w[1] * P[0, CAP * (at + 3 * i + 1) + k]
+            P[0, CAP * (12 + i) + k] += sign * (more + w[2] * P[0, CAP * (at + 3 * i + 2) + k])
+    for i in range(3):
+        row = CAP * (12 + i)
+        for j in range(i, 3):
+            n = row + at + 3 * j
+            more = w[0] * P[0, n] + w[1] * P[0, n + 1] + w[2] * P[0, n + 2]
+            value = P[0, row + 12 + j] + sign * more
+            P[0, row + 12 + j], P[0, CAP * (12 + j) + 12 + i] = value, value
+        for k in range(CAP):
+            if k < 12 or k > 14:
+                P[0, CAP * k + 12 + i] = P[0, row + k]
+
+
+@njit(**_INLINE)
+def _with_axes_V(V, first, last, at, w, sign):
+    """V <- T V for the tiles from `first` to `last`: see `_with_axes`."""
+    for tile in range(first, last):
+        for i in range(3):
+            n = TILE * (at + 3 * i)
+            for j in range(TILE):
+                more = w[0] * V[tile, n + j] + w[1] * V[tile, n + TILE + j] + w[2] * V[tile, n + 2 * TILE + j]
+                V[tile, TILE * (12 + i) + j] += sign * more
 
 
 @njit(**_INLINE)
@@ -916,9 +953,25 @@ def _at_ends(imu, i, a0, a1, u0, u1):
 
 
 @njit(**_INLINE)
-def _keep_step(trail, n, c, h, q_accel, q_gyro):
+def _as_scaled(x, at, u0, u1, w):
+    """u <- u - S (u - b) of the rates, S the gyroscope's scale and axes; `w` is the mean u - b of the step."""
+    for j in range(3):
+        w[j] = 0.5 * (u0[3 + j] + u1[3 + j]) - x[13 + j]
+    if at >= 0:
+        a, b, c = u0[3] - x[13], u0[4] - x[14], u0[5] - x[15]
+        d, e, f = u1[3] - x[13], u1[4] - x[14], u1[5] - x[15]
+        for i in range(3):
+            n = at + 3 * i + 1
+            u0[3 + i] -= x[n] * a + x[n + 1] * b + x[n + 2] * c
+            u1[3 + i] -= x[n] * d + x[n + 1] * e + x[n + 2] * f
+
+
+@njit(**_INLINE)
+def _keep_step(trail, n, c, h, q_accel, q_gyro, w):
     for j in range(55):
         trail.steps[n, j] = c[j]
+    for j in range(3):
+        trail.steps[n, 58 + j] = w[j]
     trail.steps[n, 55], trail.steps[n, 56], trail.steps[n, 57] = h, q_accel, q_gyro
 
 
@@ -1006,14 +1059,14 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
     clock, x, P, V, tiles, states = state.clock, state.x, state.P, state.V, effects.tiles, world.states
     m_max = np.max(sensors.size) if len(sensors.size) else 1
     C0, C1, J, c, top = np.zeros(9), np.zeros(9), np.zeros(9), np.zeros(55), np.zeros((1, 180))
-    u0, u1, work, dx = np.zeros(6), np.zeros(6), np.zeros(48), np.zeros(CAP)
+    u0, u1, w, work, dx = np.zeros(6), np.zeros(6), np.zeros(3), np.zeros(48), np.zeros(CAP)
     y, z_pred = np.zeros(m_max), np.zeros(m_max)
     H = Rows(np.zeros((m_max, MAX_H), np.int64), np.zeros((m_max, MAX_H)), np.zeros(m_max, np.int64))
     phi, q = np.ones(CAP), np.zeros(CAP)
     U, S, L = np.zeros((m_max + 3, CAP)), np.zeros((m_max, m_max)), np.zeros((m_max, m_max))
     P_rows = P.reshape((CAP, CAP))
     driven = max(effects.a_tiles, effects.g_first + effects.g_tiles)  # tiles that move at every step
-    if tiles - driven < 2:  # the product costs as much as a tile
+    if tiles - driven < 2 or world.axes >= 0:  # the product costs as much as a tile
         driven = tiles
     M, T = np.zeros((1, 180)), 0.0  # see `_apply_product`
     _start_product(M)
@@ -1039,19 +1092,28 @@ def run_chunk(i0, i1, k0, k1, imu, readings, sensors, world, state, effects, out
             if world.averaged:
                 a0, a1 = 1.0, 1.0
             _at_ends(imu, i, a0, a1, u0, u1)
+            _as_scaled(x, world.axes, u0, u1, w)
             _strapdown(x, u0, u1, h, world, C0, C1, J, c)
             _decay_over(h, states, world, phi, q)
             for j in range(15, states):
                 x[j + 1] *= phi[j]
             if tiles > 0:
                 _decay_V(V, 0, driven, states, phi)
+                if world.axes >= 0:
+                    _with_axes_V(V, 0, driven, world.axes, w, 1.0)
                 _predict_V(V, c, driven, effects, i, 1.0 - a0, a0, 1.0 - a1, a1, work)
+                if world.axes >= 0:
+                    _with_axes_V(V, 0, driven, world.axes, w, -1.0)
                 if driven < tiles:
                     _propagate_top(M, 0, c)
                     T += h
+            if world.axes >= 0:
+                _with_axes(P, world.axes, w, 1.0)
             _predict(P, c, top, h, imu.q_accel[i] if world.translation else 0.0, imu.q_gyro[i], world, phi, q)
+            if world.axes >= 0:
+                _with_axes(P, world.axes, w, -1.0)
             if trail.kept:
-                _keep_step(trail, n_steps, c, h, imu.q_accel[i], imu.q_gyro[i])
+                _keep_step(trail, n_steps, c, h, imu.q_accel[i], imu.q_gyro[i], w)
                 _keep_coloured(trail, n_steps, x, P)
                 n_steps += 1
             clock[0] = t_next

@@ -1,15 +1,15 @@
 """How the error state moves in one step: Phi and Q, readable; the compiled engine holds the same structure.
 
-With C_true = C Exp(dtheta_b), f_true = f_meas - b_accel - n, w_true = w_meas - b_gyro - n, and the step of
+With C_true = C Exp(dtheta_b), f_true = f_meas - b_accel - n, w_true = (1 - S) (w_meas - b_gyro) - n, and the step of
 `estimator.filter.strapdown`, the derivative of the step itself (not of a continuous model):
 
     dtheta_1 = R dtheta_0 - h J_r(phi) db_gyro                                R = C_1' C_0
     dv_1 = dv_0 - A_0 dtheta_0 - A_1 dtheta_1 - h / 2 (C_0 + C_1) db_accel    A_k = h / 2 [C_k f_k]x C_k
     dp_1 = dp_0 + h / 2 (dv_0 + dv_1)
 
-Neglects the turn of the Earth inside the step (1e-7 of dtheta), what the coning term adds to the part of db_gyro (h /
-12 of the change of rate, 1e-4 of it), and in Q the noise that the angle passes on to the velocity within one step (it
-does so from the next step on).
+`with_axes` has the part of S, which most models have not. Neglects S db_gyro, the turn of the Earth inside the step
+(1e-7 of dtheta), what the coning term adds to the part of db_gyro (h / 12 of the change of rate, 1e-4 of it), and in Q
+the noise that the angle passes on to the velocity within one step (it does so from the next step on).
 """
 
 from __future__ import annotations
@@ -41,6 +41,21 @@ def transition(step: Step, n: int, translation: bool = True, decay: FloatArray |
     Phi[p, g] = 0.5 * h * Phi[v, g]
     Phi[p, a] = 0.5 * h * Phi[v, a]
     return Phi
+
+
+def with_axes(Phi: FloatArray, axes: slice, w: FloatArray) -> FloatArray:
+    """(n, n) Phi of one step in which a gyroscope's scale and axes act like a bias S w: T^-1 Phi T, b -> b + S w in T.
+
+    Parameters
+    ----------
+    axes : the elements of S among the states, row by row
+    w : (3,) rate of the step as it is read, less the bias [rad/s]
+    """
+    T = np.eye(len(Phi))
+    T[DB_GYRO, axes] = np.kron(np.eye(3), w)
+    found = Phi @ T
+    found[DB_GYRO] -= T[DB_GYRO, axes] @ found[axes]
+    return found
 
 
 def bias_rates(model: FlightModel) -> tuple[FloatArray, FloatArray]:

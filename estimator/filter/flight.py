@@ -24,6 +24,7 @@ class Passed(Beliefs, total=False):
     magnetic_field: FloatArray | None
     field: FloatArray | None
     zero_rate: ZeroRate | None
+    axes_std: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -160,7 +160,7 @@ class FlightModel:
     @property
     def processes(self) -> tuple[BiasProcess, ...]:
         """Every bias and colour that is a state."""
-        biases = (self.accel.bias, self.gyro.bias, *(sensor.bias for sensor in self.sensors.values()))
+        biases = (self.accel.bias, self.gyro.bias, self.gyro.axes, *(sensor.bias for sensor in self.sensors.values()))
         coloured = (process for parts in self.colour.values() for _, process in parts)
         return tuple(process for process in (*biases, *coloured) if process is not None)
 
@@ -265,6 +265,7 @@ def flight_model(
     magnetic_field: FloatArray | None = None,
     field: FloatArray | None = None,
     zero_rate: ZeroRate | None = None,
+    axes_std: float = 0.0,
     **beliefs: Unpack[Beliefs],
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
@@ -280,6 +281,7 @@ def flight_model(
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
     zero_rate : windows in which the body does not turn
+    axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`; left out where there is no room
     beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
         stray, relinearise: see `FlightModel`
 
@@ -296,13 +298,18 @@ def flight_model(
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
     layout = _layout(sensors, colour, field is not None)
+    gyro = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std=axes_std)
+    if gyro.axes is not None and layout.n + gyro.axes.size > CAPACITY:
+        gyro = replace(gyro, axes_std=0.0)
+    more = [] if gyro.axes is None else [gyro.axes.block]
+    layout = layout_for((*layout.names, *more))
     if zero_rate is not None and layout.n + zero_rate.size <= CAPACITY:
         colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
-        layout = _layout(sensors, colour, field is not None)
+        layout = layout_for((*layout.names, zero_rate.of_gravity.block))
     return FlightModel(
         layout=layout,
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
-        gyro=Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)),
+        gyro=gyro,
         sensors=sensors,
         rate=rate,
         averaged=_averaged(where, declared["accel"].imu_samples),

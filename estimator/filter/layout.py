@@ -2,7 +2,7 @@
 
 Error state ``dx``, block after block: position (NED, m), velocity (NED, m/s), attitude (``dtheta_b``, rad, with
 ``C_true = C Exp(dtheta_b)``), then the biases of the sensors and the colour of their noise (reading = truth + bias +
-colour + white noise), and the error of the declared magnetic field (NED).
+colour + white noise), what the gyroscope's scale and axes err by, and the error of the magnetic field (NED).
 Nominal state ``x``: the same with the attitude as a quaternion ``q_nb``, so it is one longer.
 """
 
@@ -27,6 +27,8 @@ B_ACCEL, B_GYRO, B_IMU = slice(10, 13), slice(13, 16), slice(10, 16)
 DP, DV, DTHETA, DB_ACCEL, DB_GYRO = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 D_MOTION, D_BIASES = slice(0, 9), slice(9, None)
 PV = slice(0, 6)  # position and velocity, in either
+#: Elements of a (3, 3) matrix of body axes, row by row.
+MATRIX = tuple(f"{row}{column}" for row in XYZ for column in XYZ)
 #: Length of a row of the covariance inside the kernels, the most states of a filter: 5 * 8, of vector registers of
 #: eight.
 CAPACITY = 40
@@ -34,14 +36,14 @@ CAPACITY = 40
 
 def blocks() -> dict[str, tuple[str, ...]]:
     """The axes of every block in the order in which they are laid out: the process, the sensors' biases, the colour of
-    their noise, the field; of biases and of colours the vectors come first.
+    their noise, the gyroscope's scale and axes, the field; of biases and of colours the vectors come first.
     """
     own = [block for entry in sensors() for block in entry.blocks.items()]
     laid: dict[str, tuple[str, ...]] = {"position": NED, "velocity": NED, "attitude": XYZ}
     for kind in ("b_", "c_"):
         of_kind = [(name, axes) for name, axes in own if name.startswith(kind)]
         laid |= sorted(of_kind, key=lambda block: -len(block[1]))
-    return {**laid, "c_zero_rate": XYZ, "field": NED}
+    return {**laid, "c_zero_rate": XYZ, "s_gyro": MATRIX, "field": NED}
 
 
 def size_of(block: str) -> int:

@@ -103,7 +103,7 @@ def recorded(part: RunInputs, stride: int, times: bool = False) -> tuple[Compile
     coloured = np.flatnonzero(engine.world.rate) if times else np.zeros(0, dtype=np.int64)
     trail = Trail(
         kept=True,
-        steps=np.zeros((K + samples, 58)),
+        steps=np.zeros((K + samples, 61)),
         step_of_event=np.zeros(max(K, 1), dtype=np.int64),
         step_of_imu=np.zeros(samples, dtype=np.int64),
         U=np.zeros((max(rows, 1), CAPACITY)),

@@ -179,8 +179,17 @@ def estimated_motion(
         t=table.t, p_n=p_n, v_n=v_n, q_nb=q_nb, m_b=rotate_back(q_nb, m_n), m_n=m_n, g_n=model.g_n,
         ground_down=model.ground_down,
     )  # fmt: skip
-    motion = with_imu(motion, table.u - x[:, B_IMU])
+    motion = with_imu(motion, imu_less_errors(model, table.u, x))
     return motion if t is None else motion.at(t)
+
+
+def imu_less_errors(model: FlightModel, u: FloatArray, x: FloatArray) -> FloatArray:
+    """(n, 6) samples of the IMU less what the states (n, ...) say that they err by."""
+    left, axes = u - x[:, B_IMU], model.gyro.axes
+    if axes is not None:
+        S = x[:, model.layout.nominal(axes.block)].reshape(-1, 3, 3)
+        left[:, 3:] -= np.einsum("nij,nj->ni", S, left[:, 3:])
+    return left
 
 
 def with_imu(motion: Motion, u: FloatArray) -> Motion:

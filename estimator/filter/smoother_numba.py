@@ -71,16 +71,43 @@ _adjoint_G, _adjoint_block, _adjoint_r = _adjoint(CAP), _adjoint(_BLOCK), _adjoi
 
 
 @njit(**_OPTIONS)
-def _transposed_step(c, r, phi):
-    """r <- Phi' r, with the biases' decay `phi`."""
+def _transposed_step(c, r, phi, axes):
+    """r <- Phi' r, with the biases' decay `phi`, and `axes` as in `World`."""
+    if axes >= 0:
+        _add_axes(c, r, axes, -1.0)
     _adjoint_r(r, 1, c)
     for j in range(15, CAP):
         r[j] *= phi[j]
+    if axes >= 0:
+        _add_axes(c, r, axes, 1.0)
 
 
 @njit(**_OPTIONS)
-def _adjoint_step(c, G, block, phi, states):
+def _add_axes(c, r, at, sign):
+    """r <- T' r, T as in `engine_numba._with_axes`."""
+    for i in range(3):
+        for j in range(3):
+            r[at + 3 * i + j] += sign * c[58 + j] * r[12 + i]
+
+
+@njit(**_OPTIONS)
+def _add_axes_both(c, G, at, sign, states):
+    """G <- T' G T for a symmetric flat G."""
+    for i in range(3):
+        for j in range(3):
+            for k in range(states):
+                G[CAP * (at + 3 * i + j) + k] += sign * c[58 + j] * G[CAP * (12 + i) + k]
+    for k in range(states):
+        for i in range(3):
+            for j in range(3):
+                G[CAP * k + at + 3 * i + j] += sign * c[58 + j] * G[CAP * k + 12 + i]
+
+
+@njit(**_OPTIONS)
+def _adjoint_step(c, G, block, phi, states, axes):
     """G <- Phi' G Phi for a symmetric flat G, both triangles equal."""
+    if axes >= 0:
+        _add_axes_both(c, G, axes, -1.0, states)
     _adjoint_G(G, states, c)
     for i in range(15):
         for j in range(15):
@@ -100,11 +127,15 @@ def _adjoint_step(c, G, block, phi, states):
     for i in range(15, states):
         for j in range(15):
             G[CAP * i + j] = G[CAP * j + i]
+    if axes >= 0:
+        _add_axes_both(c, G, axes, 1.0, states)
 
 
 @njit(**_OPTIONS)
-def _step(c, d, phi):
+def _step(c, d, phi, axes):
     """d <- Phi d."""
+    if axes >= 0:
+        _turn_axes(c, d, axes, 1.0)
     half = c[54]
     n, w = np.empty(3), np.empty(3)
     for i in range(3):
@@ -123,6 +154,16 @@ def _step(c, d, phi):
         d[6 + i] = n[i]
     for j in range(15, CAP):
         d[j] *= phi[j]
+    if axes >= 0:
+        _turn_axes(c, d, axes, -1.0)
+
+
+@njit(**_OPTIONS)
+def _turn_axes(c, d, at, sign):
+    """d <- T d, T as in `engine_numba._with_axes`."""
+    for i in range(3):
+        for j in range(3):
+            d[12 + i] += sign * c[58 + j] * d[at + 3 * i + j]
 
 
 @njit(**_OPTIONS)
@@ -175,9 +216,9 @@ def backward(trail, row, white, world, r, r_after, N, with_N):
         for j in range(CAP):
             r_after[s, j] = r[j]
         _decay_over(steps[s, 55], CAP, world, phi, q)
-        _transposed_step(steps[s], r, phi)
+        _transposed_step(steps[s], r, phi, world.axes)
         if with_N:
-            _adjoint_step(steps[s], flat, block, phi, CAP)
+            _adjoint_step(steps[s], flat, block, phi, CAP, world.axes)
 
 
 @njit(**_OPTIONS)
@@ -218,7 +259,7 @@ def forward(trail, row, white, world, d, r_after, x_imu, x_smooth):
             return
         h, q_accel, q_gyro = steps[s, 55], steps[s, 56], steps[s, 57]
         _decay_over(h, CAP, world, phi, q)
-        _step(steps[s], d, phi)
+        _step(steps[s], d, phi, world.axes)
         for j in range(3):
             if translation:
                 v = q_accel * h
@@ -339,8 +380,8 @@ def backward_scores(trail, row, out, used, tail, freedom, world, r, G, by):
             for n in range(states):
                 value += G[CAP * j + n] * trail.after[s, c, n + 1]
             by.time[j] += h * world.rate[j] * (r[j] * trail.after[s, c, 0] + 2.0 * value)
-        _transposed_step(steps[s], r, phi)
-        _adjoint_step(steps[s], G, block, phi, states)
+        _transposed_step(steps[s], r, phi, world.axes)
+        _adjoint_step(steps[s], G, block, phi, states, world.axes)
 
 
 @njit(**_OPTIONS)

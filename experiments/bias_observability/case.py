@@ -33,6 +33,8 @@ BASE_RATE = 1.0
 BASE_SIGMA = 0.3
 #: A laser range finder that is only imagined: rate [Hz], noise [m], longest range [m]; as the scenarios have it.
 LASER_RATE, LASER_SIGMA, LASER_RANGE = 20.0, 0.03, 40.0
+#: Of blocks that are left out, what a reader calls them.
+_LEFT_OUT = {"s_gyro": "gyro's scale and axes"}
 #: A longer flight is looked at from its start to here [s].
 LONGEST = 1200.0
 
@@ -165,11 +167,10 @@ def _case(
         )
     motion = motion_at(inputs.imu.t)
     notes = [str(note) for note in model.notes]
-    left_out = [name.removeprefix("c_") for name in model.layout.names if is_nuisance(name)]
+    left_out = [_LEFT_OUT.get(name, name.removeprefix("c_")) for name in model.layout.names if is_nuisance(name)]
     if left_out:
-        notes.append(
-            f"noise that lasts, or an error of the field, is left out ({', '.join(left_out)}): sigmas are least ones"
-        )
+        what = "noise that lasts, or an error of field or axes"
+        notes.append(f"{what}, is left out ({', '.join(left_out)}): sigmas are least ones")
     imagined: list[SensorModel] = []
     for sensor, instants, note in (_base(model, readings, motion), _laser(model, readings, motion)):
         if sensor is not None:

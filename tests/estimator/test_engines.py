@@ -118,10 +118,11 @@ def test_phi_is_the_derivative_of_the_step() -> None:
         assert np.max(np.abs(column - Phi[:, j])) < (left_out if 12 <= j < 15 else 0.0) + ROUNDING
 
 
-def test_covariance_stays_symmetric_and_positive() -> None:
+@pytest.mark.parametrize("axes_std", [0.0, 0.005])
+def test_covariance_stays_symmetric_and_positive(axes_std: float) -> None:
     """A million steps and readings: the same flight again and again, the covariance carried on."""
     recording, _ = fly(8, duration=60.0)
-    inputs = prepare(Flight.of(recording, gate_level=None))
+    inputs = prepare(Flight.of(recording, gate_level=None, axes_std=axes_std))
     outputs, P, steps = outputs_for(inputs, 0), inputs.P, 0
     while steps < 1_000_000:
         _, P = CompiledRun(replace(inputs, P=P), outputs).all()
