@@ -18,20 +18,23 @@ from sinan.sensors.sensor_type import PER_READING, XYZ, SensorType
 class Magnetometer:
     """Three-axis magnetometer in a uniform field.
 
-    m_meas = C_bn m_n + b_mag + n
+    m_meas = (1 - [t]x) C_bn m_n + b_mag + n
 
-    Neglects mag.scale, mag.cross_axis (soft iron), mag.current, mag.temperature, mag.declination, mag.misalignment; a
-    field that changes from place to place.
+    t (3,) is the turn of the compass's axes against those of the IMU, a constant; zero where `axes_std` is, and then
+    mag.misalignment is neglected. Neglects mag.scale, mag.cross_axis (soft iron), mag.current, mag.temperature,
+    mag.declination; what t turns of the errors of attitude and field; a field that changes from place to place.
 
     Attributes
     ----------
     sigma : standard deviation of one reading's white noise [unit of the field]
     bias_std, bias_walk : of the bias (hard iron) [unit], [unit/sqrt(s)]
+    axes_std : 1-sigma of each component of t [rad]; zero: it is no state
     """
 
     sigma: float
     bias_std: float = 0.0
     bias_walk: float = 0.0
+    axes_std: float = 0.0
     name: str = "mag"
     size: int = 3
 
@@ -44,6 +47,11 @@ class Magnetometer:
     def bias(self) -> BiasProcess | None:
         """Random walk of the bias; None where both its sizes are zero."""
         return BiasProcess.unless_zero("b_mag", 3, self.bias_std, self.bias_walk)
+
+    @property
+    def axes(self) -> BiasProcess | None:
+        """The turn t; None: it is no state."""
+        return BiasProcess.unless_zero("s_mag", 3, self.axes_std, 0.0)
 
     def predict(self, motion: Motion) -> FloatArray:
         """(n, 3) field in the body."""

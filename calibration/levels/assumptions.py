@@ -81,6 +81,9 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     if levels.axes_std:
         what = "scale and axes, each element of their matrix (1 sigma)"
         rows.append(Assumption("gyro", what, levels.axes_std, "", None, True, CLASS))
+    if levels.turned_std:
+        what = "turn of its axes against those of the IMU (1 sigma)"
+        rows.append(Assumption("mag", what, levels.turned_std, "rad", None, True, CLASS))
     for name, stray in levels.stray.items():
         if name not in levels.specs:
             continue

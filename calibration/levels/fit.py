@@ -133,7 +133,7 @@ class Levels:
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
     tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
     zero_rate : where the body does not turn
-    axes_std : of the gyroscope's scale and axes
+    axes_std, turned_std : of the gyroscope's scale and axes, and of the compass's axes against those of the IMU
     own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
@@ -154,6 +154,7 @@ class Levels:
     stray: Mapping[str, Stray] = default(default_factory=dict)
     zero_rate: ZeroRate | None = None
     axes_std: float = 0.0
+    turned_std: float = 0.0
     own_north: bool = False
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
@@ -166,7 +167,7 @@ class Levels:
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
             rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
-            zero_rate=self.zero_rate, axes_std=self.axes_std, own_north=self.own_north,
+            zero_rate=self.zero_rate, axes_std=self.axes_std, turned_std=self.turned_std, own_north=self.own_north,
         )  # fmt: skip
 
     def with_size(self, size: Size, value: float) -> Levels:
@@ -199,8 +200,12 @@ class Levels:
 OF_THE_MOTION = 0.05
 #: 1-sigma of each element of what a gyroscope's scale and axes err by, a state where no position is measured: a choice,
 #: a quarter of the 2 % that a data sheet allows (`effects.gyro_cross_axis`). Half and twice move the sizes of flights
-#: without a GPS by 0.09 sigma (`bounds_of_work hand`).
+#: without a GPS by 0.10 and 0.09 sigma (`bounds_of_work hand`).
 AXES_STD = 0.005
+#: The same of the turn of a compass's axes against those of the IMU [rad]: a choice, a tenth of what one is off at most
+#: that is aligned by eye (`effects.mag_misalignment`). Half and twice move the sizes of flights without a GPS by 0.03
+#: sigma (`bounds_of_work hand`).
+TURNED_STD = 0.01
 #: Median of the white noise that goes with the rate of turn [sqrt(s)], which stands for scale and axes: a choice, half
 #: and twice of which move a size by 0.7 and 0.4 sigma (`bounds_of_work sizes`).
 TURNING = 0.004
@@ -347,6 +352,7 @@ def first_levels(
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
         axes_std=AXES_STD if sizes and has_axes(recording) else 0.0,
+        turned_std=TURNED_STD if "mag" in undeclared and has_axes(recording) else 0.0,
         own_north=has_its_own_north(recording),
     )  # fmt: skip
     for size in sizes:

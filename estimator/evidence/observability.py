@@ -195,7 +195,7 @@ def is_nuisance(block: str) -> bool:
     """Whether a block is a state for the sake of others: the colour of readings, the error of the field, and of
     the gyroscope's scale and axes.
     """
-    return block.startswith("c_") or block in ("s_gyro", "field")
+    return block.startswith("c_") or block in ("s_gyro", "s_mag", "field")
 
 
 def _sees(sensor: SensorModel, motion: Motion) -> BoolArray:

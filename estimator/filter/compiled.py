@@ -147,7 +147,7 @@ class CompiledRun:
         walk2[:n], rate[:n] = bias_rates(model)
         self.world = kernels.World(
             model.g_n, model.m_n, model.w_ie_n, model.ground_down, model.translation, model.averaged,
-            _first(model, "field"), _first(model, "s_gyro"), 8 * -(-n // 8), walk2, rate,
+            _first(model, "field"), _first(model, "s_gyro"), _first(model, "s_mag"), 8 * -(-n // 8), walk2, rate,
         )  # fmt: skip
         self._imu = kernels.Imu(imu.t, imu.u, imu.q_accel, imu.q_gyro)
         self._readings = kernels.Readings(

@@ -27,6 +27,7 @@ from sinan.sensors.rotation import (
     quaternion_log,
     quaternion_multiply,
     right_jacobian,
+    skew,
 )
 
 LOG_2_PI = float(np.log(2.0 * np.pi))  # = log(2 pi), of the normal density
@@ -208,6 +209,11 @@ class ReadableFilter:
         if name == "mag" and layout.has("field"):
             replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in the field's error too
             H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, Q_NB] if replaced else x[Q_NB]).T
+        if name == "mag" and layout.has("s_mag"):
+            replaced = events.has_form[events.sensor[k]] == 2
+            q_nb = events.ref[k, Q_NB] if replaced else x[Q_NB]
+            H[:, layout.slice("s_mag")] = skew(matrix_from_quaternion(q_nb).T @ m_n)
+            z_pred += H[:, layout.slice("s_mag")] @ x[layout.nominal("s_mag")]
         for start, process in model.colour_of(name):
             part = slice(start, start + process.size) if process.size > 1 else slice(None)
             H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0

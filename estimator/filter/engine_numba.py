@@ -32,7 +32,7 @@ CAP = 40  # = layout.CAPACITY
 TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
 SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, which would keep a loop from vectors
 P_Z, T_X, T_Y, T_Z = np.uint64(32), np.uint64(96), np.uint64(112), np.uint64(128)  # rows 2, 6, 7, 8 of a tile
-MAX_H = 14  # non-zero columns of a row of H: position, velocity, attitude, bias
+MAX_H = 16  # non-zero columns of a row of H: position, velocity, attitude, bias, colour, field, axes of the compass
 GPS, BASE, MAG, BARO, RANGE, LEVEL, SPEED = 0, 1, 2, 3, 4, 5, 6
 ACCEPTED, GATED, OUTSIDE, NO_PREDICTION, FAULTY, WITHHELD = 0, 1, 2, 3, 4, 5
 OK, NOT_FINITE, NOT_POSITIVE = 0, 1, 2
@@ -85,8 +85,8 @@ class Sensors(NamedTuple):
 
 
 class World(NamedTuple):
-    """Environment and process: `field` and `axes` are the first states of the field's error and of the gyroscope's
-    scale and axes (-1: none), `states` a multiple of 8.
+    """Environment and process: `field`, `axes` and `turned` are the first states of the field's error, of the
+    gyroscope's scale and axes, and of the compass's axes (-1: none), `states` a multiple of 8.
     """
 
     g: FloatArray
@@ -97,6 +97,7 @@ class World(NamedTuple):
     averaged: bool
     field: int
     axes: int
+    turned: int
     states: int
     walk2: FloatArray
     rate: FloatArray
@@ -591,6 +592,21 @@ def _put(H, row, index, value):
 
 
 @njit(**_INLINE)
+def _turn_compass(at, x, H, z_pred):
+    """The field in the body, in `z_pred`, as a compass sees it whose axes are turned by t: m + m x t."""
+    a, b, c = z_pred[0], z_pred[1], z_pred[2]
+    _put(H, 0, at + 1, -c)
+    _put(H, 0, at + 2, b)
+    _put(H, 1, at, c)
+    _put(H, 1, at + 2, -a)
+    _put(H, 2, at, -b)
+    _put(H, 2, at + 1, a)
+    z_pred[0] += b * x[at + 3] - c * x[at + 2]
+    z_pred[1] += c * x[at + 1] - a * x[at + 3]
+    z_pred[2] += a * x[at + 2] - b * x[at + 1]
+
+
+@njit(**_INLINE)
 def _measure(s, m, sensors, world, x, C, H, z_pred):
     """Prediction of one reading and the non-zero elements of its H; False where there is no prediction."""
     kind, bias, colour, field = sensors.kind[s], sensors.bias[s], sensors.colour[s], world.field
@@ -641,6 +657,8 @@ def _measure(s, m, sensors, world, x, C, H, z_pred):
             for i in range(3):
                 for j in range(3):
                     _put(H, i, field + j, C[3 * j + i])
+        if kind == MAG and world.turned >= 0:
+            _turn_compass(world.turned, x, H, z_pred)
     if bias >= 0:
         single = kind in (BARO, RANGE)
         for i in range(m if single else 3):

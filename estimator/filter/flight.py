@@ -25,6 +25,7 @@ class Passed(Beliefs, total=False):
     field: FloatArray | None
     zero_rate: ZeroRate | None
     axes_std: float
+    turned_std: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from sinan.sensors.covariates import camera_of
 from sinan.sensors.errors import InputError
 from sinan.sensors.gyroscope import Gyroscope
 from sinan.sensors.level import Level
+from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.model import SensorModel
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.noise import colour as coloured
@@ -161,8 +162,10 @@ class FlightModel:
     def processes(self) -> tuple[BiasProcess, ...]:
         """Every bias and colour that is a state."""
         biases = (self.accel.bias, self.gyro.bias, self.gyro.axes, *(sensor.bias for sensor in self.sensors.values()))
+        compass = self.sensors.get("mag")
+        turned = compass.axes if isinstance(compass, Magnetometer) else None
         coloured = (process for parts in self.colour.values() for _, process in parts)
-        return tuple(process for process in (*biases, *coloured) if process is not None)
+        return tuple(process for process in (*biases, turned, *coloured) if process is not None)
 
     def colour_of(self, sensor: str) -> tuple[tuple[int, BiasProcess], ...]:
         """Colour of one sensor's readings: first component, and the process."""
@@ -266,6 +269,7 @@ def flight_model(
     field: FloatArray | None = None,
     zero_rate: ZeroRate | None = None,
     axes_std: float = 0.0,
+    turned_std: float = 0.0,
     **beliefs: Unpack[Beliefs],
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
@@ -282,6 +286,7 @@ def flight_model(
     field : see `FlightModel`; left out where no magnetometer is used
     zero_rate : windows in which the body does not turn
     axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`; left out where there is no room
+    turned_std : 1-sigma of the turn of the compass's axes [rad], see `Magnetometer`; left out where there is no room
     beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
         stray, relinearise: see `FlightModel`
 
@@ -303,6 +308,10 @@ def flight_model(
         gyro = replace(gyro, axes_std=0.0)
     more = [] if gyro.axes is None else [gyro.axes.block]
     layout = layout_for((*layout.names, *more))
+    compass = sensors.get("mag")
+    if turned_std and isinstance(compass, Magnetometer) and layout.n + compass.size <= CAPACITY:
+        sensors = {**sensors, "mag": replace(compass, axes_std=turned_std)}
+        layout = layout_for((*layout.names, "s_mag"))
     if zero_rate is not None and layout.n + zero_rate.size <= CAPACITY:
         colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
         layout = layout_for((*layout.names, zero_rate.of_gravity.block))

@@ -2,7 +2,8 @@
 
 Error state ``dx``, block after block: position (NED, m), velocity (NED, m/s), attitude (``dtheta_b``, rad, with
 ``C_true = C Exp(dtheta_b)``), then the biases of the sensors and the colour of their noise (reading = truth + bias +
-colour + white noise), what the gyroscope's scale and axes err by, and the error of the magnetic field (NED).
+colour + white noise), what the gyroscope's scale and axes and the compass's axes err by, and the error of the magnetic
+field (NED).
 Nominal state ``x``: the same with the attitude as a quaternion ``q_nb``, so it is one longer.
 """
 
@@ -36,14 +37,14 @@ CAPACITY = 40
 
 def blocks() -> dict[str, tuple[str, ...]]:
     """The axes of every block in the order in which they are laid out: the process, the sensors' biases, the colour of
-    their noise, the gyroscope's scale and axes, the field; of biases and of colours the vectors come first.
+    their noise, the axes of gyroscope and compass, the field; of biases and of colours the vectors come first.
     """
     own = [block for entry in sensors() for block in entry.blocks.items()]
     laid: dict[str, tuple[str, ...]] = {"position": NED, "velocity": NED, "attitude": XYZ}
     for kind in ("b_", "c_"):
         of_kind = [(name, axes) for name, axes in own if name.startswith(kind)]
         laid |= sorted(of_kind, key=lambda block: -len(block[1]))
-    return {**laid, "c_zero_rate": XYZ, "s_gyro": MATRIX, "field": NED}
+    return {**laid, "c_zero_rate": XYZ, "s_gyro": MATRIX, "s_mag": XYZ, "field": NED}
 
 
 def size_of(block: str) -> int:

@@ -34,7 +34,7 @@ BASE_SIGMA = 0.3
 #: A laser range finder that is only imagined: rate [Hz], noise [m], longest range [m]; as the scenarios have it.
 LASER_RATE, LASER_SIGMA, LASER_RANGE = 20.0, 0.03, 40.0
 #: Of blocks that are left out, what a reader calls them.
-_LEFT_OUT = {"s_gyro": "gyro's scale and axes"}
+_LEFT_OUT = {"s_gyro": "gyro's scale and axes", "s_mag": "turn of the compass's axes"}
 #: A longer flight is looked at from its start to here [s].
 LONGEST = 1200.0
 
