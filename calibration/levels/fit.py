@@ -242,9 +242,12 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
     streams = recording.streams
     sizes: list[Size] = []
     unaided = 0.0 if "gps" in streams else 1.0
-    for name, columns, bias, walk in (("accel", ACCEL, 0.05, 1e-3), ("gyro", GYRO, 0.01, 3e-5)):
-        of_motion = unaided * OF_THE_MOTION if name == "accel" else 0.0
-        density = float(np.hypot(imu_density(recording, columns), of_motion))
+    of_motion = unaided * OF_THE_MOTION
+    for name, columns, other, bias, walk in (
+        ("accel", ACCEL, of_motion, 0.05, 1e-3),
+        ("gyro", GYRO, 0.0, 0.01, 3e-5),
+    ):
+        density = float(np.hypot(imu_density(recording, columns), other))
         sizes += [
             Size(name, "noise_density", density, 1.0),
             Size(name, "bias_std", bias, 0.7),

@@ -154,8 +154,7 @@ def information(
     cell : s; default `CELL`, shorter where the process noise asks for it, longer where that were over `MOST_CELLS`
 
     Neglects that readings of one cell share process noise, the Earth's turn, what declared effects change in H, and
-    what is a state for the sake of others (`is_nuisance`): its sigmas are least ones
-    where a model has these.
+    what is a state for the sake of others (`is_nuisance`): its sigmas are least ones where a model has these.
     """
     sensors = {**model.sensors, **{sensor.name: sensor for sensor in extra}}
     start, stop = float(motion.t[0]), float(motion.t[-1])
@@ -192,8 +191,8 @@ def information(
 
 
 def is_nuisance(block: str) -> bool:
-    """Whether a block is a state for the sake of others: the colour of readings, the error of the field, and of
-    the gyroscope's scale and axes.
+    """Whether a block is a state for the sake of others: the colour of readings, the errors of the field and of the
+    axes of gyroscope and compass.
     """
     return block.startswith("c_") or block in ("s_gyro", "s_mag", "field")
 

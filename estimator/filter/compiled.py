@@ -177,7 +177,7 @@ class CompiledRun:
         return Sensors(
             kind=np.array([kind_of(name) for name in names], dtype=np.int64),
             size=np.array([model.sensors[name].size for name in names], dtype=np.int64),
-            bias=np.array([model.layout.start(b) if model.layout.has(b) else -1 for b in blocks], dtype=np.int64),
+            bias=np.array([_first(model, block) for block in blocks], dtype=np.int64),
             colour=np.array([_first_colour(model, name) for name in names], dtype=np.int64),
             form=self.inputs.events.has_form,
             beam_start=beam_start,

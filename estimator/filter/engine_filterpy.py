@@ -206,14 +206,14 @@ class ReadableFilter:
             z_pred += sensor.predict(motion)[0]
             for block, values in sensor.jacobian(motion).items():
                 H[:, layout.slice(block)] = values[0]
-        if name == "mag" and layout.has("field"):
-            replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in the field's error too
-            H[:, layout.slice("field")] = matrix_from_quaternion(events.ref[k, Q_NB] if replaced else x[Q_NB]).T
-        if name == "mag" and layout.has("s_mag"):
-            replaced = events.has_form[events.sensor[k]] == 2
-            q_nb = events.ref[k, Q_NB] if replaced else x[Q_NB]
-            H[:, layout.slice("s_mag")] = skew(matrix_from_quaternion(q_nb).T @ m_n)
-            z_pred += H[:, layout.slice("s_mag")] @ x[layout.nominal("s_mag")]
+        if name == "mag":
+            replaced = events.has_form[events.sensor[k]] == 2  # linear about the reference in field and axes, too
+            C_bn = matrix_from_quaternion(events.ref[k, Q_NB] if replaced else x[Q_NB]).T
+            if layout.has("field"):
+                H[:, layout.slice("field")] = C_bn
+            if layout.has("s_mag"):
+                H[:, layout.slice("s_mag")] = skew(C_bn @ m_n)
+                z_pred += H[:, layout.slice("s_mag")] @ x[layout.nominal("s_mag")]
         for start, process in model.colour_of(name):
             part = slice(start, start + process.size) if process.size > 1 else slice(None)
             H[part, layout.slice(process.block)] = np.eye(process.size) if process.size > 1 else 1.0

@@ -303,18 +303,16 @@ def flight_model(
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
     layout = _layout(sensors, colour, field is not None)
-    gyro = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std=axes_std)
-    if gyro.axes is not None and layout.n + gyro.axes.size > CAPACITY:
-        gyro = replace(gyro, axes_std=0.0)
-    more = [] if gyro.axes is None else [gyro.axes.block]
-    layout = layout_for((*layout.names, *more))
-    compass = sensors.get("mag")
-    if turned_std and isinstance(compass, Magnetometer) and layout.n + compass.size <= CAPACITY:
-        sensors = {**sensors, "mag": replace(compass, axes_std=turned_std)}
-        layout = layout_for((*layout.names, "s_mag"))
-    if zero_rate is not None and layout.n + zero_rate.size <= CAPACITY:
-        colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
-        layout = layout_for((*layout.names, zero_rate.of_gravity.block))
+    gyro, compass = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)), sensors.get("mag")
+    crooked = replace(gyro, axes_std=axes_std)
+    if grown := _if_room(layout, crooked.axes):
+        gyro, layout = crooked, grown
+    if isinstance(compass, Magnetometer):
+        turned = replace(compass, axes_std=turned_std)
+        if grown := _if_room(layout, turned.axes):
+            sensors, layout = {**sensors, "mag": turned}, grown
+    if zero_rate is not None and (grown := _if_room(layout, zero_rate.of_gravity)):
+        colour, layout = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}, grown
     return FlightModel(
         layout=layout,
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
@@ -396,6 +394,13 @@ def _layout(
     biases = [model.bias.block for model in sensors.values() if model.bias is not None]
     coloured = [process.block for parts in colour.values() for _, process in parts]
     return layout_for(biases + coloured + (["field"] if field else []))
+
+
+def _if_room(layout: StateLayout, process: BiasProcess | None) -> StateLayout | None:
+    """With the block of a process; None: there is none, or no room for it in the filter."""
+    if process is None or layout.n + process.size > CAPACITY:
+        return None
+    return layout_for((*layout.names, process.block))
 
 
 def _merged(declared: SensorSpec, given: SensorSpec | None) -> SensorSpec:
