@@ -163,10 +163,12 @@ def score(journal: Journal, truth: Truth, target: Mounted, smoothed: SmoothedSta
     """
     result: dict[str, Any] = {
         **described(truth, target),
-        **errors_of(target, journal.imu_t, journal.imu_x, journal.model.translation),
+        **errors_of(target, journal.imu_t, journal.imu_x, journal.model.translation, journal.model.place_is_read),
     }
     if smoothed is not None:
-        result["smoothed"] = errors_of(target, smoothed.t, smoothed.x, journal.model.translation)
+        result["smoothed"] = errors_of(
+            target, smoothed.t, smoothed.x, journal.model.translation, journal.model.place_is_read
+        )
     stamps = target.reference.rows(covered(target.reference.t, journal.imu_t))
     return result | _held(journal, stamps) if target.same_north and len(stamps) else result
 

@@ -204,13 +204,16 @@ def without_jumps(reference: Stream) -> Stream:
     return reference.rows(near > AROUND)
 
 
-def errors_of(target: Mounted, t: FloatArray, x: FloatArray, translation: bool = True) -> dict[str, float]:
+def errors_of(
+    target: Mounted, t: FloatArray, x: FloatArray, translation: bool = True, place: bool = True
+) -> dict[str, float]:
     """RMS errors of estimated states, of what the reference knows and at its own stamps.
 
     Parameters
     ----------
     t, x : (n,) s, (n, 10 or more) nominal states: position, velocity, quaternion
     translation : position and velocity are estimated
+    place : a reading tells where the body is; else its place is wherever it began
 
     Returns
     -------
@@ -222,7 +225,7 @@ def errors_of(target: Mounted, t: FloatArray, x: FloatArray, translation: bool =
     if not len(reference):
         return errors
     x = states_at(reference.t, t, x)
-    if translation and reference.has(POSITION):
+    if translation and place and reference.has(POSITION):
         away = x[:, P_N] - reference.array(POSITION)
         errors |= {"position_rms": _rms(away), "height_rms": _rms(away[:, 2:])}
     if translation and reference.has(VELOCITY):

@@ -185,10 +185,11 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     kinds = {"average": 1.0 - INSTANT, "instant": INSTANT}
     if are_samples_declared(recording):
         kinds = {recording.spec("accel").imu_samples: 1.0}
-    found, near = dict[str, Levels](), None
-    for kind in kinds:
-        near = fit_levels(recording, believed.m_n, believed.covariance, believed.compass, kind, near)
-        found[kind] = near
+
+    def sought(kind: str, near: Levels | None = None) -> Levels:
+        return fit_levels(recording, believed.m_n, believed.covariance, believed.compass, kind, near)
+
+    found = {kind: sought(kind) for kind in kinds}
 
     def log_posterior(kind: str) -> float:
         levels, odds = found[kind], float(np.log(kinds[kind]))
@@ -199,6 +200,10 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
                 odds += float(np.log(1.0 - ONE_CLOCK + ONE_CLOCK * ratio))
         return levels.log_posterior + odds
 
+    best = max(kinds, key=log_posterior)
+    for kind in kinds:  # a search may end short of the top; so each is tried from where the best one ended
+        if kind != best:
+            found[kind] = max(found[kind], sought(kind, found[best]), key=lambda levels: levels.log_posterior)
     return found[max(kinds, key=log_posterior)]
 
 

@@ -198,20 +198,17 @@ class Levels:
 #: [m/s^2/sqrt(Hz)]; where no position is known nothing in the log tells it from the motion. A choice, half and twice of
 #: which move the sizes of flights without a GPS by 0.21 and 0.16 sigma (`bounds_of_work hand`).
 OF_THE_MOTION = 0.05
-#: 1-sigma of each element of what a gyroscope's scale and axes err by, a state where no position is measured: a choice,
-#: a quarter of the 2 % that a data sheet allows (`effects.gyro_cross_axis`). Half and twice move the sizes of flights
-#: without a GPS by 0.10 and 0.09 sigma (`bounds_of_work hand`).
+#: 1-sigma of each element of what a gyroscope's scale and axes err by, a state where nobody declares its noise: a
+#: choice, a quarter of the 2 % that a data sheet allows (`effects.gyro_cross_axis`). Half and twice move the sizes of
+#: flights without a GPS by 0.10 and 0.09 sigma (`bounds_of_work hand`).
 AXES_STD = 0.005
 #: The same of the turn of a compass's axes against those of the IMU [rad]: a choice, a tenth of what one is off at most
 #: that is aligned by eye (`effects.mag_misalignment`). Half and twice move the sizes of flights without a GPS by 0.03
 #: sigma (`bounds_of_work hand`).
 TURNED_STD = 0.01
-#: Median of the white noise that goes with the rate of turn [sqrt(s)], which stands for scale and axes: a choice, half
-#: and twice of which move a size by 0.7 and 0.4 sigma (`bounds_of_work sizes`).
-TURNING = 0.004
-#: The same where scale and axes are states, for what they leave, such as lateness: a choice, half and twice of which
-#: move a size by 0.01 and 0.03 sigma (`bounds_of_work hand`).
-TURNING_STRAIGHT = 0.002
+#: Median of the white noise that goes with the rate of turn [sqrt(s)], for what scale and axes leave, such as lateness:
+#: a choice, half and twice of which move a size by 0.7 and 0.6 sigma (`bounds_of_work sizes`).
+TURNING = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +251,7 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
             Size(name, "bias_walk", walk, 1.0),
             Size("in_step", name, 1.0 / 6.0, 0.7),
         ]
-    sizes.append(Size("in_step", "rate", TURNING_STRAIGHT if has_axes(recording) else TURNING, 0.7))
+    sizes.append(Size("in_step", "rate", TURNING, 0.7))
     if "mag" in streams:
         norm = iron.norm(recording)
         sizes += [
@@ -354,8 +351,8 @@ def first_levels(
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
-        axes_std=AXES_STD if sizes and has_axes(recording) else 0.0,
-        turned_std=TURNED_STD if "mag" in undeclared and has_axes(recording) else 0.0,
+        axes_std=AXES_STD if sizes and has_open_gyro(recording) else 0.0,
+        turned_std=TURNED_STD if sizes and "mag" in recording.streams and has_open_gyro(recording) else 0.0,
         own_north=has_its_own_north(recording),
     )  # fmt: skip
     for size in sizes:
@@ -367,13 +364,6 @@ def has_open_gyro(recording: Recording) -> bool:
     """Whether nobody declares the gyroscope's noise."""
     gyro = recording.spec("gyro")
     return gyro.noise_density is None and gyro.noise_std is None
-
-
-def has_axes(recording: Recording) -> bool:
-    """Whether what the gyroscope's scale and axes err by is a state: nobody declares its noise, and no position is
-    measured that would tell it from noise.
-    """
-    return has_open_gyro(recording) and "gps" not in recording.streams
 
 
 def has_its_own_north(recording: Recording) -> bool:

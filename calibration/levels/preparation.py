@@ -222,7 +222,8 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(
-            f"no position is measured: the body is taken to stay {held} (1 sigma), the likeliest of the bounds"
+            f"no position is measured: the body is taken to stay {held} (1 sigma), the likeliest of the bounds; "
+            "where it is and how fast are no more than that assumption and the IMU"
         )
     return lines
 

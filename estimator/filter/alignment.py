@@ -18,6 +18,7 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
+from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.rotation import (
@@ -29,6 +30,7 @@ from sinan.sensors.rotation import (
     quaternion_multiply,
     rotate,
     rpy_from_quaternion,
+    skew,
     turned_since_start,
 )
 
@@ -156,7 +158,7 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
     and, where a GPS gives velocities, of the acceleration between them. A body in motion that has enough of those
     starts as `align_in_motion` has it.
 
-        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + n) + J_n d(m_n)
+        d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + m x t + n) + J_n d(m_n)
 
     J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
     The field
@@ -189,9 +191,9 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
         return q, covariance, cross_covariances
     J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field.m_b, q)
-    read = field.variance * np.eye(3) + sum(P for _, P in field.errors)
+    read = field.variance * np.eye(3) + sum(field.wrong)
     covariance = covariance + J_m @ read @ J_m.T
-    cross_covariances |= {name: -J_m @ P for name, P in field.errors}
+    cross_covariances |= {name: -J_m @ A @ P for name, A, P in field.errors}
     if field.of_place is not None:
         J_n = _differences(lambda v: attitude_from_vectors(f_b, m_b, f_n, v), model.m_n, q)
         covariance, cross_covariances["field"] = covariance + J_n @ field.of_place @ J_n.T, J_n @ field.of_place
@@ -224,8 +226,11 @@ def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | Non
     processes = [
         process for process in (mag.bias, *(part for _, part in model.colour_of("mag"))) if process is not None
     ]
-    errors = tuple((process.block, process.std**2 * np.eye(3)) for process in processes)
-    return Field(m_b, model.m_n, variance, errors, model.field)
+    to_first = np.stack([rotate(back, axis).mean(axis=0) for axis in np.eye(3)], axis=-1)
+    errors = [(process.block, to_first, process.std**2 * np.eye(3)) for process in processes]
+    if isinstance(mag, Magnetometer) and mag.axes is not None:
+        errors.append((mag.axes.block, skew(m_b) @ to_first, mag.axes.std**2 * np.eye(3)))
+    return Field(m_b, model.m_n, variance, tuple(errors), model.field)
 
 
 def _acceleration(flight: Flight) -> tuple[FloatArray, float | None]:

@@ -57,15 +57,20 @@ class Field:
     ----------
     m_b, m_n : (3,)
     variance : of the mean reading, an axis
-    errors : name and (3, 3) covariance of the states that add to the reading
+    errors : name, (3, 3) what it adds to the reading and (3, 3) covariance of each state that does
     of_place : (3, 3) covariance of m_n, where it is a state
     """
 
     m_b: FloatArray
     m_n: FloatArray
     variance: float
-    errors: tuple[tuple[str, FloatArray], ...]
+    errors: tuple[tuple[str, FloatArray, FloatArray], ...]
     of_place: FloatArray | None
+
+    @property
+    def wrong(self) -> list[FloatArray]:
+        """(3, 3) covariance of what each of those states adds to the reading."""
+        return [A @ P @ A.T for _, A, P in self.errors]
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,7 @@ class _Pairs:
 def align_in_motion(flight: Flight, field: Field | None) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]] | None:
     """q_nb at the first instant, its covariance (3, 3), and that with the states; None: fewer than `LEAST` velocities.
 
-        e = s_b - C' s_n = [s_b]x dtheta_b + A (b_accel, b_gyro, lateness, b_mag, ...) + n
+        e = s_b - C' s_n = [s_b]x dtheta_b + A (b_accel, b_gyro, lateness, b_mag, s_mag, ...) + n
 
     by least squares in the angles and the errors, C from Wahba's problem first. The noise of the velocities is as large
     as their residual says, at least as declared.
@@ -96,7 +101,7 @@ def align_in_motion(flight: Flight, field: Field | None) -> tuple[FloatArray, Fl
     weights = np.full(n, 1.0 / (variance + sum(spread)))
     if field is not None:
         body, nav = np.concatenate([body, field.m_b[None]]), np.concatenate([nav, field.m_n[None]])
-        wrong = (*(P for _, P in field.errors), *(() if field.of_place is None else (field.of_place,)))
+        wrong = (*field.wrong, *(() if field.of_place is None else (field.of_place,)))
         weights = np.append(weights, 1.0 / (field.variance + sum(float(np.trace(P)) / 3.0 for P in wrong)))
     first = wahba(body, nav, weights)
     turns = quaternion_exp(np.outer(np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS, [0.0, 0.0, 1.0]))
@@ -203,7 +208,7 @@ def _errors(pairs: _Pairs, field: Field | None) -> _Errors:
     if field is not None:
         columns = [(name, np.concatenate([c, np.zeros((3, c.shape[1]))]), P) for name, c, P in columns]
         above = np.zeros((pairs.body.size, 3))
-        columns += [(name, np.concatenate([above, np.eye(3)]), P) for name, P in field.errors]
+        columns += [(name, np.concatenate([above, A]), P) for name, A, P in field.errors]
         if field.of_place is not None:
             columns.append(("field", np.concatenate([above, np.zeros((3, 3))]), field.of_place))
     roots = block_diag(*(_root(P) for _, _, P in columns))

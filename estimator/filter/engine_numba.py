@@ -28,7 +28,7 @@ from sinan.estimator.filter.kernel_cache import options
 from sinan.estimator.filter.tails import NOTHING
 from sinan.sensors.arrays import FloatArray, IntArray
 
-CAP = 40  # = layout.CAPACITY
+CAP = 56  # = layout.CAPACITY
 TILE = 16  # columns of V that are carried together: fewer, and the compiler unrolls loops instead of filling registers
 SIXTEEN = np.uint64(16)  # unsigned offsets need no test for negative indices, which would keep a loop from vectors
 P_Z, T_X, T_Y, T_Z = np.uint64(32), np.uint64(96), np.uint64(112), np.uint64(128)  # rows 2, 6, 7, 8 of a tile

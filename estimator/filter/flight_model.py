@@ -14,7 +14,7 @@ import numpy as np
 
 from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
-from sinan.estimator.filter.layout import CAPACITY, StateLayout, layout_for
+from sinan.estimator.filter.layout import StateLayout, layout_for
 from sinan.estimator.filter.tails import NORMAL, spread_of, stray_over_centre
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -161,11 +161,7 @@ class FlightModel:
     @property
     def processes(self) -> tuple[BiasProcess, ...]:
         """Every bias and colour that is a state."""
-        biases = (self.accel.bias, self.gyro.bias, self.gyro.axes, *(sensor.bias for sensor in self.sensors.values()))
-        compass = self.sensors.get("mag")
-        turned = compass.axes if isinstance(compass, Magnetometer) else None
-        coloured = (process for parts in self.colour.values() for _, process in parts)
-        return tuple(process for process in (*biases, turned, *coloured) if process is not None)
+        return (self.accel.bias, self.gyro.bias, *_processes(self.gyro, self.sensors, self.colour))
 
     def colour_of(self, sensor: str) -> tuple[tuple[int, BiasProcess], ...]:
         """Colour of one sensor's readings: first component, and the process."""
@@ -174,6 +170,11 @@ class FlightModel:
     def replace(self, **changes: object) -> FlightModel:
         """A copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+    @property
+    def place_is_read(self) -> bool:
+        """Whether readings tell where the body is; else it is taken to stay near the place where it began."""
+        return "place" not in self.sensors
 
     @property
     def rest(self) -> ZeroRate:
@@ -285,8 +286,8 @@ def flight_model(
     magnetic_field : (3,) NED; default: the recording's, else found from the log with north meaning magnetic north
     field : see `FlightModel`; left out where no magnetometer is used
     zero_rate : windows in which the body does not turn
-    axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`; left out where there is no room
-    turned_std : 1-sigma of the turn of the compass's axes [rad], see `Magnetometer`; left out where there is no room
+    axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`
+    turned_std : 1-sigma of the turn of the compass's axes [rad], see `Magnetometer`
     beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
         stray, relinearise: see `FlightModel`
 
@@ -302,19 +303,14 @@ def flight_model(
     colour = _colours(where, declared, sensors)
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
-    layout = _layout(sensors, colour, field is not None)
-    gyro, compass = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate)), sensors.get("mag")
-    crooked = replace(gyro, axes_std=axes_std)
-    if grown := _if_room(layout, crooked.axes):
-        gyro, layout = crooked, grown
+    gyro, compass = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std), sensors.get("mag")
     if isinstance(compass, Magnetometer):
-        turned = replace(compass, axes_std=turned_std)
-        if grown := _if_room(layout, turned.axes):
-            sensors, layout = {**sensors, "mag": turned}, grown
-    if zero_rate is not None and (grown := _if_room(layout, zero_rate.of_gravity)):
-        colour, layout = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}, grown
+        sensors = {**sensors, "mag": replace(compass, axes_std=turned_std)}
+    if zero_rate is not None:
+        colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
+    blocks = [process.block for process in _processes(gyro, sensors, colour)]
     return FlightModel(
-        layout=layout,
+        layout=layout_for(blocks if field is None else [*blocks, "field"]),
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
         gyro=gyro,
         sensors=sensors,
@@ -387,20 +383,15 @@ def _assumed(level: Level | None, wanted: bool, bounds: Bounds | None) -> tuple[
     return {"level": chosen}, [f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt"]
 
 
-def _layout(
-    sensors: Mapping[str, SensorModel], colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]], field: bool
-) -> StateLayout:
-    """Blocks of the biases, of the colour, and of the field's error."""
-    biases = [model.bias.block for model in sensors.values() if model.bias is not None]
-    coloured = [process.block for parts in colour.values() for _, process in parts]
-    return layout_for(biases + coloured + (["field"] if field else []))
-
-
-def _if_room(layout: StateLayout, process: BiasProcess | None) -> StateLayout | None:
-    """With the block of a process; None: there is none, or no room for it in the filter."""
-    if process is None or layout.n + process.size > CAPACITY:
-        return None
-    return layout_for((*layout.names, process.block))
+def _processes(
+    gyro: Gyroscope, sensors: Mapping[str, SensorModel], colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]]
+) -> tuple[BiasProcess, ...]:
+    """Biases of the sensors, axes of gyroscope and compass, and colour."""
+    compass = sensors.get("mag")
+    turned = compass.axes if isinstance(compass, Magnetometer) else None
+    coloured = (process for parts in colour.values() for _, process in parts)
+    found = (*(model.bias for model in sensors.values()), gyro.axes, turned, *coloured)
+    return tuple(process for process in found if process is not None)
 
 
 def _merged(declared: SensorSpec, given: SensorSpec | None) -> SensorSpec:

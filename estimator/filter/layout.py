@@ -30,9 +30,9 @@ D_MOTION, D_BIASES = slice(0, 9), slice(9, None)
 PV = slice(0, 6)  # position and velocity, in either
 #: Elements of a (3, 3) matrix of body axes, row by row.
 MATRIX = tuple(f"{row}{column}" for row in XYZ for column in XYZ)
-#: Length of a row of the covariance inside the kernels, the most states of a filter: 5 * 8, of vector registers of
-#: eight.
-CAPACITY = 40
+#: Length of a row of the covariance inside the kernels, the most states of a filter: 7 * 8, of vector registers of
+#: eight; all shipped sensors together have 54.
+CAPACITY = 56
 
 
 def blocks() -> dict[str, tuple[str, ...]]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sinan.estimator.filter.compiled import CompiledRun
     from sinan.estimator.filter.engine_numba import Trail
 
-PIECE = 60.0  # s, of a journal in memory: bound of work (`test_pieces`)
+PIECE = 40.0  # s, of a journal in memory: bound of work (`test_pieces`)
 
 
 def journal_pieces(

@@ -129,7 +129,7 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "beyond": {_LEVELS + "fit": ("STRAY",)},
     "slow": {_LEVELS + "fit": ("AS_DECLARED",)},
     "hand": {
-        _LEVELS + "fit": ("OF_THE_MOTION", "AXES_STD", "TURNED_STD", "TURNING_STRAIGHT", "HAND", "WIDER"),
+        _LEVELS + "fit": ("OF_THE_MOTION", "AXES_STD", "TURNED_STD", "HAND", "WIDER"),
         _FILTER + "imu": ("ROUGH",),
     },
     "headings": {_LEVELS + "heading": ("OUTLIER_LEVEL",)},

@@ -9,11 +9,11 @@ from typing import Any
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
 from sinan.experiments.report.assumption_table import assumption_table
+from sinan.experiments.report.estimate_words import innovations, not_as_expected, size_of_innovations, what_next
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,
-    counted,
     number,
     off_by,
     reference_notes,
@@ -37,11 +37,13 @@ def estimate_page(
     courses : the biases over time
     review : the recording over time
     """
-    page = Page(f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {verdict(document)}")
-    outside = _outside(document)
+    page = Page(
+        f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {size_of_innovations(document)}"
+    )
+    outside = not_as_expected(document)
     agrees = not outside
     page.verdict("consistent" if agrees else "not as expected", "no_effect" if agrees else "ambiguous")
-    page.text(f"What to do next: {_next(document, outside)}")
+    page.text(f"What to do next: {what_next(document)}")
     page.numbers([(value, name) for name, value in reference_rows(document)])
     for warning in document.get("warnings", []):
         page.text(f"{warning[0].upper()}{warning[1:]}.")
@@ -60,17 +62,6 @@ def estimate_page(
         page.heading("The log over time")
         page.part(review)
     page.write(path)
-
-
-def _next(document: Mapping[str, Any], outside: Sequence[str]) -> str:
-    """What to do about innovations of another size than expected: a trace finds what makes them larger, not smaller."""
-    looks = f"`{document.get('call', 'sinan trace')}` looks for"
-    if not outside:
-        return f"{looks} smaller effects and says how small one could have hidden."
-    if all(innovations(document, sensor) == "smaller" for sensor in outside):
-        named = ", ".join(SENSORS.get(sensor, sensor) for sensor in outside)
-        return f"declare less noise ({named}), since the filter expects more than there is; no effect does that."
-    return f"{looks} the cause of those that are larger."
 
 
 def bias_part(page: Page, document: Mapping[str, Any], courses: Sequence[BiasCourse]) -> None:
@@ -111,32 +102,3 @@ def innovation_part(page: Page, document: Mapping[str, Any]) -> None:
     ]
     head = ["sensor", "NIS", "95 % interval if the model is right", "innovations", "refused"]
     page.table(head, rows, numeric=(1, 2, 4))
-
-
-def innovations(document: Mapping[str, Any], sensor: str) -> str:
-    """Whether a sensor's innovations are as large as the filter expects: by the interval of its NIS."""
-    if sensor in document.get("assumed", ()):
-        return "assumed, no sensor"
-    nis, (low, high) = document["nis"][sensor], document["nis_interval"][sensor]
-    if nis is None or low is None:
-        return ""
-    return "larger" if nis > high else "smaller" if nis < low else "as expected"
-
-
-def _outside(document: Mapping[str, Any]) -> list[str]:
-    """The sensors whose innovations are not as large as expected."""
-    return [sensor for sensor in document["nis"] if innovations(document, sensor) in ("larger", "smaller")]
-
-
-def verdict(document: Mapping[str, Any]) -> str:
-    """How many sensors' innovations are larger and how many smaller than expected, as the table marks them."""
-    marks = {sensor: innovations(document, sensor) for sensor in document["nis"]}
-    asked = [sensor for sensor, mark in marks.items() if mark in ("larger", "smaller", "as expected")]
-    outside = [
-        f"{mark} than it expects in {len(named)} ({', '.join(named)})"
-        for mark in ("larger", "smaller")
-        if (named := [SENSORS.get(sensor, sensor) for sensor in asked if marks[sensor] == mark])
-    ]
-    if not outside:
-        return "Its innovations are as large as it expects: nothing speaks against its model."
-    return f"Of {counted(len(asked), 'sensor')}, the innovations are {' and '.join(outside)}."

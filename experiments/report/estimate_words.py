@@ -13,6 +13,7 @@ from sinan.experiments.report.words import (
     SENSORS,
     bias_rows,
     bias_unit,
+    counted,
     number,
     off_by,
     reference_notes,
@@ -87,7 +88,7 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
     notes = [*reference_notes(document), *document["noise"], *document.get("notes", [])]
     lines += [f"  note: {note}" for note in notes]
     lines += [f"  warning: {warning}" for warning in document["warnings"] if warning not in first]
-    return "\n".join(lines)
+    return "\n".join([*lines, f"  {size_of_innovations(document)}", f"  next: {what_next(document)}"])
 
 
 def _biases(document: Mapping[str, Any]) -> list[str]:
@@ -111,3 +112,43 @@ def _biases(document: Mapping[str, Any]) -> list[str]:
         f"  {name:{widths[0]}}  {value:>{widths[1]}}  {truth:>{widths[2]}}  {off:>{widths[3]}}  {unit}".rstrip()
         for name, value, truth, off, unit in cells
     ]
+
+
+def what_next(document: Mapping[str, Any]) -> str:
+    """What to do about innovations of another size than expected: a trace finds what makes them larger, not smaller."""
+    looks, outside = f"`{document.get('call', 'sinan trace')}` looks for", not_as_expected(document)
+    if not outside:
+        return f"{looks} smaller effects and says how small one could have hidden."
+    if all(innovations(document, sensor) == "smaller" for sensor in outside):
+        named = ", ".join(SENSORS.get(sensor, sensor) for sensor in outside)
+        return f"declare less noise where you declare it ({named}): the filter expects more, which no effect does."
+    return f"{looks} the cause of those that are larger."
+
+
+def innovations(document: Mapping[str, Any], sensor: str) -> str:
+    """Whether a sensor's innovations are as large as the filter expects: by the interval of its NIS."""
+    if sensor in document.get("assumed", ()):
+        return "assumed, no sensor"
+    nis, (low, high) = document["nis"][sensor], document["nis_interval"][sensor]
+    if nis is None or low is None:
+        return ""
+    return "larger" if nis > high else "smaller" if nis < low else "as expected"
+
+
+def not_as_expected(document: Mapping[str, Any]) -> list[str]:
+    """The sensors whose innovations are not as large as expected."""
+    return [sensor for sensor in document["nis"] if innovations(document, sensor) in ("larger", "smaller")]
+
+
+def size_of_innovations(document: Mapping[str, Any]) -> str:
+    """How many sensors' innovations are larger and how many smaller than expected, as the table marks them."""
+    marks = {sensor: innovations(document, sensor) for sensor in document["nis"]}
+    asked = [sensor for sensor, mark in marks.items() if mark in ("larger", "smaller", "as expected")]
+    outside = [
+        f"{mark} than it expects in {len(named)} ({', '.join(named)})"
+        for mark in ("larger", "smaller")
+        if (named := [SENSORS.get(sensor, sensor) for sensor in asked if marks[sensor] == mark])
+    ]
+    if not outside:
+        return "Its innovations are as large as it expects: nothing speaks against its model."
+    return f"Of {counted(len(asked), 'sensor')}, the innovations are {' and '.join(outside)}."

@@ -159,7 +159,8 @@ def _later_rivals(document: Mapping[str, Any]) -> str:
 def what_next(document: Mapping[str, Any], log: Log) -> str:
     """What to do, a sentence or two."""
     if document["verdict"] == "no_effect":
-        return 'nothing needs correcting; "What would have been seen" lists how large each effect would have to be'
+        seen = '"What would have been seen" lists how large each effect would have to be'
+        return f"nothing that this log shows needs correcting; {seen}"
     if document["verdict"] == "ambiguous":
         measure = "measure one of them yourself, such as a lever arm with a ruler, and declare it"
         return f"{document['separates']}; or {measure}" if document["separates"] else measure
@@ -175,7 +176,8 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             else []
         )
         return "; ".join([*longer, *remains, "check axes, units and clocks"])
-    return "; ".join(_use(effect, log) for effect in _kinds(reported(document)))
+    lines = declared_lines(document)
+    return "; ".join(_use(effect, lines, log) for effect in _kinds(reported(document)))
 
 
 def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -184,19 +186,31 @@ def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     return lasting[:1] + [effect for effect in effects if effect.get("interval")][:1]
 
 
-def _use(effect: Mapping[str, Any], log: Log) -> str:
-    """How an effect that was found is used from now on."""
+def declared_lines(document: Mapping[str, Any]) -> list[str]:
+    """What `[effects]` of a recording says of the effects that last; of poses that do not tell the unit of their field,
+    those of a compass are parts of the field, and none are said.
+    """
+    lasting = [effect for effect in reported(document) if not effect.get("interval")]
+    known = [effect for effect in lasting if not effect["name"].endswith(".outliers")]
+    if document["sensors"] and any(CATALOGUE[effect["name"]].in_field_units for effect in known):
+        return []
+    return [f'"{effect["name"]}" = [{", ".join(f"{value:.4g}" for value in effect["beta"])}]' for effect in known]
+
+
+def _use(effect: Mapping[str, Any], lines: Sequence[str], log: Log) -> str:
+    """How an effect that was found is used from now on, given the lines that declare all that last."""
     if effect.get("interval"):
         return f"{effect['name']}: look for what disturbed the sensor {interval_words(effect)}, or cut that part out"
     if effect["name"].endswith(".outliers"):
         return f"{effect['name']}: look for the cause of single wrong readings"
     then = "`estimate` and `trace` then correct for it"
+    found = " and ".join(f"`{line}`" for line in lines) if lines else "what was found"
     declares = Path(log.input) / "recording.toml"
     if declares.is_file():
-        return f"write what was found into `[effects]` of `{declares}`: {then}"
+        return f"write {found} into `[effects]` of `{declares}`: {then}"
     map_file = ["--map", str(log.map_file)] if log.map_file else []
     convert = shlex.join(["sinan", "convert", log.input, "run", *map_file, *log.choice.words])
-    return f"`{convert}`, and write what was found into `[effects]` of `run/recording.toml`: {then}"
+    return f"`{convert}`, and write {found} into `[effects]` of `run/recording.toml`: {then}"
 
 
 def next_with_parameters(document: Mapping[str, Any]) -> str:

@@ -63,6 +63,6 @@ def score_of(flight: FlightSource, target: Mounted) -> Score:
     """The errors of the filter's states, with the effects of a fit, against a reference; see `errors_of`."""
 
     def score(fit: Fit) -> Mapping[str, float]:
-        return errors_of(target, *flight.states(fit), flight.model.translation)
+        return errors_of(target, *flight.states(fit), flight.model.translation, flight.model.place_is_read)
 
     return score

@@ -79,7 +79,8 @@ def note_of_axes(recording: Recording, axes: FloatArray | None = None) -> list[s
     alike = int(np.sum(found.odds[1 : len(TURNS)] > found.odds[best] - _ALIKE)) - 1
     said += f", or {alike} others that such turns do not tell from it," if alike else ""
     left = f"{100.0 * found.left[best]:.0f} % of the change of the field is left, as read {100.0 * found.left[0]:.0f} %"
-    return [f"mag: the compass does not have the axes of the IMU; in a map axes = {said} would do: {left}"]
+    would = f"if those are right, axes = {said} in a map would do"
+    return [f"mag: the compass does not have the axes of the gyroscope; {would}: {left}"]
 
 
 def _words(axes: FloatArray) -> str:

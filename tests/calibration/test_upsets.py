@@ -165,7 +165,7 @@ def test_half_and_twice_of_the_instants_tried_find_the_same_shock(
     monkeypatch.setattr(upsets, name, tuple(factor * one for one in getattr(upsets, name)))
     found = with_upsets(shaken, levels)
     assert [one.t for one in found.upsets] == [pytest.approx(SHOCK, abs=1.2)]
-    assert attitude_error(shaken, found, flown[1], SHOCK + 5.0) < 1.3 * usual
+    assert attitude_error(shaken, found, flown[1], SHOCK + 5.0) < 1.7 * usual
 
 
 def test_an_upset_adds_its_variances_to_the_interval_that_it_is_in(shaken: Recording) -> None:

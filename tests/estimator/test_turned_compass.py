@@ -11,18 +11,20 @@ from scipy.spatial.transform import Rotation
 from sinan.calibration.levels.fit import first_levels, sizes_of
 from sinan.estimator.evidence.observability import is_nuisance
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
+from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.effect_forms import Terms, reference_motion
 from sinan.estimator.filter.engine_filterpy import ReadableFilter
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.inputs import prepare
-from sinan.estimator.filter.layout import Q_NB
+from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.estimator.filter.relinearise import run_relinearised
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.effects import effect
-from sinan.sensors.recording import MAG, Recording, SensorSpec, Stream
+from sinan.sensors.recording import MAG, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.estimator.analytic_flight import SPECS, analytic_motion, fly
 from tests.estimator.test_engines import AGREEMENT, difference
@@ -32,11 +34,11 @@ TURN = np.array([0.02, -0.015, 0.025])
 STD = 0.02
 
 
-def turned(duration: float, share: float = 1.0) -> Recording:
+def turned(duration: float, share: float = 1.0, t: FloatArray = TURN, sensors: tuple[str, ...] = ("mag",)) -> Recording:
     """An attitude flight whose compass is turned by so much of t."""
-    recording, _ = fly(22, duration=duration, sensors=("mag",))
+    recording, _ = fly(22, duration=duration, sensors=sensors)
     mag = recording.streams["mag"]
-    read = Rotation.from_rotvec(-share * TURN).apply(mag.array(MAG))
+    read = Rotation.from_rotvec(-share * t).apply(mag.array(MAG))
     return recording.replace(
         streams={**recording.streams, "mag": Stream(mag.t, {**mag.columns, **dict(zip(MAG, read.T, strict=True))})}
     )
@@ -80,6 +82,24 @@ def test_h_is_the_derivative_of_the_prediction() -> None:
         assert np.max(np.abs(column - H[:, j])) < (1e-7 if own else left_out)
 
 
+@pytest.mark.parametrize("sensors", [("mag",), ("mag", "gps")])
+def test_the_first_attitude_knows_of_it(sensors: tuple[str, ...]) -> None:
+    """Its covariance with t is what a turn of the readings turns it by; `align`, and `align_in_motion`."""
+
+    def start(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        recording = turned(25.0, t=t, sensors=sensors)
+        return first_state(Flight(recording.replace(initial=Initial()), model))
+
+    model = model_of(turned(25.0, sensors=sensors))
+    straight, P = start(np.zeros(3))
+    for axis in range(3):
+        t = 1e-4 * np.eye(3)[axis]
+        found, _ = start(t)
+        error = quaternion_log(quaternion_multiply(quaternion_conjugate(found[Q_NB]), straight[Q_NB]))
+        known = P[DTHETA, model.layout.slice("s_mag")][:, axis] / STD**2
+        assert np.max(np.abs(error / 1e-4 - known)) < 0.05 * np.max(np.abs(known))
+
+
 def test_it_is_what_the_effect_with_a_prior_is() -> None:
     """Friedland's separate-bias filter: information of the effect L without the state, (L^-1 + STD^2)^-1 with it."""
     recording = turned(30.0, 0.02)
@@ -117,12 +137,13 @@ def test_the_turn_is_found_and_the_attitude_is_nearer_for_it() -> None:
     ("streams", "specs", "there"),
     [
         (("mag",), {}, True),
-        (("mag", "gps"), {}, False),
+        (("mag", "gps"), {}, True),
         (("mag",), {"mag": SensorSpec(noise_std=0.01)}, True),
+        (("mag",), {"mag": SensorSpec(noise_std=0.01, bias_std=0.01, bias_walk=0.0)}, True),
         (("mag",), {"gyro": SensorSpec(noise_density=1e-4)}, False),
     ],
 )
-def test_it_is_a_state_where_nobody_declares_the_noise_and_no_position_is_measured(
+def test_it_is_a_state_where_nobody_declares_the_noise_of_the_gyroscope(
     streams: tuple[str, ...], specs: dict[str, SensorSpec], there: bool
 ) -> None:
     recording, _ = fly(3, duration=5.0, sensors=streams)

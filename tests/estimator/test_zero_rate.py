@@ -169,13 +169,6 @@ def test_the_bias_of_one_attitude_is_not_that_of_others(
     assert sigma < 1e-3
 
 
-def test_a_filter_without_room_has_no_state_for_what_gravity_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    recording, _ = turned()
-    states = model_of(recording, zero_rate=seconds(0, 20)).layout.n
-    monkeypatch.setattr("sinan.estimator.filter.flight_model.CAPACITY", states - 1)
-    assert model_of(recording, zero_rate=seconds(0, 20)).layout.n == states - 3
-
-
 def test_engines_agree_and_a_turn_is_no_rest() -> None:
     recording, _ = turned()
     law: dict[str, Any] = {"tail": 4.0, "stray": {"zero_rate": Stray(0.05, 2.0)}}

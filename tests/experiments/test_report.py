@@ -18,7 +18,8 @@ from sinan.experiments.labs.magnetometer import sign_errors
 from sinan.experiments.report.calibration_words import summary as calibration_summary
 from sinan.experiments.report.calibration_words import warnings_of as calibration_warnings
 from sinan.experiments.report.console import progress, working
-from sinan.experiments.report.estimate_page import estimate_page, innovations, verdict
+from sinan.experiments.report.estimate_page import estimate_page
+from sinan.experiments.report.estimate_words import innovations, size_of_innovations
 from sinan.experiments.report.estimate_words import summary as estimate_summary
 from sinan.experiments.report.estimate_words import warnings_of as innovation_warnings
 from sinan.experiments.report.figures import biases_over_time
@@ -359,7 +360,7 @@ def test_the_lead_counts_innovations_as_the_table_marks_them() -> None:
     document = an_estimate()
     assert [innovations(document, s) for s in document["nis"]] == ["larger", "as expected", "larger", "smaller"]
     said = "Of 4 sensors, the innovations are larger than it expects in 2 (magnetometer, laser) and "
-    assert verdict(document) == f"{said}smaller than it expects in 1 (sonar)."
+    assert size_of_innovations(document) == f"{said}smaller than it expects in 1 (sonar)."
 
 
 def test_nobody_is_warned_of_what_the_filter_assumes() -> None:
@@ -368,7 +369,7 @@ def test_nobody_is_warned_of_what_the_filter_assumes() -> None:
     )
     assert innovation_warnings(document) == []
     assert innovations(document, "level") == "assumed, no sensor"
-    assert "nothing speaks against" in verdict(document)
+    assert "nothing speaks against" in size_of_innovations(document)
 
 
 def test_biases_stand_beside_the_truth_where_there_is_one() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from sinan.experiments.answers.traces import slow_imu
 from sinan.experiments.report.trace_page import trace_page
 from sinan.experiments.report.verdict_words import (
     Log,
+    declared_lines,
     errors_against_a_truth,
     lead,
     next_with_parameters,
@@ -346,7 +348,9 @@ def test_what_was_found_is_written_into_a_recording_or_a_converted_log(tmp_path:
     for folder in (bag, recording):
         folder.mkdir()
     (recording / "recording.toml").touch()
-    assert what_next(document, Log(str(recording))).startswith(
-        f"write what was found into `[effects]` of `{recording}/"
-    )
+    lines = declared_lines(document)
+    assert what_next(document, Log(str(recording))).startswith(f"write `{lines[0]}` into `[effects]` of `{recording}/")
+    declared = tomllib.loads("\n".join(["[effects]", *lines]))["effects"]
+    lasting = {e["name"]: e["beta"] for e in document["effects"] if not e.get("interval")}
+    assert declared == {name: pytest.approx(beta, rel=1e-3) for name, beta in lasting.items()}
     assert what_next(document, Log(str(bag))).startswith(f"`sinan convert {bag} run`")

@@ -68,7 +68,7 @@ def test_a_turned_compass_is_found(k: int) -> None:
 
 def test_the_sentence_says_what_a_map_should_say() -> None:
     (said,) = note_of_axes(log(np.diag([-1.0, -1.0, 1.0])))
-    assert 'in a map axes = ["-x", "-y", "z"] (of a mirror image ["x", "y", "-z"]) would do: ' in said
+    assert 'axes = ["-x", "-y", "z"] (of a mirror image ["x", "y", "-z"]) in a map would do: ' in said
     assert " % of the change of the field is left, as read " in said
 
 
@@ -81,7 +81,7 @@ def test_axes_of_a_map_are_counted_in() -> None:
 
 
 @pytest.mark.parametrize(
-    ("S", "says"), [((-1.0, -1.0, 1.0), "would do"), ((1.0, 1.0, -1.0), ", a mirror image, would do")]
+    ("S", "says"), [((-1.0, -1.0, 1.0), "in a map would do"), ((1.0, 1.0, -1.0), ", a mirror image, in a map would do")]
 )
 def test_a_mirror_image_is_told_by_the_dip_of_the_place(S: tuple[float, ...], says: str) -> None:
     (said,) = note_of_axes(log(np.diag(S)).replace(origin=BEIJING))
@@ -157,7 +157,7 @@ def test_a_measured_compass_is_right_as_read_and_found_when_turned(name: str, me
     from sinan.experiments.datasets import resolve
 
     recording = resolve(name)
-    assert not [note for note in recording.notes if "axes of the IMU" in note]
+    assert not [note for note in recording.notes if "axes of the gyroscope" in note]
     for S in (TURNS[2], TURNS[11], np.diag([1.0, -1.0, 1.0])):
         (said,) = note_of_axes(with_compass(recording, S))
         found = axes_found(with_compass(recording, S).streams["imu"], with_compass(recording, S).streams["mag"])
