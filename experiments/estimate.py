@@ -18,7 +18,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV, P_N, Q_NB, V_N, StateLayout
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import SmoothedStates, smooth
-from sinan.experiments.reference import Mounted, covered, described, errors_of, states_at
+from sinan.experiments.reference import Mounted, covered, described, errors_of, states_at, told_of
 from sinan.experiments.refused import doubted_shares
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.files import new_file
@@ -163,12 +163,10 @@ def score(journal: Journal, truth: Truth, target: Mounted, smoothed: SmoothedSta
     """
     result: dict[str, Any] = {
         **described(truth, target),
-        **errors_of(target, journal.imu_t, journal.imu_x, journal.model.translation, journal.model.place_is_read),
+        **errors_of(target, journal.imu_t, journal.imu_x, *told_of(journal.model)),
     }
     if smoothed is not None:
-        result["smoothed"] = errors_of(
-            target, smoothed.t, smoothed.x, journal.model.translation, journal.model.place_is_read
-        )
+        result["smoothed"] = errors_of(target, smoothed.t, smoothed.x, *told_of(journal.model))
     stamps = target.reference.rows(covered(target.reference.t, journal.imu_t))
     return result | _held(journal, stamps) if target.same_north and len(stamps) else result
 

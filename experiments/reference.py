@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import P_N, Q_NB, V_N
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
@@ -205,7 +206,7 @@ def without_jumps(reference: Stream) -> Stream:
 
 
 def errors_of(
-    target: Mounted, t: FloatArray, x: FloatArray, translation: bool = True, place: bool = True
+    target: Mounted, t: FloatArray, x: FloatArray, translation: bool = True, place: bool = True, height: bool = True
 ) -> dict[str, float]:
     """RMS errors of estimated states, of what the reference knows and at its own stamps.
 
@@ -213,7 +214,7 @@ def errors_of(
     ----------
     t, x : (n,) s, (n, 10 or more) nominal states: position, velocity, quaternion
     translation : position and velocity are estimated
-    place : a reading tells where the body is; else its place is wherever it began
+    place, height : readings tell where the body is, how high; else it is wherever it began
 
     Returns
     -------
@@ -225,9 +226,10 @@ def errors_of(
     if not len(reference):
         return errors
     x = states_at(reference.t, t, x)
-    if translation and place and reference.has(POSITION):
+    if translation and reference.has(POSITION):
         away = x[:, P_N] - reference.array(POSITION)
-        errors |= {"position_rms": _rms(away), "height_rms": _rms(away[:, 2:])}
+        errors |= {"position_rms": _rms(away)} if place else {}
+        errors |= {"height_rms": _rms(away[:, 2:])} if height else {}
     if translation and reference.has(VELOCITY):
         errors["velocity_rms"] = _rms(x[:, V_N] - reference.array(VELOCITY))
     if target.knows_attitude:
@@ -236,6 +238,11 @@ def errors_of(
         known = parts if target.knows_heading else {"tilt": error.tilt}
         errors |= {f"{part}_rms": _rms(angle[:, None]) for part, angle in known.items()}
     return errors
+
+
+def told_of(model: FlightModel) -> tuple[bool, bool, bool]:
+    """`translation`, `place` and `height` of `errors_of`, for the states of a model."""
+    return model.translation, model.place_is_read, model.height_is_read
 
 
 def covered(stamps: FloatArray, t: FloatArray) -> BoolArray:

@@ -23,8 +23,7 @@ ATTITUDE_TIME = 30.0
 class ZeroRate:
     """Over some windows the body does not turn: a pseudo-reading mean(w) = b_gyro + c + n at the end of each.
 
-    c is what gravity does to the gyroscope in the attitude of that rest, a state with a time constant; a filter that
-    has no room for it takes it for zero.
+    c is what gravity does to the gyroscope in the attitude of that rest, a state with a time constant.
 
     It is a sensor like any other, named, journalled, in the report; on only where the noise of the gyroscope is not
     declared, and the log has such windows.

@@ -108,6 +108,8 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
     flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels, told_from(recording))
+    if not flight.model.height_is_read:
+        notes.append("where the body is, and how fast, is no more than such an assumption and the IMU tell")
     return Prepared(flight.reading(headed.replace(notes=(*recording.notes, *notes))), levels, tuple(notes))
 
 
@@ -222,8 +224,7 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
     if levels.bounds is not None:
         held = f"within {levels.bounds.place:g} m of its place, {levels.bounds.speed:g} m/s"
         lines.append(
-            f"no position is measured: the body is taken to stay {held} (1 sigma), the likeliest of the bounds; "
-            "where it is and how fast are no more than that assumption and the IMU"
+            f"no position is measured: the body is taken to stay {held} (1 sigma), the likeliest of the bounds"
         )
     return lines
 

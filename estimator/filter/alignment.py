@@ -161,10 +161,10 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
         d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + m x t + n) + J_n d(m_n)
 
     J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
-    The field
-    counts with the noise of one reading, since the filter uses the same readings again.
+    The field counts with the noise of one reading, since the filter uses the same readings again.
 
-    Neglects accel.scale, accel.misalignment and every mag.* effect; the gyroscope's bias over the window.
+    Neglects accel.scale, accel.misalignment and every mag.* effect but the turn of the compass's axes, where that is a
+    state; the gyroscope's bias over the window.
     """
     model, imu = flight.model, flight.recording.streams["imu"]
     window = imu.t <= imu.t[0] + WINDOW

@@ -29,7 +29,7 @@ from sinan.sensors.model import SensorModel
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.noise import colour as coloured
 from sinan.sensors.recording import VELOCITY, Recording, SensorSpec, Stream
-from sinan.sensors.registry import is_sensor, sensor
+from sinan.sensors.registry import is_sensor, sensor, where
 from sinan.sensors.registry import sensors as all_sensors
 from sinan.sensors.sensor_type import Given
 from sinan.sensors.zero_rate import ZeroRate
@@ -173,8 +173,13 @@ class FlightModel:
 
     @property
     def place_is_read(self) -> bool:
-        """Whether readings tell where the body is; else it is taken to stay near the place where it began."""
-        return "place" not in self.sensors
+        """Whether readings tell where the body is; else it is where it began, and what is assumed of its motion."""
+        return bool(set(self.sensors) - set(ASSUMED) - set(_of_height()) - {"mag", "base"})
+
+    @property
+    def height_is_read(self) -> bool:
+        """Whether readings tell how high the body is."""
+        return self.place_is_read or not set(self.sensors).isdisjoint(_of_height())
 
     @property
     def rest(self) -> ZeroRate:
@@ -231,6 +236,11 @@ def aiding() -> tuple[str, ...]:
     """Streams that can update the filter, in the order in which equal time stamps are processed."""
     named = [entry for entry in all_sensors() if entry.kernel]
     return (*(entry.name for entry in sorted(named, key=lambda entry: entry.turn)), *ASSUMED)
+
+
+def _of_height() -> tuple[str, ...]:
+    """The sensors whose readings show a height, and no place."""
+    return where(lambda entry: entry.height is not None)
 
 
 def _quantile(level: float | None, dof: IntArray | int) -> FloatArray:

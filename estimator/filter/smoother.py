@@ -27,9 +27,9 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import rotate_back
 
-#: IMU samples in a part, whose covariances are in memory at one time, 4000 * 40^2 * 8 bytes = 51 MB at most; and where
+#: IMU samples in a part, whose covariances are in memory at one time, 2000 * 56^2 * 8 bytes = 50 MB at most; and where
 #: sigmas are wanted, which come one a part, 2 s of 200 Hz.
-PART, PART_OF_SIGMAS = 4000, 400
+PART, PART_OF_SIGMAS = 2000, 400
 
 
 @dataclass(frozen=True)

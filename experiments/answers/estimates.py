@@ -246,8 +246,8 @@ def estimate(
     found = {size.sensor for size in ready.levels.found if size.key == "noise_std"}
     document["estimated"] = sorted(found & set(model.sensors))
     document["call"] = asked.call_of(recording)
-    undeclared = [name for name in document["nis"] if recording.spec(name).noise_std is None]
-    document["warnings"] = warnings_of(document, document["call"], undeclared)
+    document["undeclared"] = [name for name in document["nis"] if recording.spec(name).noise_std is None]
+    document["warnings"] = warnings_of(document, document["call"], document["undeclared"])
     document["not_seen"] = not_seen(recording)
     return Estimate(recording, journal, later, document, target)
 

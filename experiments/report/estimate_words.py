@@ -120,8 +120,10 @@ def what_next(document: Mapping[str, Any]) -> str:
     if not outside:
         return f"{looks} smaller effects and says how small one could have hidden."
     if all(innovations(document, sensor) == "smaller" for sensor in outside):
-        named = ", ".join(SENSORS.get(sensor, sensor) for sensor in outside)
-        return f"declare less noise where you declare it ({named}): the filter expects more, which no effect does."
+        named = ", ".join(SENSORS.get(sensor, sensor) for sensor in outside if sensor not in document["undeclared"])
+        if not named:
+            return f"{looks} smaller effects; no effect makes innovations smaller than the filter expects."
+        return f"declare less noise ({named}), since the filter expects more than there is; no effect does that."
     return f"{looks} the cause of those that are larger."
 
 
@@ -145,10 +147,10 @@ def size_of_innovations(document: Mapping[str, Any]) -> str:
     marks = {sensor: innovations(document, sensor) for sensor in document["nis"]}
     asked = [sensor for sensor, mark in marks.items() if mark in ("larger", "smaller", "as expected")]
     outside = [
-        f"{mark} than it expects in {len(named)} ({', '.join(named)})"
+        f"{mark} than the filter expects in {len(named)} ({', '.join(named)})"
         for mark in ("larger", "smaller")
         if (named := [SENSORS.get(sensor, sensor) for sensor in asked if marks[sensor] == mark])
     ]
     if not outside:
-        return "Its innovations are as large as it expects: nothing speaks against its model."
+        return "The innovations are as large as the filter expects: nothing speaks against its model."
     return f"Of {counted(len(asked), 'sensor')}, the innovations are {' and '.join(outside)}."

@@ -64,11 +64,15 @@ def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None
 
 @dataclass(frozen=True)
 class Log:
-    """A log as the user names it, the map that reads it, and which of several sensors are read."""
+    """A log as the user names it, the map that reads it, which of several sensors are read, whether it is one of
+    poses, and how many logs are traced with it.
+    """
 
     input: str = "INPUT"
     map_file: Path | None = None
     choice: Choice = FIRST
+    poses: bool = False
+    others: int = 0
 
 
 def reported(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -176,38 +180,49 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             else []
         )
         return "; ".join([*longer, *remains, "check axes, units and clocks"])
-    lines = declared_lines(document)
+    lines = declared_lines(document, log.poses)
     return "; ".join(_use(effect, lines, log) for effect in _kinds(reported(document)))
 
 
 def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The first effect that lasts, and the first that does not."""
-    lasting = [effect for effect in effects if not effect.get("interval")]
-    return lasting[:1] + [effect for effect in effects if effect.get("interval")][:1]
+    """The first effect that lasts, the first wrong readings, and the first effect of an interval."""
+    local = [effect for effect in effects if effect.get("interval")]
+    wrong = [effect for effect in effects if effect not in local and _is_wrong_readings(effect)]
+    lasting = [effect for effect in effects if effect not in local and effect not in wrong]
+    return [*lasting[:1], *wrong[:1], *local[:1]]
 
 
-def declared_lines(document: Mapping[str, Any]) -> list[str]:
-    """What `[effects]` of a recording says of the effects that last; of poses that do not tell the unit of their field,
-    those of a compass are parts of the field, and none are said.
+def declared_lines(document: Mapping[str, Any], poses: bool = False) -> list[str]:
+    """What `[effects]` of a recording says of the effects that last; of poses that do not tell the unit of their field
+    what is a part of the field is not said.
     """
-    lasting = [effect for effect in reported(document) if not effect.get("interval")]
-    known = [effect for effect in lasting if not effect["name"].endswith(".outliers")]
-    if document["sensors"] and any(CATALOGUE[effect["name"]].in_field_units for effect in known):
-        return []
+    lasting = [effect for effect in reported(document) if not effect.get("interval") and not _is_wrong_readings(effect)]
+    known = [effect for effect in lasting if not (poses and _is_part_of_field(effect))]
     return [f'"{effect["name"]}" = [{", ".join(f"{value:.4g}" for value in effect["beta"])}]' for effect in known]
+
+
+def _is_wrong_readings(effect: Mapping[str, Any]) -> bool:
+    return str(effect["name"]).endswith(".outliers")
+
+
+def _is_part_of_field(effect: Mapping[str, Any]) -> bool:
+    """Whether the size of an effect is told in the catalogue's unit, of a field of norm one."""
+    entry = CATALOGUE[effect["name"]]
+    return entry.in_field_units and list(effect["unit"]) == [parameter.unit for parameter in entry.parameters]
 
 
 def _use(effect: Mapping[str, Any], lines: Sequence[str], log: Log) -> str:
     """How an effect that was found is used from now on, given the lines that declare all that last."""
     if effect.get("interval"):
         return f"{effect['name']}: look for what disturbed the sensor {interval_words(effect)}, or cut that part out"
-    if effect["name"].endswith(".outliers"):
+    if _is_wrong_readings(effect):
         return f"{effect['name']}: look for the cause of single wrong readings"
     then = "`estimate` and `trace` then correct for it"
     found = " and ".join(f"`{line}`" for line in lines) if lines else "what was found"
     declares = Path(log.input) / "recording.toml"
     if declares.is_file():
-        return f"write {found} into `[effects]` of `{declares}`: {then}"
+        each = " and of each other log" if log.others else ""
+        return f"write {found} into `[effects]` of `{declares}`{each}: {then}"
     map_file = ["--map", str(log.map_file)] if log.map_file else []
     convert = shlex.join(["sinan", "convert", log.input, "run", *map_file, *log.choice.words])
     return f"`{convert}`, and write {found} into `[effects]` of `run/recording.toml`: {then}"
@@ -269,7 +284,7 @@ def _error_of_twins(document: Mapping[str, Any]) -> str:
 
 def _without_proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
     """The end of a head line of which the held-out part can tell nothing."""
-    wrong = all(effect["name"].endswith(".outliers") for effect in effects)
+    wrong = all(_is_wrong_readings(effect) for effect in effects)
     return "left out of every number" if wrong else f"not confirmed: the {error['held_out_part']} cannot show it"
 
 
@@ -364,7 +379,7 @@ def _cannot_tell(effects: Sequence[Mapping[str, Any]]) -> bool:
 
 def _proof(error: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> str:
     if _cannot_tell(effects):
-        if all(effect["name"].endswith(".outliers") for effect in effects):
+        if all(_is_wrong_readings(effect) for effect in effects):
             return "Wrong readings are left out of every number here: nothing can predict them."
         unit = stream_unit(error["stream"], error["before"]["unit"])
         whole = change(*(error["in_sample"][key]["rms"] for key in ("before", "after")))

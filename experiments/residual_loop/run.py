@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Fit
-from sinan.experiments.reference import Mounted, described, errors_of, reference_of
+from sinan.experiments.reference import Mounted, described, errors_of, reference_of, told_of
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Part, Traced
 from sinan.experiments.residual_loop.verdict import Score, Scores
@@ -63,6 +63,6 @@ def score_of(flight: FlightSource, target: Mounted) -> Score:
     """The errors of the filter's states, with the effects of a fit, against a reference; see `errors_of`."""
 
     def score(fit: Fit) -> Mapping[str, float]:
-        return errors_of(target, *flight.states(fit), flight.model.translation, flight.model.place_is_read)
+        return errors_of(target, *flight.states(fit), *told_of(flight.model))
 
     return score

@@ -8,7 +8,7 @@ import numpy as np
 
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
-from sinan.estimator.filter.pieces import journal_pieces
+from sinan.estimator.filter.pieces import PIECE, journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.benchmarks.long_log import long_recording, size_of
 from tests.estimator.analytic_flight import fly
@@ -20,8 +20,8 @@ def test_pieces_end_where_the_whole_ends() -> None:
     recording, _ = fly(41, duration=30.0)
     model = flight_model(recording)
     whole = run_filter(Flight(recording, model), engine="numba")
-    parts = list(journal_pieces(Flight(recording, model), "numba", seconds=30.0 / 4.0))
-    assert len(parts) == 4
+    parts = list(journal_pieces(Flight(recording, model), "numba", seconds=PIECE / 8.0))
+    assert len(parts) == 240.0 / PIECE
     np.testing.assert_array_equal(parts[-1].x_end, whole.x_end)
     np.testing.assert_array_equal(parts[-1].P_end, whole.P_end)
     np.testing.assert_array_equal(np.concatenate([part.nu for part in parts]), whole.nu)

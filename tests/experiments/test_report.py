@@ -351,7 +351,7 @@ def an_estimate(**changes: Any) -> dict[str, Any]:
         "bias_std": {"gyro": [0.001, 0.001, 0.001], "baro": [0.1]},
         "nis": {"mag": 1.8, "baro": 0.99, "laser": 1.10, "sonar": 0.8},
         "nis_interval": {"mag": [0.97, 1.03], "baro": [0.9, 1.1], "laser": [0.91, 1.09], "sonar": [0.9, 1.1]},
-        "rejected": {}, "noise": [], "warnings": [],
+        "rejected": {}, "noise": [], "warnings": [], "undeclared": [],
     }  # fmt: skip
     return {**document, **changes}
 
@@ -359,8 +359,8 @@ def an_estimate(**changes: Any) -> dict[str, Any]:
 def test_the_lead_counts_innovations_as_the_table_marks_them() -> None:
     document = an_estimate()
     assert [innovations(document, s) for s in document["nis"]] == ["larger", "as expected", "larger", "smaller"]
-    said = "Of 4 sensors, the innovations are larger than it expects in 2 (magnetometer, laser) and "
-    assert size_of_innovations(document) == f"{said}smaller than it expects in 1 (sonar)."
+    said = "Of 4 sensors, the innovations are larger than the filter expects in 2 (magnetometer, laser) and "
+    assert size_of_innovations(document) == f"{said}smaller than the filter expects in 1 (sonar)."
 
 
 def test_nobody_is_warned_of_what_the_filter_assumes() -> None:

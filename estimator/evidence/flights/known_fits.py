@@ -12,8 +12,8 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.recording import Recording
 
-#: Fits that are kept, and the IMU samples of all of them together, each of which costs some 1,600 bytes:
-#: 5e5 * 1600 = 800 MB.
+#: Fits that are kept, and the IMU samples of all of them together, each of which costs some 1,900 bytes:
+#: 5e5 * 1900 = 950 MB.
 _MOST_FITS, _MOST_SAMPLES = 8, 5e5
 
 
