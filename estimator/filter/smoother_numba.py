@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from sinan.estimator.filter.engine_numba import CAP, _decay_over, _right_jacobian, _turn
+from sinan.estimator.filter.engine_numba import _decay_over, _right_jacobian, _turn
 from sinan.estimator.filter.kernel_cache import options
 from sinan.sensors.arrays import FloatArray
+
+CAP = 56  # = layout.CAPACITY; here, too, as compiled kernels are kept until the file changes in which they stand
 
 _OPTIONS = options()
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sinan.estimator.filter import engine_numba, layout, smoother_numba
 from sinan.estimator.filter.compiled import CompiledRun
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.error_dynamics import transition
@@ -157,3 +158,8 @@ def test_noise_free_flight_has_no_innovations() -> None:
     journal = run_filter(Flight.of(recording), engine="numba")
     assert np.max(np.abs(journal.white)) < 0.02
     assert np.max(np.abs(journal.imu_x[-1, P_N] - truth[-1, P_N])) < 1e-3
+
+
+def test_every_file_of_kernels_has_the_capacity_of_the_layout() -> None:
+    """Each says it itself: a kernel that was kept with another would read and write beside its arrays."""
+    assert engine_numba.CAP == smoother_numba.CAP == layout.CAPACITY
