@@ -73,6 +73,11 @@ def where(holds: Callable[[SensorType], object]) -> tuple[str, ...]:
     return tuple(name for name, entry in _SENSORS.items() if holds(entry))
 
 
+def height_sensors() -> tuple[str, ...]:
+    """The sensors whose readings show a height, and no place."""
+    return where(lambda entry: entry.height is not None)
+
+
 class BySensor(Mapping[str, T], Generic[T]):
     """A table by sensor that follows the list: what `of` takes from each declaration.
 

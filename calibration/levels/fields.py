@@ -22,8 +22,9 @@ from sinan.calibration.levels.fit import (
     Iron,
     Levels,
     first_levels,
-    fit_levels,
     has_its_own_north,
+    likeliest,
+    problem_of,
     sizes_of,
 )
 from sinan.calibration.levels.iron import iron_of_turns
@@ -186,10 +187,10 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     if are_samples_declared(recording):
         kinds = {recording.spec("accel").imu_samples: 1.0}
 
-    def sought(kind: str, near: Levels | None = None) -> Levels:
-        return fit_levels(recording, believed.m_n, believed.covariance, believed.compass, kind, near)
-
-    found = {kind: sought(kind) for kind in kinds}
+    problems = {
+        kind: problem_of(recording, believed.m_n, believed.covariance, believed.compass, kind) for kind in kinds
+    }
+    found = {kind: likeliest(problem) for kind, problem in problems.items()}
 
     def log_posterior(kind: str) -> float:
         levels, odds = found[kind], float(np.log(kinds[kind]))
@@ -203,7 +204,8 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     best = max(kinds, key=log_posterior)
     for kind in kinds:  # a search may end short of the top; so each is tried from where the best one ended
         if kind != best:
-            found[kind] = max(found[kind], sought(kind, found[best]), key=lambda levels: levels.log_posterior)
+            again = likeliest(problems[kind], found[best])
+            found[kind] = max(found[kind], again, key=lambda levels: levels.log_posterior)
     return found[max(kinds, key=log_posterior)]
 
 

@@ -19,7 +19,6 @@ from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.noise_start import (
     aiding_sensors,
     datum,
-    height_sensors,
     imu_density,
     reading_noise,
     readings_of,
@@ -40,7 +39,7 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, VELOCITY, Recording, SensorSpec
-from sinan.sensors.registry import sensor, sensors, where
+from sinan.sensors.registry import height_sensors, sensor, sensors, where
 from sinan.sensors.zero_rate import ZeroRate
 
 #: Degrees of freedom of the Student law of innovations where no noise is declared: between the 3 of the roughest
@@ -344,15 +343,16 @@ def first_levels(
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
     bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
-    still = zero_rate_of(recording) if sizes and has_open_gyro(recording) else None
+    is_open = bool(sizes) and has_open_gyro(recording)
+    still = zero_rate_of(recording) if is_open else None
     stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})
     levels = Levels(
         specs, InStep(), None if "gps" in recording.streams else bounds, m_n, field,
         TAIL if undeclared else None, STAMP_STD if "mag" in undeclared else 0.0,
         {name: rounding_of(recording, name) for name in aiding_sensors() if name in undeclared},
         _said_of_most(recording, sizes), stray=stray, zero_rate=None if still is None else still[0],
-        axes_std=AXES_STD if sizes and has_open_gyro(recording) else 0.0,
-        turned_std=TURNED_STD if sizes and "mag" in recording.streams and has_open_gyro(recording) else 0.0,
+        axes_std=AXES_STD if is_open else 0.0,
+        turned_std=TURNED_STD if is_open and "mag" in recording.streams else 0.0,
         own_north=has_its_own_north(recording),
     )  # fmt: skip
     for size in sizes:
@@ -633,25 +633,38 @@ def fit_levels(
     field: FloatArray | None = None,
     iron: Iron = LITTLE,
     imu_samples: str = "instant",
-    near: Levels | None = None,
 ) -> Levels:
-    """The likeliest sizes of what a flight does not declare.
+    """The likeliest sizes of what a flight does not declare; see `problem_of`."""
+    return likeliest(problem_of(recording, m_n, field, iron, imu_samples))
+
+
+def problem_of(
+    recording: Recording,
+    m_n: FloatArray | None = None,
+    field: FloatArray | None = None,
+    iron: Iron = LITTLE,
+    imu_samples: str = "instant",
+) -> Problem:
+    """The sizes of what a flight does not declare, to be sought.
 
     Parameters
     ----------
     m_n, field : (3,), (3, 3) magnetic field and its covariance, where the recording declares none
     iron, imu_samples : see `Iron`, `first_levels`
-    near : where the search begins; default: the medians
     """
     sizes = sizes_of(recording, iron)
     first = replace(first_levels(recording, sizes, m_n, field, imu_samples), iron=iron.taken)
     if "gps" not in recording.streams:
         first = widest_bounds_needed(recording, first)
         sizes = [size for size in sizes if is_told_without_position(size)]
-    if not sizes:
-        return first
-    start = np.array([0.0 if near is None else size.theta(near.value(size)) for size in sizes])
-    return _likeliest(Problem(recording, sizes, first), start)
+    return Problem(recording, sizes, first)
+
+
+def likeliest(problem: Problem, near: Levels | None = None) -> Levels:
+    """The likeliest sizes of a problem, sought from those of `near` on; default: the medians."""
+    if not problem.sizes:
+        return problem.first
+    return _likeliest(problem, np.array([0.0 if near is None else s.theta(near.value(s)) for s in problem.sizes]))
 
 
 #: How far declared white noise of a receiver is off, in the logarithm: a choice, 1.6 times as much at one sigma. Half

@@ -10,7 +10,7 @@ from sinan.estimator.filter.events import gives_place, own_readings, position_of
 from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, tells_height
-from sinan.sensors.registry import sensor, where
+from sinan.sensors.registry import height_sensors, sensor, where
 from sinan.sensors.rounding import rounding_of_places, rounding_variance
 
 #: A still stretch counts when it is at least this long [s]: 50 readings a second tell a
@@ -23,11 +23,6 @@ MEDIAN_NORMAL = 0.6745
 def aiding_sensors() -> tuple[str, ...]:
     """The sensors whose readings update the filter and whose noise a log shows."""
     return where(lambda entry: entry.columns and entry.make is not None)
-
-
-def height_sensors() -> tuple[str, ...]:
-    """The sensors whose readings show a height."""
-    return where(lambda entry: entry.height is not None)
 
 
 def within_imu(recording: Recording) -> Recording:

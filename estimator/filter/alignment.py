@@ -18,7 +18,6 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.rotation import (
@@ -228,8 +227,8 @@ def _first_field(flight: Flight, t: FloatArray, turn: FloatArray) -> Field | Non
     ]
     to_first = np.stack([rotate(back, axis).mean(axis=0) for axis in np.eye(3)], axis=-1)
     errors = [(process.block, to_first, process.std**2 * np.eye(3)) for process in processes]
-    if isinstance(mag, Magnetometer) and mag.axes is not None:
-        errors.append((mag.axes.block, skew(m_b) @ to_first, mag.axes.std**2 * np.eye(3)))
+    if model.turn is not None:
+        errors.append((model.turn.block, skew(m_b) @ to_first, model.turn.std**2 * np.eye(3)))
     return Field(m_b, model.m_n, variance, tuple(errors), model.field)
 
 

@@ -29,7 +29,7 @@ from sinan.sensors.model import SensorModel
 from sinan.sensors.noise import BiasProcess
 from sinan.sensors.noise import colour as coloured
 from sinan.sensors.recording import VELOCITY, Recording, SensorSpec, Stream
-from sinan.sensors.registry import is_sensor, sensor, where
+from sinan.sensors.registry import height_sensors, is_sensor, sensor
 from sinan.sensors.registry import sensors as all_sensors
 from sinan.sensors.sensor_type import Given
 from sinan.sensors.zero_rate import ZeroRate
@@ -172,14 +172,19 @@ class FlightModel:
         return replace(self, **changes)  # type: ignore[arg-type]
 
     @property
+    def turn(self) -> BiasProcess | None:
+        """What the compass's axes are turned by against those of the IMU; None: it is no state, or there is none."""
+        return _turn(self.sensors)
+
+    @property
     def place_is_read(self) -> bool:
         """Whether readings tell where the body is; else it is where it began, and what is assumed of its motion."""
-        return bool(set(self.sensors) - set(ASSUMED) - set(_of_height()) - {"mag", "base"})
+        return bool(set(self.sensors) - set(ASSUMED) - set(height_sensors()) - {"mag", "base"})
 
     @property
     def height_is_read(self) -> bool:
         """Whether readings tell how high the body is."""
-        return self.place_is_read or not set(self.sensors).isdisjoint(_of_height())
+        return self.place_is_read or not set(self.sensors).isdisjoint(height_sensors())
 
     @property
     def rest(self) -> ZeroRate:
@@ -236,11 +241,6 @@ def aiding() -> tuple[str, ...]:
     """Streams that can update the filter, in the order in which equal time stamps are processed."""
     named = [entry for entry in all_sensors() if entry.kernel]
     return (*(entry.name for entry in sorted(named, key=lambda entry: entry.turn)), *ASSUMED)
-
-
-def _of_height() -> tuple[str, ...]:
-    """The sensors whose readings show a height, and no place."""
-    return where(lambda entry: entry.height is not None)
 
 
 def _quantile(level: float | None, dof: IntArray | int) -> FloatArray:
@@ -393,14 +393,18 @@ def _assumed(level: Level | None, wanted: bool, bounds: Bounds | None) -> tuple[
     return {"level": chosen}, [f"level: on, sigma {chosen.sigma:g} m/s^2, since no gps sees the tilt"]
 
 
+def _turn(sensors: Mapping[str, SensorModel]) -> BiasProcess | None:
+    """Of the compass's axes; None: it is no state, or there is none."""
+    compass = sensors.get("mag")
+    return compass.axes if isinstance(compass, Magnetometer) else None
+
+
 def _processes(
     gyro: Gyroscope, sensors: Mapping[str, SensorModel], colour: Mapping[str, tuple[tuple[int, BiasProcess], ...]]
 ) -> tuple[BiasProcess, ...]:
     """Biases of the sensors, axes of gyroscope and compass, and colour."""
-    compass = sensors.get("mag")
-    turned = compass.axes if isinstance(compass, Magnetometer) else None
     coloured = (process for parts in colour.values() for _, process in parts)
-    found = (*(model.bias for model in sensors.values()), gyro.axes, turned, *coloured)
+    found = (*(model.bias for model in sensors.values()), gyro.axes, _turn(sensors), *coloured)
     return tuple(process for process in found if process is not None)
 
 

@@ -192,8 +192,8 @@ def trace(
 
 def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> dict[str, Any]:
     """The report of a trace with its words."""
-    poses, others = recording.kind == "poses", len(recording.breaks)
-    log = Log(asked.input_of(recording), asked.map_file, asked.choice, poses, others)
+    in_parts = recording.kind == "poses" and recording.environment.magnetic_field is None
+    log = Log(asked.input_of(recording), asked.map_file, asked.choice, in_parts, len(recording.breaks))
     document = worded(report(traced), asked.name_of(recording), log)
     document["window"] = asked.window
     taken = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]

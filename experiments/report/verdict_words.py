@@ -64,14 +64,14 @@ def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None
 
 @dataclass(frozen=True)
 class Log:
-    """A log as the user names it, the map that reads it, which of several sensors are read, whether it is one of
-    poses, and how many logs are traced with it.
+    """A log as the user names it, the map that reads it, which of several sensors are read, whether sizes of
+    what adds to the field are parts of it, as of poses that do not declare theirs, and how many are traced with it.
     """
 
     input: str = "INPUT"
     map_file: Path | None = None
     choice: Choice = FIRST
-    poses: bool = False
+    in_parts: bool = False
     others: int = 0
 
 
@@ -180,7 +180,7 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             else []
         )
         return "; ".join([*longer, *remains, "check axes, units and clocks"])
-    lines = declared_lines(document, log.poses)
+    lines = declared_lines(document, log.in_parts)
     return "; ".join(_use(effect, lines, log) for effect in _kinds(reported(document)))
 
 
@@ -192,13 +192,16 @@ def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     return [*lasting[:1], *wrong[:1], *local[:1]]
 
 
-def declared_lines(document: Mapping[str, Any], poses: bool = False) -> list[str]:
-    """What `[effects]` of a recording says of the effects that last; of poses that do not tell the unit of their field
-    what is a part of the field is not said.
+def declared_lines(document: Mapping[str, Any], in_parts: bool = False) -> list[str]:
+    """What `[effects]` of a recording says of the effects that last, in quotes; with `in_parts` of what is a part of
+    the field also what to multiply it by.
     """
     lasting = [effect for effect in reported(document) if not effect.get("interval") and not _is_wrong_readings(effect)]
-    known = [effect for effect in lasting if not (poses and _is_part_of_field(effect))]
-    return [f'"{effect["name"]}" = [{", ".join(f"{value:.4g}" for value in effect["beta"])}]' for effect in known]
+    return [
+        f'`"{effect["name"]}" = [{", ".join(f"{value:.4g}" for value in effect["beta"])}]`'
+        + (" times the mean norm of the readings" if in_parts and _is_part_of_field(effect) else "")
+        for effect in lasting
+    ]
 
 
 def _is_wrong_readings(effect: Mapping[str, Any]) -> bool:
@@ -218,7 +221,7 @@ def _use(effect: Mapping[str, Any], lines: Sequence[str], log: Log) -> str:
     if _is_wrong_readings(effect):
         return f"{effect['name']}: look for the cause of single wrong readings"
     then = "`estimate` and `trace` then correct for it"
-    found = " and ".join(f"`{line}`" for line in lines) if lines else "what was found"
+    found = " and ".join(lines)
     declares = Path(log.input) / "recording.toml"
     if declares.is_file():
         each = " and of each other log" if log.others else ""

@@ -160,12 +160,12 @@ def test_half_and_twice_as_many_runs_looked_at_give_the_same(
 def test_half_and_twice_of_the_instants_tried_find_the_same_shock(
     shaken: Recording, flown: tuple[Recording, FloatArray], name: str, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    levels = levels_of(shaken)
+    levels = replace(levels_of(shaken), axes_std=0.0)  # the gyroscope has no error of scale that a shock would change
     usual = attitude_error(shaken, with_upsets(shaken, levels), flown[1], SHOCK + 5.0)
     monkeypatch.setattr(upsets, name, tuple(factor * one for one in getattr(upsets, name)))
     found = with_upsets(shaken, levels)
     assert [one.t for one in found.upsets] == [pytest.approx(SHOCK, abs=1.2)]
-    assert attitude_error(shaken, found, flown[1], SHOCK + 5.0) < 1.7 * usual
+    assert attitude_error(shaken, found, flown[1], SHOCK + 5.0) < 1.3 * usual
 
 
 def test_an_upset_adds_its_variances_to_the_interval_that_it_is_in(shaken: Recording) -> None:

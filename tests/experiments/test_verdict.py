@@ -349,8 +349,21 @@ def test_what_was_found_is_written_into_a_recording_or_a_converted_log(tmp_path:
         folder.mkdir()
     (recording / "recording.toml").touch()
     lines = declared_lines(document)
-    assert what_next(document, Log(str(recording))).startswith(f"write `{lines[0]}` into `[effects]` of `{recording}/")
-    declared = tomllib.loads("\n".join(["[effects]", *lines]))["effects"]
+    assert what_next(document, Log(str(recording))).startswith(f"write {lines[0]} into `[effects]` of `{recording}/")
+    declared = tomllib.loads("\n".join(["[effects]", *(line.strip("`") for line in lines)]))["effects"]
     lasting = {e["name"]: e["beta"] for e in document["effects"] if not e.get("interval")}
     assert declared == {name: pytest.approx(beta, rel=1e-3) for name, beta in lasting.items()}
     assert what_next(document, Log(str(bag))).startswith(f"`sinan convert {bag} run`")
+    assert "recording.toml` and of each other log: " in what_next(document, Log(str(recording), others=1))
+
+
+def test_what_is_a_part_of_the_field_is_said_to_be_one() -> None:
+    document = a_document(verdict="effects")
+    first = document["effects"][0]
+    document["effects"] = [{**first, "name": "mag.current", "beta": [0.1, 0.2, 0.3], "unit": ["1/A"] * 3}]
+    assert declared_lines(document) == ['`"mag.current" = [0.1, 0.2, 0.3]`']
+    assert declared_lines(document, in_parts=True) == [
+        '`"mag.current" = [0.1, 0.2, 0.3]` times the mean norm of the readings'
+    ]
+    document["effects"][0]["unit"] = ["gauss/A"] * 3
+    assert declared_lines(document, in_parts=True) == declared_lines(document)
