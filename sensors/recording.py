@@ -124,6 +124,11 @@ class SensorSpec:
     mounting: FloatArray | None = None
     lever_arm: FloatArray | None = None
 
+    @property
+    def says_noise(self) -> bool:
+        """Whether white noise is declared, as a density or as that of one reading."""
+        return self.noise_density is not None or self.noise_std is not None
+
 
 @dataclass(frozen=True)
 class Environment:

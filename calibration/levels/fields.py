@@ -212,7 +212,7 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
 def are_samples_declared(recording: Recording) -> bool:
     """Whether a recording says what the samples of its IMU are: it declares their noise, or that they are means."""
     spec = recording.spec("accel")
-    return spec.noise_density is not None or spec.imu_samples != "instant"
+    return spec.says_noise or spec.imu_samples != "instant"
 
 
 def not_told_late(recording: Recording, levels: Levels) -> frozenset[str]:

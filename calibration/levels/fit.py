@@ -306,18 +306,17 @@ def _white(recording: Recording, name: str, key: str = "noise_std") -> float:
 def _declared(recording: Recording, size: Size) -> bool:
     """Whether the recording says the size, or says white noise alone."""
     if size.sensor == "in_step":
-        name = "gyro" if size.key == "rate" else size.key
-        return recording.spec(name).noise_density is not None
+        return recording.spec("gyro" if size.key == "rate" else size.key).says_noise
     if size.sensor == "bounds":
         return False
     if size.sensor == "stamps":
-        return recording.spec(size.key).noise_std is not None
+        return recording.spec(size.key).says_noise
     if size.sensor == "latency":
         late = declared_terms(recording).of_stream(size.key, lateness=True)
-        return recording.spec(size.key).noise_std is not None or bool(late)
+        return recording.spec(size.key).says_noise or bool(late)
     spec = recording.spec(size.sensor)
-    if size.key in ("colour_std", "colour_time", "velocity_colour_std"):
-        return spec.noise_std is not None
+    if size.key in ("noise_density", "colour_std", "colour_time", "velocity_colour_std"):
+        return spec.says_noise
     return getattr(spec, size.key) is not None
 
 
@@ -362,8 +361,7 @@ def first_levels(
 
 def has_open_gyro(recording: Recording) -> bool:
     """Whether nobody declares the gyroscope's noise."""
-    gyro = recording.spec("gyro")
-    return gyro.noise_density is None and gyro.noise_std is None
+    return not recording.spec("gyro").says_noise
 
 
 def has_its_own_north(recording: Recording) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from sinan.estimator.filter.assumption import Assumption
 from sinan.estimator.filter.field import field_of_the_log
-from sinan.estimator.filter.layout import StateLayout, layout_for
+from sinan.estimator.filter.layout import CAPACITY, StateLayout, layout_for, states_of
 from sinan.estimator.filter.tails import NORMAL, spread_of, stray_over_centre
 from sinan.sensors.accelerometer import Accelerometer
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -303,7 +303,8 @@ def flight_model(
 
     Raises
     ------
-    InputError : not a flight, no IMU, a noise that nobody declared, zero or negative noise
+    InputError : not a flight, no IMU, a noise that nobody declared, zero or negative noise, more states than there is
+        room for
     """
     where, environment = recording.where, recording.environment
     rate = 1.0 / float(np.median(np.diff(_imu_of(recording).t)))
@@ -320,7 +321,7 @@ def flight_model(
         colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
     blocks = [process.block for process in _processes(gyro, sensors, colour)]
     return FlightModel(
-        layout=layout_for(blocks if field is None else [*blocks, "field"]),
+        layout=_layout(where, blocks if field is None else [*blocks, "field"]),
         accel=Accelerometer(*_driver(where, "accel", declared["accel"], rate)),
         gyro=gyro,
         sensors=sensors,
@@ -336,6 +337,13 @@ def flight_model(
         notes=(*notes, *said),
         **beliefs,
     )
+
+
+def _layout(where: str, named: Sequence[str]) -> StateLayout:
+    """Of the process and the named blocks."""
+    if (wanted := states_of(named)) > CAPACITY:
+        raise InputError(where, f"{wanted} states of {', '.join(named)}", f"at most {CAPACITY}: fewer streams at once")
+    return layout_for(named)
 
 
 def _imu_of(recording: Recording) -> Stream:

@@ -125,3 +125,8 @@ class StateLayout:
 def layout_for(bias_blocks: Sequence[str]) -> StateLayout:
     """The process blocks and the named bias blocks, in the fixed order."""
     return StateLayout(tuple(name for name in blocks() if name in PROCESS_BLOCKS or name in bias_blocks))
+
+
+def states_of(bias_blocks: Sequence[str]) -> int:
+    """Number of error states of the process blocks and the named bias blocks."""
+    return sum(map(size_of, {*PROCESS_BLOCKS, *bias_blocks}))

@@ -179,6 +179,22 @@ def test_what_is_declared_stays(bare: Recording) -> None:
     assert ("gps", "colour_std") in asked
 
 
+@pytest.mark.parametrize("name", ["accel", "gyro"])
+def test_white_noise_of_an_imu_is_declared_by_one_reading_as_well(bare: Recording, name: str) -> None:
+    """Of the sizes of such an instrument its bias alone is sought, as where a density is declared."""
+
+    def sought(spec: SensorSpec) -> set[str]:
+        sizes = sizes_of(bare.replace(sensors={name: spec}))
+        return {size.key for size in sizes if name == size.sensor or (size.sensor, size.key) == ("in_step", name)}
+
+    assert sought(SensorSpec(noise_std=0.02)) == sought(SensorSpec(noise_density=0.002)) == {"bias_std", "bias_walk"}
+    levels = first_levels(
+        *(partly := bare.replace(sensors={name: SensorSpec(noise_std=0.02)}), sizes_of(partly)), None, None
+    )
+    model = levels.flight(partly).model
+    assert {"accel": model.accel, "gyro": model.gyro}[name].sigma == 0.02
+
+
 def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     """A flight of tens of metres without position is not held to a hand's place."""
     recording, _ = fly(23, duration=30.0, sensors=("mag",))

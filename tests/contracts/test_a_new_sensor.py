@@ -22,6 +22,7 @@ from sinan.experiments.residual_loop.select import select
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors import registry
 from sinan.sensors.effects import CATALOGUE
+from sinan.sensors.errors import InputError
 from sinan.sensors.formats.plain import read_recording, write_recording
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording
@@ -132,3 +133,12 @@ def test_too_many_states_are_refused_by_name(scenario: Path) -> None:
     finally:
         for copy in ("second", "third"):
             registry.remove(copy)
+
+
+def test_a_recording_with_too_many_states_is_refused(beginning: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    states = flight_model(beginning).layout.n
+    monkeypatch.setattr("sinan.estimator.filter.flight_model.CAPACITY", states)
+    flight_model(beginning)
+    monkeypatch.setattr("sinan.estimator.filter.flight_model.CAPACITY", states - 1)
+    with pytest.raises(InputError, match=f"{states} states of .*b_mag.*at most {states - 1}"):
+        flight_model(beginning)
