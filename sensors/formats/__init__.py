@@ -55,15 +55,17 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
 
         choice.require_none(path, "which a map reads")
         rules = read_map(Path(map_file))
-        return _with_axes(read_mapped(path, rules), rules.axes_of("mag"))
-    return _with_axes(_described(path, choice), None)
+        return _with_axes(read_mapped(path, rules), rules.axes_of("gyro"), rules.axes_of("mag"))
+    return _with_axes(_described(path, choice))
 
 
-def _with_axes(recording: Recording, axes: FloatArray | None) -> Recording:
-    """The recording with what is to be noted of its compass, whose map has some axes."""
+def _with_axes(recording: Recording, gyro: FloatArray | None = None, mag: FloatArray | None = None) -> Recording:
+    """The recording with what is to be noted of the axes of gyroscope and compass; what its map has for them now."""
     from sinan.sensors.formats.compass_axes import note_of_axes
+    from sinan.sensors.formats.gyro_axes import turned
 
-    return recording.replace(notes=(*recording.notes, *note_of_axes(recording, axes)))
+    whole, said = turned(recording, gyro)
+    return recording.replace(notes=(*recording.notes, *said, *note_of_axes(whole, mag)))
 
 
 def _described(path: Path, choice: Choice) -> Recording:

@@ -10,7 +10,6 @@ does: a mirror image is told from a turn by the dip alone. Neglects that errors 
 
 from __future__ import annotations
 
-from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +17,12 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.compass_pairs import Pairs, pairs_of, when_late
 from sinan.sensors.formats.plausible import way_of_dip
+from sinan.sensors.formats.signed_axes import SIGNED, words_of
 from sinan.sensors.recording import GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import cross, skew
 
-_SIGNED = [np.diag(s)[list(p)] for p in permutations(range(3)) for s in product((1.0, -1.0), repeat=3)]
 #: The 24 of them that are turns; as read first.
-TURNS = np.stack(sorted((S for S in _SIGNED if np.linalg.det(S) > 0.0), key=lambda S: -float(np.trace(S))))
+TURNS = np.stack(sorted((S for S in SIGNED if np.linalg.det(S) > 0.0), key=lambda S: -float(np.trace(S))))
 #: Of a hundred logs one has other axes, as of what readers and maps say: all but as read share 0.01.
 _PRIOR = np.log([0.99] + [0.01 / len(TURNS)] * len(TURNS))
 #: 1-sigma of what is not known, so that the worst that is sold is within two: hard iron [changes of the field], soft
@@ -74,22 +73,13 @@ def note_of_axes(recording: Recording, axes: FloatArray | None = None) -> list[s
     field = Stream(mag.t, dict(zip(MAG, (mag.array(MAG) @ TURNS[best].T - found.iron[best]).T, strict=True)))
     way = way_of_dip(recording.replace(streams={**recording.streams, "mag": field}))
     turn = TURNS[best] @ (np.eye(3) if axes is None else axes)
-    said = _words(-turn if way < 0 else turn)
-    said += ", a mirror image," if way < 0 else f" (of a mirror image {_words(-turn)})" if way == 0 else ""
+    said = words_of(-turn if way < 0 else turn)
+    said += ", a mirror image," if way < 0 else f" (of a mirror image {words_of(-turn)})" if way == 0 else ""
     alike = int(np.sum(found.odds[1 : len(TURNS)] > found.odds[best] - _ALIKE)) - 1
     said += f", or {alike} others that such turns do not tell from it," if alike else ""
     left = f"{100.0 * found.left[best]:.0f} % of the change of the field is left, as read {100.0 * found.left[0]:.0f} %"
     would = f"if those are right, axes = {said} in a map would do"
     return [f"mag: the compass does not have the axes of the gyroscope; {would}: {left}"]
-
-
-def _words(axes: FloatArray) -> str:
-    """As a map has it: three names with their signs, or three rows."""
-    rows = [[f"{value:.4g}" for value in row + 0.0] for row in axes]
-    if np.any((axes != 0.0) & (np.abs(axes) != 1.0)):
-        return "[" + ", ".join(f"[{', '.join(row)}]" for row in rows) + "]"
-    names = [("-" if np.sum(row) < 0.0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in axes]
-    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
 
 
 def axes_found(imu: Stream, mag: Stream) -> AxesFound | None:

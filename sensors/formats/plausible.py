@@ -12,10 +12,11 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.lasting import LOST, axes_that_last, lasting_gravity
 from sinan.sensors.formats.units import UNITS
 from sinan.sensors.geomagnetism import earth_field, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
-from sinan.sensors.rotation import cross, quaternion_exp, quaternion_multiply, rotate
+from sinan.sensors.rotation import cross
 
 #: The median norm of specific force lies within this factor of gravity, in flight and at rest, with the biases that are
 #: sold (0.3 g) and for circles flown at 50 deg of bank (1.56 g).
@@ -28,12 +29,8 @@ OTHER_UNIT = 7.0
 #: scale, iron of the vehicle and steel of a room may make it three times as large or small.
 _FIELD = (0.2, 0.7)
 _FIELD_FACTOR = 3.0
-#: Over this time [s] what a vehicle's velocity changes by is small beside what gravity would change it by (98 m/s), so
-#: that specific force, turned by the rates, has gravity as its mean; of so many such times the middle one counts.
-_LASTING, _LASTING_TIMES = 10.0, 24
-#: Parts of gravity that this mean is: 0.98 to 1.04 in 26 measured logs, by hand and in flight; below the first the
-#: rates are others, above the second they would be right; below the third, in either unit, the force has no gravity.
-_LOST, _KEPT, _GONE = 0.85, 0.8, 0.5
+#: Parts of gravity that last: above the first the rates would be right, below the second the force has no gravity.
+_KEPT, _GONE = 0.8, 0.5
 #: Sines of dips: where the field is steep enough to tell up from down, and how near one is to another [1].
 _DIPS, _NEAR_DIP = 0.4, 0.35
 #: The dip changes by less than a degree in ten years.
@@ -215,7 +212,8 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
 
 
 def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
-    """Specific force, turned by the rates, has gravity as its mean; else rates are in deg/s, or gravity was taken off.
+    """Specific force, turned by the rates, has gravity as its mean; else rates are in deg/s, or gravity was taken off,
+    unless they are about other axes (`gyro_axes`).
 
     A multicopter's force stays along its own z, however it tilts, and tells of wrong rates in no other way.
     """
@@ -223,8 +221,8 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
     if gravity is not None and not _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]:
         return
     with np.errstate(all="ignore"):  # a damaged reading gives no number, which says nothing
-        as_rad, as_deg = (_lasting_force(imu, scale) / STANDARD_GRAVITY for scale in (1.0, _DEGREE))
-    if not as_rad < _LOST:
+        as_rad, as_deg = (lasting_gravity(imu, scale * np.eye(3)) for scale in (1.0, _DEGREE))
+    if not as_rad < LOST or axes_that_last(imu) is not None:
         return
     force = float(np.median(np.linalg.norm(imu.array(ACCEL), axis=1)))
     if as_deg > max(_KEPT, as_rad) and force < _NEAR_GRAVITY * STANDARD_GRAVITY:
@@ -233,36 +231,6 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
     if max(as_rad, as_deg) < _GONE and force < _KEPT * STANDARD_GRAVITY:
         found = f"accelerometer with a median norm of {force:.4g}: gravity was taken off, as of a linear acceleration"
         raise InputError(recording.where, found, "what the accelerometer reads, 9.81 m/s^2 at rest", "stream imu")
-
-
-def _lasting_force(imu: Stream, scale: float) -> float:
-    """Norm of the mean over `_LASTING` of the force, turned by `scale` times the rates; NaN: the log is too short.
-
-    Halves of a time are joined, from single steps on: the sum of two is v_1 + C_1 v_2, their turn C_1 C_2. The rates
-    are taken as they are, and less their median, their bias where the body rests in between; the better counts.
-    """
-    span = float(imu.t[-1] - imu.t[0]) if len(imu) > 1 else 0.0
-    if span < _LASTING:
-        return float("nan")
-    count = min(_LASTING_TIMES, int(span / _LASTING))
-    grid = np.linspace(imu.t[0], imu.t[-1] - _LASTING, count)[:, None] + np.linspace(0.0, _LASTING, 2**9 + 1)
-    rate = imu.array(GYRO)
-    force = _integrated(imu.t, imu.array(ACCEL), grid)
-    means = []
-    for bias in (np.zeros(3), np.median(rate, axis=0)):
-        v, q = force, quaternion_exp(scale * _integrated(imu.t, rate - bias, grid))
-        while v.shape[1] > 1:
-            v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
-            q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
-        means.append(float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING)
-    return max(means)
-
-
-def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
-    """(times, steps, 3) integrals of (n, 3) readings over the steps of a grid, by the trapezoidal rule."""
-    areas = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])
-    return np.diff(np.stack([np.interp(grid, t, column) for column in total.T], axis=-1), axis=1)
 
 
 def sign_of_force(recording: Recording) -> list[str]:
