@@ -12,14 +12,16 @@ from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.instants import at_regular_instants
-from sinan.calibration.levels.noise_start import readings_of, within_imu
+from sinan.calibration.levels.noise_start import aiding_sensors, readings_of, within_imu
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.recording import VELOCITY, Recording, Stream
+from sinan.sensors.held import held
+from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, Stream
 from sinan.sensors.settling import unsettled
 from sinan.sensors.window import told_from
 
@@ -79,11 +81,13 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     """
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         flight_model(recording)  # says what is missing
-    within, unsaid = without_still_velocity(within_imu(recording))
+    inside = within_imu(recording)
+    within, unsaid = without_still_velocity(inside)
+    within, held_back = without_held(within)
     sizes = sizes_of(within)
     if not sizes and not is_field_open(within):
         return as_declared(recording)
-    notes = outside_notes(recording, within) + unsaid
+    notes = outside_notes(recording, inside) + unsaid + held_back
     within, said = settled(within, {size.sensor for size in sizes if size.key == "noise_std"})
     notes += said
     if any(size.sensor == "mag" for size in sizes):
@@ -127,6 +131,36 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
         return recording, []
     some = all_of.rows(np.arange(len(all_of)) % every == 0)
     return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
+
+
+def without_held(recording: Recording) -> tuple[Recording, list[str]]:
+    """Without the rows that hold a slower sensor's last reading, of streams whose noise nobody declared; and that in
+    words.
+    """
+    streams, notes = dict(recording.streams), []
+    for name in ("imu", *aiding_sensors()):
+        if name not in streams or any(recording.spec(one).says_noise for one in of_stream(name)):
+            continue
+        rows = held(all_readings(recording, name))
+        if count := int(np.sum(rows)):
+            streams[name] = streams[name].rows(~rows)
+            notes.append(f"{name}: {count} of {len(rows)} rows hold the reading of the row before: left out")
+    return recording.replace(streams=streams) if notes else recording, notes
+
+
+def of_stream(name: str) -> tuple[str, ...]:
+    """The sensors whose readings a stream has."""
+    return ("accel", "gyro") if name == "imu" else (name,)
+
+
+def all_readings(recording: Recording, name: str) -> FloatArray:
+    """(n, k) what one row of a stream reads; of a receiver place and velocity."""
+    if name == "imu":
+        return recording.streams[name].array((*ACCEL, *GYRO))
+    parts = [readings_of(recording, name)]
+    if recording.streams[name].has(VELOCITY):
+        parts.append(recording.streams[name].array(VELOCITY))
+    return np.concatenate(parts, axis=1)
 
 
 def without_still_velocity(recording: Recording) -> tuple[Recording, list[str]]:
@@ -178,7 +212,7 @@ def is_declared(recording: Recording) -> bool:
     """Whether a recording declares noise and field: nothing but bounds of the motion is open."""
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
-    within, _ = without_still_velocity(within_imu(recording))
+    within, _ = without_held(without_still_velocity(within_imu(recording))[0])
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 

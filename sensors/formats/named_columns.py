@@ -20,6 +20,7 @@ from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.formats.logged import sound
 from sinan.sensors.formats.plausible import HECTOPASCALS, check_field, check_units, sign_of_force
 from sinan.sensors.formats.units import FIELD_UNIT, UNITS
+from sinan.sensors.held import held
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, VELOCITY, Environment, Kind, Recording, Stream
 
 _AS_INDICATED = tuple(one.replace(" ", "") for one in INDICATED)
@@ -34,8 +35,6 @@ UNREAD = "columns not read"
 _STEP = (0.001, 0.1)
 #: Part of gravity that z reads at least where it points up.
 _UPWARD = 0.7
-#: Slower sensors repeat their last reading in rows of the fastest, where more than this part of the rows repeats.
-_REPEATED = 0.5
 
 
 def describes_itself(names: Sequence[str]) -> bool:
@@ -250,7 +249,8 @@ def _streams(kind: Kind, t: FloatArray, values: Mapping[tuple[str, str], FloatAr
         readings = _read_rows(Stream(t, columns), whole.get(name, ()))
         if name == "gps":
             readings = readings.rows(~_nowhere(readings.columns))
-        streams[name] = readings if name in ("imu", "poses") or kind == "poses" else _new_rows(readings)
+        fastest = name in ("imu", "poses") or kind == "poses"
+        streams[name] = readings if fastest else readings.rows(~held(readings.array(list(readings.columns))))
     return streams
 
 
@@ -295,11 +295,3 @@ def _read_rows(stream: Stream, required: Sequence[str]) -> Stream:
         brought = np.interp(stream.t, stream.t[known], warmth[known])
         return Stream(stream.t, {**stream.columns, "temperature": brought})
     return stream
-
-
-def _new_rows(stream: Stream) -> Stream:
-    """The rows that differ from the one before, where most do not."""
-    if len(stream) < 2:
-        return stream
-    new = np.any([np.diff(one) != 0.0 for one in stream.columns.values()], axis=0)
-    return stream.rows(np.concatenate([[True], new])) if np.mean(new) < 1.0 - _REPEATED else stream

@@ -1,0 +1,94 @@
+"""Rows that hold a slower sensor's last reading are told from readings that happen to be equal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sinan.calibration.levels.fit import sizes_of
+from sinan.calibration.levels.preparation import is_declared, prepared
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.held import held
+from sinan.sensors.recording import Recording, Stream
+from tests.estimator.analytic_flight import fly
+
+ROWS = 3000
+#: Of a hundred logs of equal readings by chance.
+MISTAKEN = 0.02
+
+
+def as_held(t: FloatArray, t_rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """For each row the reading that is the newest then, and whether it was there in the row before."""
+    newest = np.searchsorted(t, t_rows, side="right") - 1
+    return newest, np.append(False, np.diff(newest) == 0)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("ratio", [1.33, 1.5, 2.0, 2.5, 7.0, 20.3])
+def test_held_rows_are_found(ratio: float, jitter: float) -> None:
+    rng = np.random.default_rng(1)
+    t = np.cumsum(ratio * np.maximum(0.2, 1.0 + jitter * rng.standard_normal(ROWS)))
+    newest, old = as_held(t, np.arange(ROWS) + t[0])
+    assert np.array_equal(held(rng.standard_normal((ROWS, 3))[newest]), old)
+
+
+def test_readings_that_are_lost_make_longer_runs() -> None:
+    rng = np.random.default_rng(2)
+    t = 20.0 * np.flatnonzero(rng.random(ROWS) < 0.5)
+    newest, old = as_held(t, np.arange(ROWS) + t[0])
+    assert np.array_equal(held(rng.standard_normal((ROWS, 1))[newest]), old)
+
+
+@pytest.mark.parametrize("changes", [0.1, 0.5, 0.9])
+def test_equal_readings_by_chance_are_readings(changes: float) -> None:
+    rng = np.random.default_rng(3)
+    logs = [np.cumsum(rng.random(n) < changes).astype(float)[:, None] for n in (30, 100, 300, 1000) for _ in range(100)]
+    assert np.mean([np.any(held(log)) for log in logs]) < MISTAKEN
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("wanders", [False, True])
+def test_a_coarse_sensor_reads_in_every_row(step: float, wanders: bool) -> None:
+    noise = np.random.default_rng(4).standard_normal((ROWS, 1))
+    fine = np.cumsum(0.1 * noise, axis=0) if wanders else noise
+    assert not np.any(held(step * np.round(fine / step)))
+
+
+def test_what_is_not_told_is_held_as_a_number_is() -> None:
+    rows = np.repeat(np.random.default_rng(5).standard_normal((ROWS // 4, 2)), 4, axis=0)
+    rows[:, 1] = np.nan
+    assert np.sum(held(rows)) == ROWS - ROWS // 4
+    assert not any(np.any(held(np.zeros((n, 3)))) for n in (0, 1, 2, 50))
+
+
+def at_the_rate_of_the_imu(recording: Recording) -> Recording:
+    """A table of all sensors at one rate."""
+    streams = dict(recording.streams)
+    for name in ("gps", "mag", "baro"):
+        newest, _ = as_held(streams[name].t, t := streams["imu"].t[streams["imu"].t >= streams[name].t[0]])
+        streams[name] = Stream(t, {column: values[newest] for column, values in streams[name].columns.items()})
+    return recording.replace(streams=streams)
+
+
+def test_a_table_at_one_rate_is_estimated_as_its_readings_are() -> None:
+    recording, _ = fly(21, duration=15.0, sensors=("gps", "mag", "baro"))
+    bare = recording.replace(sensors={})
+    apart, together = prepared(bare), prepared(at_the_rate_of_the_imu(bare))
+    for name in ("gps", "mag", "baro"):
+        rows = [one.recording.streams[name] for one in (apart, together)]
+        assert len(rows[0]) == len(rows[1])
+        assert np.max(np.abs(rows[0].t - rows[1].t)) < 0.011  # one sample of the IMU
+        assert sum(note.startswith(f"{name}: ") and "left out" in note for note in together.notes) == 1
+    for size in apart.levels.found:
+        off = abs(apart.levels.value(size) - together.levels.value(size))
+        assert off < (0.01 if size.linear else 0.1 * apart.levels.value(size)), size
+
+
+def test_rows_of_declared_noise_stay() -> None:
+    recording = at_the_rate_of_the_imu(fly(21, duration=10.0, sensors=("gps", "mag", "baro"))[0])
+    assert is_declared(recording)
+    partly = recording.replace(sensors={"baro": replace(recording.spec("baro"))})
+    assert not any(size.sensor == "baro" for size in sizes_of(partly))
+    assert len(prepared(partly).recording.streams["baro"]) == len(recording.streams["baro"])
