@@ -71,7 +71,7 @@ def test_what_stands_in_the_place_of_a_height_has_no_noise(flight: tuple[Recordi
 
 
 def test_white_noise_is_found_beside_a_longitude_of_few_digits(flight: tuple[Recording, Stream]) -> None:
-    recording = flight[0]
+    recording = between(flight[0], 0.0, 30.0)
     gps, white = recording.streams["gps"], recording.spec("gps").noise_std
     assert white is not None
     printed = {**gps.columns, "east": np.round(gps["east"] / 0.88) * 0.88}
@@ -163,7 +163,7 @@ def test_one_reading_of_undeclared_noise_is_an_error(flight: tuple[Recording, St
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_one_reading_of_declared_noise_is_none(flight: tuple[Recording, Stream]) -> None:
-    recording = flight[0]
+    recording = between(flight[0], 0.0, 10.0)
     one = recording.replace(
         streams={**recording.streams, "baro": recording.streams["baro"].rows(slice(0, 1))},
         sensors={"baro": recording.spec("baro")},
@@ -195,8 +195,8 @@ def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording,
 
 
 def test_zero_of_a_barometer_is_a_bias_and_no_height(flight: tuple[Recording, Stream]) -> None:
-    """Height above the sea beside a GPS that counts from the first fix."""
-    recording = bare(flight[0])
+    """Height above the sea beside a GPS that counts from the first fix; half a minute."""
+    recording = between(bare(flight[0]), 0.0, 30.0)
     baro = recording.streams["baro"]
     above_sea = Stream(baro.t, {**baro.columns, "height": baro["height"] + 1800.0})
     ready = prepared(recording.replace(streams={**recording.streams, "baro": above_sea}))

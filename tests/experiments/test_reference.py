@@ -33,6 +33,7 @@ from sinan.sensors.recording import (
     Truth,
 )
 from sinan.sensors.rotation import quaternion_log
+from sinan.sensors.window import WHOLE, Span
 
 ROOT = Path(__file__).resolve().parents[2]
 DEGREE = np.deg2rad(1.0)
@@ -40,11 +41,15 @@ PX4 = "px4_esc_lidar_flight/esc_status_log.ulg"
 NO_TRUTH = "which is not a truth"
 
 
-def estimated(log: Path | str, tmp_path: Path, page: bool = False) -> tuple[dict[str, Any], str]:
+#: Half a minute of that flight [s].
+PART = (30.0, 60.0)
+
+
+def estimated(log: Path | str, tmp_path: Path, page: bool = False, span: Span = WHOLE) -> tuple[dict[str, Any], str]:
     """JSON and text of `sinan estimate`."""
     out = tmp_path / "estimate.json"
     html = tmp_path / "estimate.html" if page else None
-    text = estimate_command.run(str(log), "auto", None, None, out, html)
+    text = estimate_command.run(str(log), "auto", None, None, out, html, span=span)
     return json.loads(out.read_text()), text
 
 
@@ -174,7 +179,7 @@ def test_a_trace_is_scored_at_the_stamps_of_the_reference_too(tmp_path: Path) ->
 @pytest.mark.measured
 def test_of_a_ulog_only_the_attitude_is_scored_and_is_no_truth(measured_data: Path, tmp_path: Path) -> None:
     """Its reference is `vehicle_attitude`: "13 m and 3.23 m/s" was how far and how fast it flew."""
-    document, text = estimated(measured_data / PX4, tmp_path)
+    document, text = estimated(measured_data / PX4, tmp_path, span=PART)
     assert document["truth"]["kind"] == "autopilot"
     assert document["truth"]["known"] == ["attitude"]
     assert not {"position_rms", "velocity_rms", "height_rms"} & document["truth"].keys()
@@ -188,7 +193,7 @@ def test_a_converted_log_keeps_its_reference(measured_data: Path, tmp_path: Path
     convert(str(measured_data / PX4), tmp_path / "run")
     assert '[truth]\nkind = "autopilot"\nknown = ["attitude"]\n' in (tmp_path / "run" / "recording.toml").read_text()
     assert (tmp_path / "run" / "truth.csv").read_text().startswith("t,qw,qx,qy,qz\n")
-    log, again = (estimated(path, tmp_path)[0]["truth"] for path in (measured_data / PX4, tmp_path / "run"))
+    log, again = (estimated(path, tmp_path, span=PART)[0]["truth"] for path in (measured_data / PX4, tmp_path / "run"))
     assert again == log
 
 
