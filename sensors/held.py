@@ -1,9 +1,9 @@
-"""Rows of a log that hold a slower sensor's last reading: they are no readings.
+"""Rows of a log that are no readings: they hold a slower sensor's last one, or lie on the line to its next.
 
-A table of all sensors at the rate of the fastest, or a log that was resampled so, repeats what has not come anew. A
-sensor's next reading comes no sooner than its period, so that a run of equal rows the likelier ends the longer it has
-been. Readings of a coarse sensor that happen to be equal end their runs at any row alike where its noise is white, and
-the sooner the nearer they are to the edge of a step where it wanders.
+A table of all sensors at the rate of the fastest, or a log that was resampled so, repeats what has not come anew, or
+interpolates it. A sensor's next reading comes no sooner than its period, so that a run of such rows the likelier ends
+the longer it has been. Readings of a coarse sensor that happen to be equal, or in line, end their runs at any row alike
+where its noise is white, and the sooner the nearer they are to the edge of a step where it wanders.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
-#: Ratio of the odds that a run ends from its usual length on and before, from which on rows are held, at two sigma: a
-#: choice. Equal readings by chance have 1 or less; a resampled log has 10 and more.
+#: Ratio of the odds that a run ends from its usual length on and before, from which on rows are no readings, at two
+#: sigma: a choice. Equal readings by chance have 1 or less; a resampled log has 10 and more.
 ODDS = 2.0
+#: A number printed or stored to seven digits is in line with its neighbours to within this part of the largest.
+_ROUNDING = 1e-7
 
 
 def held(values: FloatArray) -> BoolArray:
@@ -24,18 +26,44 @@ def held(values: FloatArray) -> BoolArray:
     ----------
     values : (n, k) all that one reading has; NaN equals NaN
     """
-    n = len(values)
-    old = np.zeros(n, dtype=bool)
-    if n < 2:
-        return old
+    old = np.zeros(len(values), dtype=bool)
     before, after = values[:-1], values[1:]
     old[1:] = np.all((before == after) | (np.isnan(before) & np.isnan(after)), axis=1)
-    runs = np.diff(np.append(np.flatnonzero(~old), n))[1:-1]  # the first and the last are cut
-    return old if len(runs) and _end_at_a_length(runs) else np.zeros(n, dtype=bool)
+    return _with_a_period(old)
+
+
+def interpolated(t: FloatArray, values: FloatArray) -> BoolArray:
+    """(n,) rows on a straight line from one reading to the next, but for the last on each, which is the nearest before
+    the next reading; none where the lines are not as long as a sensor's period.
+
+    Parameters
+    ----------
+    t : (n,) [s]
+    values : (n, k) all that one reading has; NaN: not told
+    """
+    old = np.zeros(len(values), dtype=bool)
+    if len(values) < 3:
+        return old
+    step = np.diff(t)[:, None]
+    with np.errstate(all="ignore"):  # what is not told bends no line
+        bend = np.diff(np.diff(values, axis=0) / step, axis=0) * np.minimum(step[1:], step[:-1])
+        bent = np.any(np.abs(bend) > 4.0 * _ROUNDING * np.nanmax(np.abs(values), axis=0), axis=1)
+    in_line = ~bent & np.any(values[1:-1] != values[:-2], axis=1)  # equal rows may be those of a coarse sensor
+    if np.mean(in_line) < 0.5:  # of four rows to a reading two are in line, and of fewer nothing is gained
+        return old
+    old[1:-1] = in_line
+    old[1:] |= ~old[:-1]  # a reading between two rows bends the line at both
+    return _with_a_period(old)
+
+
+def _with_a_period(old: BoolArray) -> BoolArray:
+    """The rows that are no readings, if the runs of them after a reading are a sensor's period; else none."""
+    runs = np.diff(np.append(np.flatnonzero(~old), len(old)))[1:-1]  # the first and the last are cut
+    return old if len(runs) and _end_at_a_length(runs) else np.zeros(len(old), dtype=bool)
 
 
 def _end_at_a_length(runs: IntArray) -> bool:
-    """Whether runs of equal rows end rather from a length on that three in four have than before.
+    """Whether runs end rather from a length on that three in four have than before.
 
     Of a run of L rows the row k = 1 .. L - 1 does not end it, row L does; with Jeffreys' prior of either chance.
     """

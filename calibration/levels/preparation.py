@@ -20,7 +20,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
-from sinan.sensors.held import held
+from sinan.sensors.held import held, interpolated
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, Stream
 from sinan.sensors.settling import unsettled
 from sinan.sensors.window import told_from
@@ -83,7 +83,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         flight_model(recording)  # says what is missing
     inside = within_imu(recording)
     within, unsaid = without_still_velocity(inside)
-    within, held_back = without_held(within)
+    within, held_back = with_readings_alone(within)
     sizes = sizes_of(within)
     if not sizes and not is_field_open(within):
         return as_declared(recording)
@@ -133,18 +133,23 @@ def thinned(recording: Recording, stream: str, rate: float) -> tuple[Recording, 
     return recording.replace(streams={**recording.streams, stream: some}), [f"{stream}: one reading in {every} is used"]
 
 
-def without_held(recording: Recording) -> tuple[Recording, list[str]]:
-    """Without the rows that hold a slower sensor's last reading, of streams whose noise nobody declared; and that in
-    words.
+def with_readings_alone(recording: Recording) -> tuple[Recording, list[str]]:
+    """Without the rows that hold a slower sensor's last reading, or interpolate to its next, of streams whose noise
+    nobody declared; and that in words.
     """
     streams, notes = dict(recording.streams), []
     for name in ("imu", *aiding_sensors()):
         if name not in streams or any(recording.spec(one).says_noise for one in of_stream(name)):
             continue
-        rows = held(all_readings(recording, name))
-        if count := int(np.sum(rows)):
-            streams[name] = streams[name].rows(~rows)
-            notes.append(f"{name}: {count} of {len(rows)} rows hold the reading of the row before: left out")
+        readings = all_readings(recording, name)
+        for rows, what in (
+            (held(readings), "hold the reading of the row before"),
+            (interpolated(streams[name].t, readings), "are on a straight line from one reading to the next"),
+        ):
+            if count := int(np.sum(rows)):
+                streams[name] = streams[name].rows(~rows)
+                notes.append(f"{name}: {count} of {len(rows)} rows {what}: left out")
+                break
     return recording.replace(streams=streams) if notes else recording, notes
 
 
@@ -212,7 +217,7 @@ def is_declared(recording: Recording) -> bool:
     """Whether a recording declares noise and field: nothing but bounds of the motion is open."""
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
-    within, _ = without_held(without_still_velocity(within_imu(recording))[0])
+    within, _ = with_readings_alone(without_still_velocity(within_imu(recording))[0])
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 

@@ -1,4 +1,6 @@
-"""Rows that hold a slower sensor's last reading are told from readings that happen to be equal."""
+"""Rows that hold a slower sensor's last reading, or interpolate to its next, are told from readings that happen to be
+equal or in line.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,9 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.fit import sizes_of
-from sinan.calibration.levels.preparation import is_declared, prepared
+from sinan.calibration.levels.preparation import Prepared, is_declared, prepared
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.held import held
+from sinan.sensors.held import held, interpolated
 from sinan.sensors.recording import Recording, Stream
 from tests.estimator.analytic_flight import fly
 
@@ -53,7 +55,28 @@ def test_equal_readings_by_chance_are_readings(changes: float) -> None:
 def test_a_coarse_sensor_reads_in_every_row(step: float, wanders: bool) -> None:
     noise = np.random.default_rng(4).standard_normal((ROWS, 1))
     fine = np.cumsum(0.1 * noise, axis=0) if wanders else noise
-    assert not np.any(held(step * np.round(fine / step)))
+    readings = step * np.round(fine / step)
+    assert not np.any(held(readings))
+    assert not np.any(interpolated(np.arange(ROWS) * 0.01, readings))
+
+
+@pytest.mark.parametrize("ratio", [4.0, 5.3, 20.3])
+def test_interpolated_rows_are_found_and_the_nearest_to_a_reading_stay(ratio: float) -> None:
+    rng = np.random.default_rng(6)
+    t = np.cumsum(0.01 * ratio * (1.0 + 0.1 * rng.standard_normal(ROWS)))
+    readings = rng.standard_normal((ROWS, 3))
+    rows = np.arange(t[0], t[-1], 0.01) + 0.001 * rng.uniform(-1.0, 1.0, size=len(np.arange(t[0], t[-1], 0.01)))
+    between = np.stack([np.interp(rows, t, column) for column in readings.T], axis=-1)
+    stay = np.flatnonzero(~interpolated(rows, between))[1:-1]
+    before = rows[stay[:, None]] - t[None, :]
+    assert abs(len(stay) - ROWS) < 0.01 * ROWS
+    assert np.max(np.min(np.abs(before), axis=1)) < 0.013
+
+
+def test_what_moves_smoothly_or_evenly_is_read() -> None:
+    t = np.arange(ROWS) * 0.01
+    for readings in (np.sin(0.3 * t), 2.0 * t, 0.0 * t, np.random.default_rng(7).standard_normal(ROWS)):
+        assert not np.any(interpolated(t, readings[:, None]))
 
 
 def test_what_is_not_told_is_held_as_a_number_is() -> None:
@@ -63,27 +86,36 @@ def test_what_is_not_told_is_held_as_a_number_is() -> None:
     assert not any(np.any(held(np.zeros((n, 3)))) for n in (0, 1, 2, 50))
 
 
-def at_the_rate_of_the_imu(recording: Recording) -> Recording:
+def at_the_rate_of_the_imu(recording: Recording, by: str = "held") -> Recording:
     """A table of all sensors at one rate."""
     streams = dict(recording.streams)
     for name in ("gps", "mag", "baro"):
-        newest, _ = as_held(streams[name].t, t := streams["imu"].t[streams["imu"].t >= streams[name].t[0]])
-        streams[name] = Stream(t, {column: values[newest] for column, values in streams[name].columns.items()})
+        one, imu = streams[name], streams["imu"].t
+        t = imu[(imu >= one.t[0]) & (imu <= one.t[-1])]
+        newest, _ = as_held(one.t, t)
+        columns = one.columns.items()
+        streams[name] = Stream(t, {c: v[newest] if by == "held" else np.interp(t, one.t, v) for c, v in columns})
     return recording.replace(streams=streams)
 
 
-def test_a_table_at_one_rate_is_estimated_as_its_readings_are() -> None:
-    recording, _ = fly(21, duration=15.0, sensors=("gps", "mag", "baro"))
-    bare = recording.replace(sensors={})
-    apart, together = prepared(bare), prepared(at_the_rate_of_the_imu(bare))
+@pytest.fixture(scope="module")
+def apart() -> tuple[Recording, Prepared]:
+    """A flight whose sensors have rows of their own, and as it is prepared."""
+    recording = fly(21, duration=15.0, sensors=("gps", "mag", "baro"))[0].replace(sensors={})
+    return recording, prepared(recording)
+
+
+@pytest.mark.parametrize("by", ["held", "interpolated"])
+def test_a_table_at_one_rate_is_estimated_as_its_readings_are(apart: tuple[Recording, Prepared], by: str) -> None:
+    recording, alone = apart
+    together = prepared(at_the_rate_of_the_imu(recording, by))
     for name in ("gps", "mag", "baro"):
-        rows = [one.recording.streams[name] for one in (apart, together)]
-        assert len(rows[0]) == len(rows[1])
-        assert np.max(np.abs(rows[0].t - rows[1].t)) < 0.011  # one sample of the IMU
+        rows = [one.recording.streams[name] for one in (alone, together)]
+        assert abs(len(rows[0]) - len(rows[1])) < 2
         assert sum(note.startswith(f"{name}: ") and "left out" in note for note in together.notes) == 1
-    for size in apart.levels.found:
-        off = abs(apart.levels.value(size) - together.levels.value(size))
-        assert off < (0.01 if size.linear else 0.1 * apart.levels.value(size)), size
+    for size in alone.levels.found:
+        off = abs(alone.levels.value(size) - together.levels.value(size))
+        assert off < (0.015 if size.linear else 0.5 * alone.levels.value(size)), size
 
 
 def test_rows_of_declared_noise_stay() -> None:
