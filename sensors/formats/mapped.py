@@ -13,6 +13,7 @@ from sinan.sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.columns import notes_of, read_columns
 from sinan.sensors.formats.geodetic import ned_columns, to_ned
+from sinan.sensors.formats.logged import SHARED, spread
 from sinan.sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sinan.sensors.formats.plausible import check_field, check_units
 from sinan.sensors.formats.units import FIELD_UNIT, UNITS
@@ -198,7 +199,11 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
         if np.any(keep & ~unit):
             dropped.append(f"{int(np.sum(keep & ~unit))} rows left out: the quaternion is not of norm 1")
         keep = keep & unit
-    return Stream(t[keep], {name: values[keep] for name, values in columns.items()}), dropped
+    stream = Stream(t[keep], {name: values[keep] for name, values in columns.items()})
+    if rules.name != "camera":  # whose points of one picture have one stamp
+        stream, shared = spread(stream)
+        dropped += [SHARED.format(shared)] if shared else []
+    return stream, dropped
 
 
 def _table(log: _Log, file: str, quantity: Quantity, key: str) -> FloatArray:
