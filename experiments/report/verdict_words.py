@@ -163,8 +163,9 @@ def _later_rivals(document: Mapping[str, Any]) -> str:
 def what_next(document: Mapping[str, Any], log: Log) -> str:
     """What to do, a sentence or two."""
     if document["verdict"] == "no_effect":
-        seen = '"What would have been seen" lists how large each effect would have to be'
-        return f"nothing that this log shows needs correcting; {seen}"
+        shown = [_occurs(candidate) for candidate in document["candidates"] if _may_last(candidate)]
+        seen = f"{sum(shown)} of {len(shown)} effects would have been seen at sizes that occur"
+        return f'nothing that this log shows needs correcting; {seen} ("What would have been seen" lists from where on)'
     if document["verdict"] == "ambiguous":
         measure = "measure one of them yourself, such as a lever arm with a ruler, and declare it"
         return f"{document['separates']}; or {measure}" if document["separates"] else measure
@@ -182,6 +183,23 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
         return "; ".join([*longer, *remains, "check axes, units and clocks"])
     lines = declared_lines(document, log.in_parts)
     return "; ".join(_use(effect, lines, log) for effect in _kinds(reported(document)))
+
+
+#: Plausible sizes up to which an effect occurs: two sigma of what is sold.
+_OCCURS = 2.0
+
+
+def _may_last(candidate: Mapping[str, Any]) -> bool:
+    return candidate["name"] in CATALOGUE and "interval" not in candidate and not candidate.get("refused")
+
+
+def _occurs(candidate: Mapping[str, Any]) -> bool:
+    """Whether an effect would have been seen at a size that occurs; in the unit of the log's own field, at any size."""
+    sizes = zip(CATALOGUE[candidate["name"]].parameters, candidate["detectable_from"], candidate["unit"], strict=False)
+    return any(
+        size is not None and (unit != parameter.unit or size <= _OCCURS * parameter.plausible)
+        for parameter, size, unit in sizes
+    )
 
 
 def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -267,7 +267,10 @@ def _omitted(kind: Kind, values: Mapping[tuple[str, str], FloatArray], read: Map
     notes = [f"gps: {lost} rows left out: latitude and longitude are zero, no fix"] if lost and "gps" in read else []
     whole = {"mag": MAG, "gps": GEODETIC[:2]}
     missing = {name: [one for one in whole[name] if one not in there[name]] for name in whole if name in there}
-    return notes + [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+    for name in (name for name in missing if name not in read):
+        notes.append(f"{name}: not read, without {', '.join(missing[name])}")
+    empty = [name for name, stream in read.items() if not len(stream)]
+    return notes + [f"{name}: not read, no row of it holds a number" for name in empty]
 
 
 def _of_fixes(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

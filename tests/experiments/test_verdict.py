@@ -283,13 +283,28 @@ def test_what_no_held_out_reading_can_tell_has_no_proof_in_the_head_line() -> No
 @pytest.mark.parametrize(
     ("verdict", "changes", "said"),
     [
-        ("no_effect", {"effects": []}, "What would have been seen"),
+        ("no_effect", {"effects": [], "candidates": []}, "What would have been seen"),
         ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or measure one of them yourself"),
         ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
     ],
 )
 def test_every_verdict_says_what_to_do_next(verdict: str, changes: Mapping[str, Any], said: str) -> None:
     assert said in what_next(a_document(verdict=verdict, **changes), Log())
+
+
+def test_of_nothing_found_it_says_how_many_effects_would_have_been_seen() -> None:
+    """At up to two plausible sizes, of one component at least; what was refused or acts for a time does not count."""
+    scale = {"name": "gyro.scale", "unit": ["1"] * 3}  # plausible: 0.03
+    candidates = [
+        {**scale, "detectable_from": [None, 0.059, 0.9]},
+        {**scale, "detectable_from": [0.061, None, None]},
+        {**scale, "detectable_from": [None, None, None]},
+        {**scale, "detectable_from": [0.01] * 3, "interval": [1.0, 2.0]},
+        {**scale, "detectable_from": [], "refused": "no turns"},
+        {"name": "mag.current", "unit": ["gauss/A"] * 3, "detectable_from": [None, 1.0, None]},
+    ]
+    told = what_next(a_document(verdict="no_effect", effects=[], candidates=candidates), Log())
+    assert "2 of 4 effects would have been seen at sizes that occur" in told
 
 
 def test_next_names_the_parameters_of_the_flight_controller() -> None:
