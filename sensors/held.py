@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.rounding import rounding_variance
 
 #: Ratio of the odds that a run ends from its usual length on and before, from which on rows are no readings, at two
 #: sigma: a choice. Equal readings by chance have 1 or less; a resampled log has 10 and more.
@@ -20,7 +21,8 @@ _ROUNDING = 1e-7
 
 
 def held(values: FloatArray) -> BoolArray:
-    """(n,) rows that hold the reading of a row before; none where runs of equal rows are no sensor's period.
+    """(n,) rows that hold the reading of a row before; none where runs of equal rows are no sensor's period, or all
+    steps are as large. What stands for long counts once, as nobody knows whether it was read again.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ def held(values: FloatArray) -> BoolArray:
     old = np.zeros(len(values), dtype=bool)
     before, after = values[:-1], values[1:]
     old[1:] = np.all((before == after) | (np.isnan(before) & np.isnan(after)), axis=1)
-    return _with_a_period(old)
+    return _with_a_period(old) if not _is_staircase(values[~old]) else np.zeros(len(values), dtype=bool)
 
 
 def interpolated(t: FloatArray, values: FloatArray) -> BoolArray:
@@ -44,16 +46,33 @@ def interpolated(t: FloatArray, values: FloatArray) -> BoolArray:
     old = np.zeros(len(values), dtype=bool)
     if len(values) < 3:
         return old
-    step = np.diff(t)[:, None]
+    step, largest = np.diff(t)[:, None], np.max(np.abs(values), axis=0, where=np.isfinite(values), initial=0.0)
+    rounded = np.maximum(2.0 * np.sqrt(12.0 * rounding_variance(values)), 4.0 * _ROUNDING * largest)
     with np.errstate(all="ignore"):  # what is not told bends no line
         bend = np.diff(np.diff(values, axis=0) / step, axis=0) * np.minimum(step[1:], step[:-1])
-        bent = np.any(np.abs(bend) > 4.0 * _ROUNDING * np.nanmax(np.abs(values), axis=0), axis=1)
+        bent = np.any(np.abs(bend) > rounded, axis=1)
     in_line = ~bent & np.any(values[1:-1] != values[:-2], axis=1)  # equal rows may be those of a coarse sensor
     if np.mean(in_line) < 0.5:  # of four rows to a reading two are in line, and of fewer nothing is gained
         return old
     old[1:-1] = in_line
-    old[1:] |= ~old[:-1]  # a reading between two rows bends the line at both
+    stays = np.flatnonzero(~old)
+    since = np.arange(len(stays)) - np.maximum.accumulate(
+        np.where(np.diff(stays, prepend=-2) > 1, np.arange(len(stays)), 0)
+    )
+    old[stays[since % 2 == 1]] = True  # a reading between two rows bends the line at both
     return _with_a_period(old)
+
+
+def _is_staircase(values: FloatArray) -> bool:
+    """Whether readings (n, k), none like the one before, mostly differ in one component by one and the same step, as
+    what moves evenly does that is read coarsely.
+    """
+    steps = np.nan_to_num(np.diff(values, axis=0))
+    if len(steps) < 2 or np.median(np.sum(steps != 0.0, axis=1)) > 1.0:
+        return False
+    steps = np.linalg.norm(steps, axis=1)
+    sizes = np.round(steps / np.median(steps), 2)
+    return bool(np.max(np.unique(sizes, return_counts=True)[1]) > 0.5 * len(steps))
 
 
 def _with_a_period(old: BoolArray) -> BoolArray:

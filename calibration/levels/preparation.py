@@ -142,13 +142,13 @@ def with_readings_alone(recording: Recording) -> tuple[Recording, list[str]]:
         if name not in streams or any(recording.spec(one).says_noise for one in of_stream(name)):
             continue
         readings = all_readings(recording, name)
-        for rows, what in (
+        for old, what in (
             (held(readings), "hold the reading of the row before"),
             (interpolated(streams[name].t, readings), "are on a straight line from one reading to the next"),
         ):
-            if count := int(np.sum(rows)):
-                streams[name] = streams[name].rows(~rows)
-                notes.append(f"{name}: {count} of {len(rows)} rows {what}: left out")
+            if count := int(np.sum(old)):
+                streams[name] = streams[name].rows(~old)
+                notes.append(f"{name}: {count} of {len(old)} rows {what}: left out")
                 break
     return recording.replace(streams=streams) if notes else recording, notes
 

@@ -62,9 +62,9 @@ def open_log(path: Path, map_file: Path | None = None, choice: Choice = FIRST) -
 def _with_axes(recording: Recording, gyro: FloatArray | None = None, mag: FloatArray | None = None) -> Recording:
     """The recording with what is to be noted of the axes of gyroscope and compass; what its map has for them now."""
     from sinan.sensors.formats.compass_axes import note_of_axes
-    from sinan.sensors.formats.gyro_axes import turned
+    from sinan.sensors.formats.gyro_axes import with_axes_of_force
 
-    whole, said = turned(recording, gyro)
+    whole, said = with_axes_of_force(recording, gyro)
     return recording.replace(notes=(*recording.notes, *said, *note_of_axes(whole, mag)))
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.formats.lasting import axes_that_last, lasting_gravity
-from sinan.sensors.formats.signed_axes import words_of
+from sinan.sensors.formats.lasting import other_axes
 from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream
 
 
-def turned(recording: Recording, axes: FloatArray | None = None) -> tuple[Recording, list[str]]:
-    """The recording with the rates about the axes of the accelerometer, and a sentence where they are not as read.
+def with_axes_of_force(recording: Recording, axes: FloatArray | None = None) -> tuple[Recording, list[str]]:
+    """For what holds other readings against the rates: the recording with them about the accelerometer's axes; and a
+    sentence where they are not so as read. The recording itself is not to be used further: which of the two is wrong is
+    not known.
 
     Parameters
     ----------
@@ -24,15 +25,11 @@ def turned(recording: Recording, axes: FloatArray | None = None) -> tuple[Record
     if imu is None or not imu.has(ACCEL) or not imu.has(GYRO):
         return recording, []
     with np.errstate(all="ignore"):  # a damaged reading gives no number, which says nothing
-        found, as_read = axes_that_last(imu), lasting_gravity(imu, np.eye(3))
+        found = other_axes(imu)
     if found is None:
         return recording, []
-    S, lasting, others = found
-    said = words_of(S @ (np.eye(3) if axes is None else axes))
-    said += f", or {others} others that such turns do not tell from it," if others else ""
-    would = f"if those are right, axes = {said} in a map would do"
-    left = f"{100.0 * lasting:.0f} % of gravity lasts as they turn it, as read {100.0 * as_read:.0f} %"
-    about = dict(zip(GYRO, (imu.array(GYRO) @ S.T).T, strict=True))
+    about = dict(zip(GYRO, (imu.array(GYRO) @ found.axes.T).T, strict=True))
     streams = {**recording.streams, "imu": Stream(imu.t, {**imu.columns, **about})}
-    note = f"gyro: the gyroscope does not have the axes of the accelerometer; {would}: {left}"
-    return recording.replace(streams=streams), [note]
+    left = f"{100.0 * found.lasting:.0f} % of gravity lasts as they turn it, as read {100.0 * found.as_read:.0f} %"
+    note = f"gyro: the gyroscope does not have the axes of the accelerometer; if those are right, {found.words(axes)}"
+    return recording.replace(streams=streams), [f"{note}: {left}"]

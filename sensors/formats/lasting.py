@@ -6,11 +6,14 @@ specific force, turned by the rates, has gravity as its mean. Neglects the centr
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
-from sinan.sensors.formats.signed_axes import SIGNED
+from sinan.sensors.formats.signed_axes import SIGNED, words_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate
 
@@ -21,9 +24,9 @@ _LASTING, _TIMES = 10.0, 24
 LOST, _NEAR = 0.85, 0.05
 
 
-def lasting_gravity(imu: Stream, axes: FloatArray) -> float:
-    """Norm of the mean over `_LASTING` of the force, turned by `axes` times the rates, in parts of standard gravity;
-    NaN: the log is too short.
+def lasting_gravity(imu: Stream) -> Callable[[FloatArray], float]:
+    """Of (3, 3) `axes` the part of standard gravity that lasts as `axes` times the rates turn the force: the norm of
+    the mean over `_LASTING`; NaN: the log is too short. A unit may be in the axes.
 
     Halves of a time are joined, from single steps on: the sum of two is v_1 + C_1 v_2, their turn C_1 C_2. The rates
     are taken as they are, and less their median, their bias where the body rests in between; the better counts.
@@ -31,38 +34,55 @@ def lasting_gravity(imu: Stream, axes: FloatArray) -> float:
     Parameters
     ----------
     imu : with accelerometer and gyroscope
-    axes : (3, 3) of the body's rates from those that are read; a unit may be in it
     """
     span = float(imu.t[-1] - imu.t[0]) if len(imu) > 1 else 0.0
     if span < _LASTING:
-        return float("nan")
+        return lambda axes: float("nan")
     count = min(_TIMES, int(span / _LASTING))
     grid = np.linspace(imu.t[0], imu.t[-1] - _LASTING, count)[:, None] + np.linspace(0.0, _LASTING, 2**9 + 1)
-    rate = imu.array(GYRO) @ axes.T
-    force = _integrated(imu.t, imu.array(ACCEL), grid)
-    means = []
-    for bias in (np.zeros(3), np.median(rate, axis=0)):
-        v, q = force, quaternion_exp(_integrated(imu.t, rate - bias, grid))
-        while v.shape[1] > 1:
-            v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
-            q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
-        means.append(float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING)
-    return max(means) / STANDARD_GRAVITY
+    rate = imu.array(GYRO)
+    force, turn = _integrated(imu.t, imu.array(ACCEL), grid), _integrated(imu.t, rate, grid)
+    of_bias = np.median(rate, axis=0) * np.diff(grid, axis=1)[..., None]
+
+    def lasting(axes: FloatArray) -> float:
+        means = []
+        for angle in (turn, turn - of_bias):
+            v, q = force, quaternion_exp(angle @ axes.T)
+            while v.shape[1] > 1:
+                v = v[:, 0::2] + rotate(q[:, 0::2], v[:, 1::2])
+                q = quaternion_multiply(q[:, 0::2], q[:, 1::2])
+            means.append(float(np.median(np.linalg.norm(v[:, 0], axis=-1))) / _LASTING)
+        return max(means) / STANDARD_GRAVITY
+
+    return lasting
 
 
-def axes_that_last(imu: Stream) -> tuple[FloatArray, float, int] | None:
-    """Other axes of the rates with which gravity lasts, where it does not as read.
+class OtherAxes(NamedTuple):
+    """Axes with which gravity lasts, (3, 3); the part of it that does, and as read; how many others do as well."""
 
-    Returns
-    -------
-    (3, 3) the best of `SIGNED`, the part of gravity that lasts, and how many others do as well; None: there are none
-    """
-    if not lasting_gravity(imu, np.eye(3)) < LOST:
+    axes: FloatArray
+    lasting: float
+    as_read: float
+    others: int
+
+    def words(self, now: FloatArray | None = None) -> str:
+        """As a map would have them that has (3, 3) `now`, or says nothing of axes."""
+        said = words_of(self.axes @ (np.eye(3) if now is None else now))
+        more = f", or {self.others} others that such turns do not tell from it," if self.others else ""
+        return f"axes = {said}{more} in a map would do"
+
+
+def other_axes(imu: Stream) -> OtherAxes | None:
+    """Other axes of the rates with which gravity lasts, where it does not as read; None: it does, or with none."""
+    lasting = lasting_gravity(imu)
+    if not (as_read := lasting(np.eye(3))) < LOST:
         return None
-    lasting = np.array([lasting_gravity(imu, S) for S in SIGNED])
-    off = np.abs(lasting - 1.0)
+    parts = np.array([lasting(S) for S in SIGNED])
+    off = np.abs(parts - 1.0)
     best = int(np.argmin(off))
-    return (SIGNED[best], float(lasting[best]), int(np.sum(off < _NEAR)) - 1) if off[best] < _NEAR else None
+    if not off[best] < _NEAR:
+        return None
+    return OtherAxes(SIGNED[best], float(parts[best]), as_read, int(np.sum(off < _NEAR)) - 1)
 
 
 def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:

@@ -27,8 +27,6 @@ PULSES = (1000.0, 2000.0)
 #: Forward-right-down of forward-left-up, and north-east-down of east-north-up (REP-103).
 FRD_OF_FLU = np.diag([1.0, -1.0, -1.0])
 NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-#: What is said of rows that `spread` has moved.
-SHARED = "{} rows have the stamp of the row before: put evenly before the next stamp"
 #: Topics or kinds of messages that an error names.
 _MOST_NAMES = 10
 
@@ -124,7 +122,7 @@ def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     """A stream without what damage, or a driver that knows no value, has put into it; and sentences that say so.
 
     Left out are columns that may be missing and hold no number at all, rows that hold a gap, the fewest rows without
-    which the time rises, and what a leap of the clock separates from the most. Stamps coarser than the rows are spread.
+    which the time rises, and what a leap of the clock separates from the most.
     """
     notes: list[str] = []
     required = {column for columns in REQUIRED_COLUMNS.get(name, ()) for column in columns}
@@ -137,9 +135,6 @@ def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     stream, lost = Stream(stream.t, columns).rows(keep), int(np.sum(~keep))
     if lost:
         notes.append(f"{name}: {lost} rows left out: not a number")
-    stream, shared = spread(stream)
-    if shared:
-        notes.append(f"{name}: {SHARED.format(shared)}")
     forward = rising(stream.t)
     if lost := int(np.sum(~forward)):
         notes.append(f"{name}: {lost} rows left out: the time goes back")
@@ -148,28 +143,6 @@ def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     if lost := int(np.sum(~together)):
         notes.append(f"{name}: {lost} rows left out: their time is more than a day from the others'")
     return stream.rows(together), notes
-
-
-def spread(stream: Stream) -> tuple[Stream, int]:
-    """A stream whose different rows of one stamp, the first of them at it, are put evenly before the next stamp, and no
-    later than a usual step after the last; and how many they are. A row that is there twice stays at its stamp.
-    """
-    t = stream.t
-    again = np.append(np.zeros(len(t[:1]), dtype=bool), np.diff(t) == 0.0)
-    if np.sum(~again) < 2 or not np.any(again):
-        return stream, 0
-    first = np.flatnonzero(~again)
-    differs = np.any([np.diff(column) != 0.0 for column in stream.columns.values()], axis=0)
-    other = again & np.append(False, differs)
-    steps = np.diff(t[first])
-    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
-    until = np.append(np.where(steps > 0.0, np.minimum(steps, usual), 0.0), usual)
-    place = np.cumsum(other)
-    group = np.cumsum(~again) - 1
-    k = place - place[first][group]
-    return Stream(t + until[group] * k / (1 + np.bincount(group, weights=other)[group]), stream.columns), int(
-        other.sum()
-    )
 
 
 def _without_leap(t: FloatArray) -> BoolArray:

@@ -11,9 +11,9 @@ import numpy as np
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import SEA_LEVEL_TEMPERATURE, ZERO_CELSIUS
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.coarse_clock import spread
 from sinan.sensors.formats.columns import notes_of, read_columns
 from sinan.sensors.formats.geodetic import ned_columns, to_ned
-from sinan.sensors.formats.logged import SHARED, spread
 from sinan.sensors.formats.map_rules import Clock, Keep, Map, Quantity, StreamMap
 from sinan.sensors.formats.plausible import check_field, check_units
 from sinan.sensors.formats.units import FIELD_UNIT, UNITS
@@ -139,6 +139,11 @@ class _Log:
             )
         return columns[name]
 
+    def has_one_row_an_instant(self, file: str) -> bool:
+        """Whether each row of a file has all that was read at once, and none is there twice, as far as the map says."""
+        of_file = [one for one in self.rules.streams if file in {one.file, *(q.file for q in one.quantities.values())}]
+        return not any(one.name == "camera" or one.keep or "repeated time" in one.drop for one in of_file)
+
     def _file(self, file: str) -> str:
         options = self.rules.files[file]
         return options.member or options.path or self.path.name
@@ -191,6 +196,7 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
         raise InputError(log.rules.path, f"columns of {', '.join(map(str, sorted(lengths)))} rows", "one length", place)
     n = lengths.pop()
     t = _time(log, rules.clock, file, n, place)
+    t, said = spread(t) if log.has_one_row_an_instant(file) else (t, [])
     keep, dropped = _rows(log, rules, file, t, np.concatenate(raw, axis=1), place)
     if "not unit" in rules.drop:
         unit = np.all(
@@ -199,11 +205,7 @@ def _part(log: _Log, rules: StreamMap, file: str, quantities: list[Quantity]) ->
         if np.any(keep & ~unit):
             dropped.append(f"{int(np.sum(keep & ~unit))} rows left out: the quaternion is not of norm 1")
         keep = keep & unit
-    stream = Stream(t[keep], {name: values[keep] for name, values in columns.items()})
-    if rules.name != "camera":  # whose points of one picture have one stamp
-        stream, shared = spread(stream)
-        dropped += [SHARED.format(shared)] if shared else []
-    return stream, dropped
+    return Stream(t[keep], {name: values[keep] for name, values in columns.items()}), [*said, *dropped]
 
 
 def _table(log: _Log, file: str, quantity: Quantity, key: str) -> FloatArray:

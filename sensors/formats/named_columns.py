@@ -15,6 +15,7 @@ import numpy as np
 from sinan.sensors.arrays import BoolArray, FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
+from sinan.sensors.formats.coarse_clock import spread
 from sinan.sensors.formats.column_names import FINE, FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
 from sinan.sensors.formats.geodetic import to_ned
 from sinan.sensors.formats.logged import sound
@@ -82,6 +83,9 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     indicated = "".join(words_of(known["air", "airspeed"][0])) if ("air", "airspeed") in known else ""
     if indicated.startswith(_AS_INDICATED):
         notes.append("air: an indicated airspeed stands for the true one, 5 % larger for each 1000 m of height")
+    if kind == "flight":
+        t, said = spread(t)
+        notes += said
     found = _streams(kind, t, values)
     notes += _omitted(kind, values, found)
     mended = {name: sound(name, stream) for name, stream in found.items()}

@@ -12,7 +12,7 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
-from sinan.sensors.formats.lasting import LOST, axes_that_last, lasting_gravity
+from sinan.sensors.formats.lasting import LOST, lasting_gravity, other_axes
 from sinan.sensors.formats.units import UNITS
 from sinan.sensors.geomagnetism import earth_field, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, Stream
@@ -212,8 +212,7 @@ def _check_gyro(recording: Recording, imu: Stream) -> None:
 
 
 def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
-    """Specific force, turned by the rates, has gravity as its mean; else rates are in deg/s, or gravity was taken off,
-    unless they are about other axes (`gyro_axes`).
+    """Specific force, turned by the rates, has gravity as its mean; else rates are in deg/s, or gravity was taken off.
 
     A multicopter's force stays along its own z, however it tilts, and tells of wrong rates in no other way.
     """
@@ -221,12 +220,14 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
     if gravity is not None and not _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]:
         return
     with np.errstate(all="ignore"):  # a damaged reading gives no number, which says nothing
-        as_rad, as_deg = (lasting_gravity(imu, scale * np.eye(3)) for scale in (1.0, _DEGREE))
-    if not as_rad < LOST or axes_that_last(imu) is not None:
+        as_rad, as_deg = (lasting_gravity(imu)(scale * np.eye(3)) for scale in (1.0, _DEGREE))
+    if not as_rad < LOST:
         return
     force = float(np.median(np.linalg.norm(imu.array(ACCEL), axis=1)))
     if as_deg > max(_KEPT, as_rad) and force < _NEAR_GRAVITY * STANDARD_GRAVITY:
         found = f"gyroscope with rates to {peak:.4g}: looks like deg/s (as rad/s, gravity would point everywhere)"
+        other = other_axes(imu)
+        found += "" if other is None else f", or has other axes than the accelerometer ({other.words()})"
         raise _gyro_error(recording, found)
     if max(as_rad, as_deg) < _GONE and force < _KEPT * STANDARD_GRAVITY:
         found = f"accelerometer with a median norm of {force:.4g}: gravity was taken off, as of a linear acceleration"

@@ -60,6 +60,38 @@ def test_a_coarse_sensor_reads_in_every_row(step: float, wanders: bool) -> None:
     assert not np.any(interpolated(np.arange(ROWS) * 0.01, readings))
 
 
+@pytest.mark.parametrize(("step", "speed", "noise"), [(1.0, 2.0, 0.05), (0.5, 3.0, 0.05), (0.1, 1.0, 0.005)])
+def test_a_climb_that_is_read_coarsely_has_no_period(step: float, speed: float, noise: float) -> None:
+    t = np.arange(ROWS) * 0.04
+    readings = step * np.round((speed * t + noise * np.random.default_rng(8).standard_normal(ROWS)) / step)
+    assert not np.any(held(readings[:, None]))
+    assert not np.any(interpolated(t, readings[:, None]))
+
+
+def test_readings_in_every_row_among_interpolated_ones_stay_for_the_most() -> None:
+    rng = np.random.default_rng(9)
+    t = np.arange(6000) * 0.01
+    between = np.interp(t[:4000], t[:4000:20], rng.standard_normal(200))
+    old = interpolated(t, np.concatenate([between, rng.standard_normal(2000)])[:, None])
+    assert np.mean(old[:3980]) == pytest.approx(0.95, abs=0.01)
+    assert np.mean(old[4010:]) <= 0.5
+
+
+@pytest.mark.parametrize("digits", [4, 5, 6, 15])
+def test_what_is_printed_with_some_digits_is_in_line_with_its_rounding(digits: int) -> None:
+    rng = np.random.default_rng(10)
+    t = np.arange(4000) * 0.01
+    readings = np.round(np.interp(t, t[::10], rng.standard_normal(400)), digits)
+    assert np.mean(interpolated(t, readings[:, None])) == pytest.approx(0.9, abs=0.01)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_column_that_is_never_told_bends_no_line() -> None:
+    t = np.arange(1000) * 0.01
+    known = np.interp(t, t[::10], np.random.default_rng(11).standard_normal(100))
+    assert np.mean(interpolated(t, np.column_stack([known, np.full(1000, np.nan)]))) > 0.85
+
+
 @pytest.mark.parametrize("ratio", [4.0, 5.3, 20.3])
 def test_interpolated_rows_are_found_and_the_nearest_to_a_reading_stay(ratio: float) -> None:
     rng = np.random.default_rng(6)

@@ -133,7 +133,7 @@ def test_readings_of_a_magnetometer_alone_are_poses_in_an_open_unit(tmp_path: Pa
 def test_what_a_slower_sensor_repeats_counts_once(tmp_path: Path) -> None:
     k = np.arange(50.0)
     slow = np.repeat(np.arange(5.0), 10)
-    rows = np.column_stack([turning()[:, :7], 47.0 + 1e-5 * slow, 8.0 + 0 * k, 400.0 + slow, 95_000.0 + slow])
+    rows = np.column_stack([turning()[:, :7], 47.0 + 1e-5 * slow, 8.0 + 0 * k, 400.0 + slow, 95_000.0 + slow**2])
     header = ",".join(HEADER.split(",")[:7]) + ",lat,lon,alt,pressure"
     streams = open_log(table(tmp_path / "log", header, rows)).streams
     np.testing.assert_allclose(streams["gps"].t, 0.1 * np.arange(5))
