@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.rounding import rounding_variance
+from sinan.sensors.last_digit import rounding_variance
 
 #: Ratio of the odds that a run ends from its usual length on and before, from which on rows are no readings, at two
 #: sigma: a choice. Equal readings by chance have 1 or less; a resampled log has 10 and more.

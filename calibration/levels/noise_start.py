@@ -9,9 +9,10 @@ from sinan.calibration.poses.segments import still_rows
 from sinan.estimator.filter.events import gives_place, own_readings, position_of
 from sinan.sensors.arrays import FloatArray, runs_of
 from sinan.sensors.errors import InputError
+from sinan.sensors.last_digit import rounding_variance
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import height_sensors, sensor, where
-from sinan.sensors.rounding import rounding_of_places, rounding_variance
+from sinan.sensors.rounding import rounding_of_places
 
 #: A still stretch counts when it is at least this long [s]: 50 readings a second tell a
 #: sigma to 1 / sqrt(2 * 50) = 10 %.

@@ -20,8 +20,8 @@ import numpy as np
 
 from sinan.estimator.filter.flight_model import Stray
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.last_digit import rounding_variance
 from sinan.sensors.recording import ACCEL, GYRO, Recording
-from sinan.sensors.rounding import rounding_variance
 from sinan.sensors.zero_rate import ZeroRate
 
 #: Length of a window, and of the means in it [s]: a choice. A hand moves below 5 Hz, so that one mean is like the one

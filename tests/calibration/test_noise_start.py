@@ -18,9 +18,9 @@ from sinan.estimator.filter.smoother import estimated_motion
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.atmosphere import pressure_from_height
 from sinan.sensors.errors import InputError
+from sinan.sensors.last_digit import rounding_variance
 from sinan.sensors.recording import MAG, NO_HEIGHT, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
-from sinan.sensors.rounding import rounding_variance
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import between
 

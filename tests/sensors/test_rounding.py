@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sinan.sensors.formats.geodetic import geodetic_columns, ned_columns
+from sinan.sensors.last_digit import last_digit, rounding_variance
 from sinan.sensors.recording import POSITION
-from sinan.sensors.rounding import last_digit, rounding_of_places, rounding_variance
+from sinan.sensors.rounding import rounding_of_places
 
 #: Length of a degree of the meridian on WGS-84 at the equator and at the poles [m]; at 45 deg it is between them.
 DEGREE = (110574.0, 111694.0)
