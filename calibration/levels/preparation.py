@@ -20,6 +20,8 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
+from sinan.sensors.formats.plausible import EARTH_FIELD
+from sinan.sensors.formats.units import FIELD_UNIT
 from sinan.sensors.held import held, interpolated
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY, Recording, Stream
 from sinan.sensors.settling import unsettled
@@ -104,7 +106,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if turned is not headed:
         headed, believed = turned, beforehand(turned)
         sizes = sizes_of(within, believed.compass)
-    notes += [*believed.notes, *headed.notes[len(recording.notes) :]]
+    notes += [*believed.notes, *not_of_the_earth(within, believed.m_n), *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
@@ -115,6 +117,19 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if not flight.model.height_is_read:
         notes.append("where the body is, and how fast, is no more than such an assumption and the IMU tell")
     return Prepared(flight.reading(headed.replace(notes=(*recording.notes, *notes))), levels, tuple(notes))
+
+
+def not_of_the_earth(recording: Recording, m_n: FloatArray | None) -> list[str]:
+    """A sentence where the field that a log in gauss has, without what its turns show of hard iron, is none of the
+    Earth's.
+    """
+    norm = 0.0 if m_n is None else float(np.linalg.norm(m_n))
+    least, most = EARTH_FIELD
+    if recording.environment.field_unit != FIELD_UNIT or m_n is None or least <= norm <= most:
+        return []
+    where = f"the Earth's is {least} to {most} gauss"
+    return [f"mag: a field of {norm:.2g} gauss is none of the Earth ({where}): its unit or scale is another, or iron is"
+            " near"]  # fmt: skip
 
 
 #: Readings of a magnetometer a second that tell something new [Hz], since what it is near changes no faster, and as

@@ -27,7 +27,7 @@ _ACCEL_UNITS = (("g", 1.0), ("milli-g", 1000.0))
 OTHER_UNIT = 7.0
 #: Norm of the field on the Earth's surface [gauss] (World Magnetic Model); units are ten apart or more, and a reading's
 #: scale, iron of the vehicle and steel of a room may make it three times as large or small.
-_FIELD = (0.2, 0.7)
+EARTH_FIELD = (0.2, 0.7)
 _FIELD_FACTOR = 3.0
 #: Parts of gravity that last: above the first the rates would be right, below the second the force has no gravity.
 _KEPT, _GONE = 0.8, 0.5
@@ -159,13 +159,13 @@ def check_field(recording: Recording) -> None:
         reading = stream.array(MAG)
         spread = float(np.median(np.linalg.norm(reading - np.median(reading, axis=0), axis=1)))
         longest = float(np.max(np.linalg.norm(reading, axis=1)))
-        if spread > _FIELD_FACTOR * _FIELD[1]:
+        if spread > _FIELD_FACTOR * EARTH_FIELD[1]:
             found = f"magnetometer readings that spread over {spread:.3g} gauss"
-        elif max(spread, longest) < _FIELD[0] / _FIELD_FACTOR:
+        elif max(spread, longest) < EARTH_FIELD[0] / _FIELD_FACTOR:
             found = f"magnetometer readings up to {longest:.3g} gauss"
         else:
             continue
-        expected = f"{_FIELD[0]} to {_FIELD[1]} gauss, the Earth's field, after the conversion of the map"
+        expected = f"{EARTH_FIELD[0]} to {EARTH_FIELD[1]} gauss, the Earth's field, after the conversion of the map"
         raise InputError(recording.where, f"{found}: looks like another unit", expected, f"stream {name}")
 
 
@@ -176,7 +176,7 @@ def unit_of_field(norm: float) -> str:
     ----------
     norm : a middle one of a magnetometer's readings
     """
-    fitting = [unit for unit, (gauss, _) in UNITS["field"].items() if _FIELD[0] <= gauss * norm <= _FIELD[1]]
+    fitting = [unit for unit, (gauss, _) in UNITS["field"].items() if EARTH_FIELD[0] <= gauss * norm <= EARTH_FIELD[1]]
     return fitting[0] if fitting else ""
 
 

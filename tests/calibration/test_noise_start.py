@@ -10,7 +10,7 @@ import pytest
 from sinan.calibration.levels.fit import sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import reading_noise, within_imu
-from sinan.calibration.levels.preparation import prepared
+from sinan.calibration.levels.preparation import not_of_the_earth, prepared
 from sinan.estimator.filter.events import height_of
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
@@ -229,3 +229,14 @@ def test_a_field_that_alone_is_not_declared_is_a_state(flight: tuple[Recording, 
     assert np.all(np.abs(found - true) < 4.0 * sigma)
     assert np.linalg.norm(sigma) < 0.05 * np.linalg.norm(true)
     assert ready.levels.specs["mag"] == flight[0].spec("mag")
+
+
+@pytest.mark.parametrize(("norm", "unit", "told"), [(0.5, "gauss", False), (0.97, "gauss", True), (0.1, "gauss", True),
+                                                    (0.97, "", False)])  # fmt: skip
+def test_a_field_that_is_none_of_the_earth_is_told(
+    flight: tuple[Recording, Stream], norm: float, unit: str, told: bool
+) -> None:
+    recording = flight[0].replace(environment=replace(flight[0].environment, field_unit=unit))
+    said = not_of_the_earth(recording, norm * np.array([0.6, 0.0, 0.8]))
+    assert [f"a field of {norm:.2g} gauss is none of the Earth" in one for one in said] == [True] * told
+    assert not_of_the_earth(recording, None) == []
