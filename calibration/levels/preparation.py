@@ -123,13 +123,11 @@ def not_of_the_earth(recording: Recording, m_n: FloatArray | None) -> list[str]:
     """A sentence where the field that a log in gauss has, without what its turns show of hard iron, is none of the
     Earth's.
     """
-    norm = 0.0 if m_n is None else float(np.linalg.norm(m_n))
     least, most = EARTH_FIELD
-    if recording.environment.field_unit != FIELD_UNIT or m_n is None or least <= norm <= most:
+    if recording.environment.field_unit != FIELD_UNIT or m_n is None or least <= np.linalg.norm(m_n) <= most:
         return []
-    where = f"the Earth's is {least} to {most} gauss"
-    return [f"mag: a field of {norm:.2g} gauss is none of the Earth ({where}): its unit or scale is another, or iron is"
-            " near"]  # fmt: skip
+    found = f"a field of {np.linalg.norm(m_n):.2g} gauss is none of the Earth ({least} to {most} gauss)"
+    return [f"mag: {found}: its unit or scale is another, or iron is near"]
 
 
 #: Readings of a magnetometer a second that tell something new [Hz], since what it is near changes no faster, and as

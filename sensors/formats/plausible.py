@@ -220,7 +220,8 @@ def _check_lasting(recording: Recording, imu: Stream, peak: float) -> None:
     if gravity is not None and not _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]:
         return
     with np.errstate(all="ignore"):  # a damaged reading gives no number, which says nothing
-        as_rad, as_deg = (lasting_gravity(imu)(scale * np.eye(3)) for scale in (1.0, _DEGREE))
+        lasting = lasting_gravity(imu)
+        as_rad, as_deg = (lasting(scale * np.eye(3)) for scale in (1.0, _DEGREE))
     if not as_rad < LOST:
         return
     force = float(np.median(np.linalg.norm(imu.array(ACCEL), axis=1)))
