@@ -71,7 +71,8 @@ def test_what_stands_in_the_place_of_a_height_has_no_noise(flight: tuple[Recordi
 
 
 def test_white_noise_is_found_beside_a_longitude_of_few_digits(flight: tuple[Recording, Stream]) -> None:
-    recording = between(flight[0], 0.0, 30.0)
+    recording = between(flight[0], 0.0, 15.0)
+    recording = recording.replace(streams={name: recording.streams[name] for name in ("imu", "gps", "mag")})
     gps, white = recording.streams["gps"], recording.spec("gps").noise_std
     assert white is not None
     printed = {**gps.columns, "east": np.round(gps["east"] / 0.88) * 0.88}
@@ -163,7 +164,9 @@ def test_one_reading_of_undeclared_noise_is_an_error(flight: tuple[Recording, St
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_one_reading_of_declared_noise_is_none(flight: tuple[Recording, Stream]) -> None:
+    """Of IMU and GPS besides."""
     recording = between(flight[0], 0.0, 10.0)
+    recording = recording.replace(streams={name: recording.streams[name] for name in ("imu", "gps", "baro")})
     one = recording.replace(
         streams={**recording.streams, "baro": recording.streams["baro"].rows(slice(0, 1))},
         sensors={"baro": recording.spec("baro")},
@@ -195,8 +198,9 @@ def test_readings_outside_the_imus_time_change_no_level(flight: tuple[Recording,
 
 
 def test_zero_of_a_barometer_is_a_bias_and_no_height(flight: tuple[Recording, Stream]) -> None:
-    """Height above the sea beside a GPS that counts from the first fix; half a minute."""
-    recording = between(bare(flight[0]), 0.0, 30.0)
+    """Height above the sea beside a GPS that counts from the first fix; 20 s."""
+    recording = between(bare(flight[0]), 0.0, 20.0)
+    recording = recording.replace(streams={name: recording.streams[name] for name in ("imu", "gps", "mag", "baro")})
     baro = recording.streams["baro"]
     above_sea = Stream(baro.t, {**baro.columns, "height": baro["height"] + 1800.0})
     ready = prepared(recording.replace(streams={**recording.streams, "baro": above_sea}))
@@ -212,6 +216,7 @@ def test_an_effect_that_is_declared_is_no_noise() -> None:
         load_scenario("figure_eight"), np.random.default_rng(5), [parse_effect("mag.current=0.01,0,0.005")],
         declare=True,
     )  # fmt: skip
+    recording = between(recording, 0.0, 30.0)
     asked = recording.replace(sensors={**recording.sensors, "mag": SensorSpec()})
     known, missing = (prepared(one).levels.specs["mag"] for one in (asked, asked.replace(effects={})))
     sizes = [np.hypot(spec.colour_std, spec.noise_std) for spec in (known, missing)]  # type: ignore[arg-type]

@@ -196,4 +196,4 @@ def test_it_is_a_state_where_nobody_declares_the_noise_of_the_gyroscope(
     assert (levels.axes_std > 0.0) == there
     assert levels.flight(recording).model.layout.has("s_gyro") == there
     rates = [size.median for size in sizes if size.key == "rate"]
-    assert rates == ([] if gyro.noise_density else [TURNING])
+    assert rates == ([TURNING] if there else [])

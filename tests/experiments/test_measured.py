@@ -76,9 +76,10 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
 
 
 def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
-    """A bare log whose GPS is 0.25 s late: found, or declared as an effect, its fixes are predicted alike."""
+    """20 s of a bare log whose GPS is 0.25 s late: found, or declared as an effect, its fixes are predicted alike."""
     hidden = [parse_effect("gps.latency=0.25")]
-    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(8), hidden)
+    flown, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(8), hidden)
+    recording = between(flown.replace(streams={n: flown.streams[n] for n in ("imu", "gps", "mag", "baro")}), 0.0, 20.0)
     angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
     bare = recording.replace(sensors=angles, initial=Initial())
     told = bare.replace(effects={"gps.latency": (0.25,)})
