@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.last_digit import rounding_variance
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
+from sinan.sensors.last_digit import last_digit
 
 #: Ratio of the odds that a run ends from its usual length on and before, from which on rows are no readings, at two
 #: sigma: a choice. Equal readings by chance have 1 or less; a resampled log has 10 and more.
 ODDS = 2.0
+#: Steps of a row over the rounding of a bend, from which on being in line says something: a choice. What moves slowly
+#: beside its last digit, as a laser of 1 cm does, is in line whatever it reads; a resampled log has 20 and more.
+RESOLVED = 10.0
 #: A number printed or stored to seven digits is in line with its neighbours to within this part of the largest.
 _ROUNDING = 1e-7
 
@@ -47,19 +50,18 @@ def interpolated(t: FloatArray, values: FloatArray) -> BoolArray:
     if len(values) < 3:
         return old
     step, largest = np.diff(t)[:, None], np.max(np.abs(values), axis=0, where=np.isfinite(values), initial=0.0)
-    rounded = np.maximum(2.0 * np.sqrt(12.0 * rounding_variance(values)), 4.0 * _ROUNDING * largest)
+    digits = np.array([last_digit(column) for column in values.T])
+    rounded = np.maximum(2.0 * digits, 4.0 * _ROUNDING * largest)
     with np.errstate(all="ignore"):  # what is not told bends no line
         bend = np.diff(np.diff(values, axis=0) / step, axis=0) * np.minimum(step[1:], step[:-1])
         bent = np.any(np.abs(bend) > rounded, axis=1)
-    in_line = ~bent & np.any(values[1:-1] != values[:-2], axis=1)  # equal rows may be those of a coarse sensor
+        along = np.any(np.abs(np.diff(values, axis=0))[:-1] > RESOLVED * rounded, axis=1)
+    in_line = ~bent & along
     if np.mean(in_line) < 0.5:  # of four rows to a reading two are in line, and of fewer nothing is gained
         return old
     old[1:-1] = in_line
-    stays = np.flatnonzero(~old)
-    since = np.arange(len(stays)) - np.maximum.accumulate(
-        np.where(np.diff(stays, prepend=-2) > 1, np.arange(len(stays)), 0)
-    )
-    old[stays[since % 2 == 1]] = True  # a reading between two rows bends the line at both
+    for start, stop in runs_of(~old):
+        old[start + 1 : stop : 2] = True  # a reading between two rows bends the line at both
     return _with_a_period(old)
 
 

@@ -5,12 +5,15 @@ equal or in line.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sinan.calibration.levels.fit import sizes_of
-from sinan.calibration.levels.preparation import Prepared, is_declared, prepared
+from sinan.calibration.levels.preparation import Prepared, is_declared, prepared, with_readings_alone
+from sinan.experiments.datasets import resolve
+from sinan.experiments.measured.flights import LOGS
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.held import held, interpolated
 from sinan.sensors.recording import Recording, Stream
@@ -156,3 +159,10 @@ def test_rows_of_declared_noise_stay() -> None:
     partly = recording.replace(sensors={"baro": replace(recording.spec("baro"))})
     assert not any(size.sensor == "baro" for size in sizes_of(partly))
     assert len(prepared(partly).recording.streams["baro"]) == len(recording.streams["baro"])
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("name", ["quad, laser", "quad, 14 m/s", "F450", "PX4, IMU at 10 Hz", "strapped to a Phantom"])
+def test_no_row_of_a_measured_log_is_taken_for_held_or_interpolated(name: str, measured_data: Path) -> None:
+    """A laser of 1 cm moves in lines, to its last digit."""
+    assert with_readings_alone(resolve(LOGS[name]))[1] == []
