@@ -155,14 +155,12 @@ def with_readings_alone(recording: Recording) -> tuple[Recording, list[str]]:
         if name not in streams or any(recording.spec(one).says_noise for one in of_stream(name)):
             continue
         readings = all_readings(recording, name)
-        for old, what in (
-            (held(readings), "hold the reading of the row before"),
-            (interpolated(streams[name].t, readings), "are on a straight line from one reading to the next"),
-        ):
-            if count := int(np.sum(old)):
-                streams[name] = streams[name].rows(~old)
-                notes.append(f"{name}: {count} of {len(old)} rows {what}: left out")
-                break
+        old, what = held(readings), "hold the reading of the row before"
+        if not np.any(old):
+            old, what = interpolated(streams[name].t, readings), "are on a straight line from one reading to the next"
+        if count := int(np.sum(old)):
+            streams[name] = streams[name].rows(~old)
+            notes.append(f"{name}: {count} of {len(old)} rows {what}: left out")
     return recording.replace(streams=streams) if notes else recording, notes
 
 
@@ -230,7 +228,7 @@ def is_declared(recording: Recording) -> bool:
     """Whether a recording declares noise and field: nothing but bounds of the motion is open."""
     if "imu" not in recording.streams or len(recording.streams["imu"]) < 2:
         return True
-    within, _ = with_readings_alone(without_still_velocity(within_imu(recording))[0])
+    within, _ = without_still_velocity(within_imu(recording))
     return not is_field_open(within) and all(size.sensor == "bounds" for size in sizes_of(within))
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.source import Source
-from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.arguments import usage
 from sinan.experiments.measured.gallery_page import block, blocks_of, page
@@ -24,11 +23,13 @@ from sinan.experiments.measured.published import PARAMETERS, SETTINGS, published
 from sinan.experiments.measured.scoring import withheld_errors
 from sinan.experiments.measured.traced_log import TracedLog
 from sinan.experiments.reference import gyro_error, reference_of
+from sinan.experiments.report.trace_words import seen_up_to
 from sinan.experiments.report.words import number, reference_words
 from sinan.experiments.residual_loop.open_source import triad_readings
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.trace import Trace
+from sinan.sensors.effects import CATALOGUE
 from sinan.sensors.errors import InputError
 from sinan.sensors.files import write_text
 from sinan.sensors.recording import Recording
@@ -47,7 +48,7 @@ def find(name: str) -> TracedLog:
     except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         return TracedLog(entry, name, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}")
     notes = getattr(source, "recording", recording).notes[len(recording.notes) :]
-    undecided = undecided_of(source, document, notes, recording)
+    undecided = undecided_of(document, notes, recording)
     known_otherwise = published_words(entry, document) or settings_words(entry, document) or gyro_words(source)
     return TracedLog(
         entry, name, document, notes, references, undecided, known_otherwise, seconds, not_finite(document)
@@ -133,12 +134,12 @@ def _published(
     return rows
 
 
-def undecided_of(source: Source, document: Mapping[str, Any], notes: Sequence[str], recording: Recording) -> list[str]:
+def undecided_of(document: Mapping[str, Any], notes: Sequence[str], recording: Recording) -> list[str]:
     """What a log cannot decide: effects that could not be seen, classes, levels that do not fit."""
     lines = []
     asked = [c for c in document["candidates"] if "interval" not in c]
     blind = [c["name"] for c in asked if not any(s is not None for s in c["detectable_from"])]
-    large = [c["name"] for c in asked if c["name"] not in blind and _implausible(source, c)]
+    large = [c["name"] for c in asked if c["name"] not in blind and _implausible(c)]
     if blind:
         lines.append(f"not visible at any size: {', '.join(blind)}")
     if large:
@@ -155,13 +156,9 @@ def undecided_of(source: Source, document: Mapping[str, Any], notes: Sequence[st
 _OCCURS = 3.0
 
 
-def _implausible(source: Source, candidate: Mapping[str, Any]) -> bool:
+def _implausible(candidate: Mapping[str, Any]) -> bool:
     """Whether no parameter of a candidate would have been seen at a size that occurs."""
-    entry = Term(candidate["name"]).effect
-    if entry.in_field_units:
-        return False
-    sizes = zip(candidate["detectable_from"], entry.plausible, strict=False)
-    return all(seen is None or seen > _OCCURS * plausible for seen, plausible in sizes)
+    return not CATALOGUE[candidate["name"]].in_field_units and not seen_up_to(candidate, _OCCURS)
 
 
 def main(arguments: Sequence[str]) -> int:

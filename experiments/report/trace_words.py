@@ -161,6 +161,17 @@ def detectable_sentence(candidate: Mapping[str, Any]) -> str:
     return f"{candidate['name']}: from {_listed(sizes)}"
 
 
+def seen_up_to(candidate: Mapping[str, Any], most: float) -> bool:
+    """Whether an effect would have been seen at so many times its plausible size; in the unit of the log's own field,
+    at any size.
+    """
+    sizes = zip(CATALOGUE[candidate["name"]].parameters, candidate["detectable_from"], candidate["unit"], strict=False)
+    return any(
+        size is not None and (unit != parameter.unit or size <= most * parameter.plausible)
+        for parameter, size, unit in sizes
+    )
+
+
 def _listed(rows: Sequence[tuple[str, str, str]]) -> str:
     """Names and sizes, the unit once where all have the same."""
     units = {unit for *_, unit in rows}

@@ -18,6 +18,7 @@ from sinan.experiments.report.trace_words import (
     effect_line,
     interval_words,
     remaining_sentence,
+    seen_up_to,
     sentence,
     size_words,
 )
@@ -163,7 +164,7 @@ def _later_rivals(document: Mapping[str, Any]) -> str:
 def what_next(document: Mapping[str, Any], log: Log) -> str:
     """What to do, a sentence or two."""
     if document["verdict"] == "no_effect":
-        shown = [_occurs(candidate) for candidate in document["candidates"] if _may_last(candidate)]
+        shown = [seen_up_to(candidate, _OCCURS) for candidate in document["candidates"] if _may_last(candidate)]
         seen = f"{sum(shown)} of {len(shown)} effects would have been seen at sizes that occur"
         return f'nothing that this log shows needs correcting; {seen} ("What would have been seen" lists from where on)'
     if document["verdict"] == "ambiguous":
@@ -191,15 +192,6 @@ _OCCURS = 2.0
 
 def _may_last(candidate: Mapping[str, Any]) -> bool:
     return candidate["name"] in CATALOGUE and "interval" not in candidate and not candidate.get("refused")
-
-
-def _occurs(candidate: Mapping[str, Any]) -> bool:
-    """Whether an effect would have been seen at a size that occurs; in the unit of the log's own field, at any size."""
-    sizes = zip(CATALOGUE[candidate["name"]].parameters, candidate["detectable_from"], candidate["unit"], strict=False)
-    return any(
-        size is not None and (unit != parameter.unit or size <= _OCCURS * parameter.plausible)
-        for parameter, size, unit in sizes
-    )
 
 
 def _kinds(effects: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -271,10 +271,8 @@ def _omitted(kind: Kind, values: Mapping[tuple[str, str], FloatArray], read: Map
     notes = [f"gps: {lost} rows left out: latitude and longitude are zero, no fix"] if lost and "gps" in read else []
     whole = {"mag": MAG, "gps": GEODETIC[:2]}
     missing = {name: [one for one in whole[name] if one not in there[name]] for name in whole if name in there}
-    for name in (name for name in missing if name not in read):
-        notes.append(f"{name}: not read, without {', '.join(missing[name])}")
-    empty = [name for name, stream in read.items() if not len(stream)]
-    return notes + [f"{name}: not read, no row of it holds a number" for name in empty]
+    notes += [f"{name}: not read, without {', '.join(missing[name])}" for name in missing if name not in read]
+    return notes + [f"{name}: not read, no row of it holds a number" for name in read if not len(read[name])]
 
 
 def _of_fixes(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
