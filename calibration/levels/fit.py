@@ -463,19 +463,19 @@ class Problem:
         gained[mine] = np.where(both, other.log_density[its] - here[mine], 0.0)
         return sums_from(gained, scores.first_reading)
 
-    def timed(self, theta: FloatArray) -> FloatArray:
+    def timed(self, theta: FloatArray, *, far: bool) -> FloatArray:
         """Theta with the likeliest lateness of each stream.
 
         Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
-        for a period: a comb, in which a slope leads to the next tooth. So whole steps are compared, long ones first;
-        then halves of one, until a step is no longer than a sigma.
+        for a period: a comb, in which a slope leads to the next tooth. So steps are compared, whole ones from long to
+        short where it may be far off; else one, then halves of it, until a step is no longer than a sigma.
         """
         for i, size in enumerate(self.sizes):
             if size.linear:
-                theta = self._timed(theta, i, size)
+                theta = self._timed(theta, i, size, far)
         return theta
 
-    def _timed(self, theta: FloatArray, i: int, size: Size) -> FloatArray:
+    def _timed(self, theta: FloatArray, i: int, size: Size, far: bool) -> FloatArray:
         """Theta with the likeliest lateness of one stream."""
         seen: dict[float, float] = {}
 
@@ -491,11 +491,12 @@ class Problem:
 
         unit, best = self._step / size.spread, float(theta[i])
         whole = max(1, round(FIRST_MOVE * size.spread / self._step))
-        for move in (*(whole >> k for k in range(whole.bit_length())), *(0.5**k for k in range(1, HALVED + 1))):
+        moves = [whole >> k for k in range(whole.bit_length())] if far else [0.5**k for k in range(HALVED + 1)]
+        for move in moves:
             step = move * unit
             while (near := max(best + step, best - step, key=value)) != best and value(near) > value(best):
                 best = near
-            if move <= 1 and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
+            if not far and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
                 break  # minus the second difference is (step / sigma)^2
         return at(best)
 
@@ -539,15 +540,13 @@ class Problem:
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
     def likeliest(self, theta: FloatArray) -> tuple[FloatArray, float]:
-        """Times and all else in turns, until no time moves and nothing is gained."""
-        value, settled = -np.inf, False
-        for _ in range(ROUNDS):
-            timed = self.timed(theta)
-            if settled and np.array_equal(timed, theta):
-                break
+        """Times and all else in turns, until one turn of both gains nothing."""
+        value = -np.inf
+        for turn in range(ROUNDS):
             before = value
-            theta, value = self.maximise(timed)
-            settled = value < before + SETTLED
+            theta, value = self.maximise(self.timed(theta, far=turn == 0))
+            if turn and value < before + SETTLED:
+                break
         return theta, value
 
 
