@@ -17,21 +17,26 @@ from sinan.sensors.sensor_type import NED, PER_READING, SensorType
 class Gps:
     """GPS position, and velocity where the receiver gives it.
 
-    p_gps = p_n + b_gps + n_p,  v_gps = v_n + n_v
+    p_gps = p_n + lead v_n + b_gps + n_p,  v_gps = v_n + n_v
 
-    Neglects gps.lever_arm, gps.latency.
+    A receiver that derives its velocity from more of the past than its position reports one that is older: the stamp,
+    less the lateness, is the instant of the velocity, and the position is of `lead` later.
+
+    Neglects gps.lever_arm, gps.latency, a lead^2 / 2 of the position.
 
     Attributes
     ----------
     sigma : standard deviation of a position coordinate [m]
     sigma_velocity : of a velocity component [m/s]; None: the receiver gives no velocity
     bias_std, bias_walk : of the position bias [m], [m/sqrt(s)]
+    lead : how much later than its velocity the position of a fix is [s]; without velocity zero
     """
 
     sigma: float
     sigma_velocity: float | None = None
     bias_std: float = 0.0
     bias_walk: float = 0.0
+    lead: float = 0.0
     name: str = "gps"
 
     @property
@@ -56,10 +61,12 @@ class Gps:
         """(n, size) position and velocity, NED."""
         if self.sigma_velocity is None:
             return motion.p_n
-        return np.concatenate([motion.p_n, motion.v_n], axis=1)
+        return np.concatenate([motion.p_n + self.lead * motion.v_n, motion.v_n], axis=1)
 
     def jacobian(self, motion: Motion) -> Mapping[str, FloatArray]:
-        """Identity blocks: position on position, velocity on velocity, bias on position."""
+        """Identity blocks: position on position, velocity on velocity, bias on position; velocity on position `lead`
+        of it.
+        """
         n = len(motion)
         position = np.zeros((self.size, 3))
         position[:3] = np.eye(3)
@@ -68,7 +75,7 @@ class Gps:
             blocks["b_gps"] = np.broadcast_to(position, (n, self.size, 3))
         if self.sigma_velocity is not None:
             velocity = np.zeros((self.size, 3))
-            velocity[3:] = np.eye(3)
+            velocity[:3], velocity[3:] = self.lead * np.eye(3), np.eye(3)
             blocks["velocity"] = np.broadcast_to(velocity, (n, self.size, 3))
         return blocks
 

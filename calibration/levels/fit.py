@@ -119,6 +119,13 @@ class Size:
         return -4.0, 4.0
 
 
+#: Lateness of a receiver's fixes, of their velocity where they have one, and of their position beside it: median and
+#: spread [s]; u-blox receivers are 0.05 to 0.25 s late over a serial line. Position and velocity are of different
+#: filters, whose outputs need not be of one age (docs/notes/receiver_latency.md).
+LATE_FIX = Size("latency", "gps", 0.1, 0.1, linear=True)
+LATE_POSITION = Size("latency", "gps_position", 0.1, 0.1, linear=True)
+
+
 @dataclass(frozen=True)
 class Levels:
     """Sizes of everything that is not told, and the model that they make.
@@ -130,7 +137,8 @@ class Levels:
     bounds : of the motion, where no position is measured
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
-    tail, stamp_std, rounding, said, upsets, stray : see `FlightModel`
+    tail, stamp_std, rounding, said, upsets, latency, stray : see `FlightModel`
+    late_position : how late the position of a fix is stamped [s], where that is sought; `latency` is its velocity's
     zero_rate : where the body does not turn
     axes_std, turned_std : of the gyroscope's scale and axes, and of the compass's axes against those of the IMU
     own_north : see `FlightModel`
@@ -150,6 +158,7 @@ class Levels:
     said: Mapping[str, float]
     upsets: tuple[Upset, ...] = ()
     latency: Mapping[str, float] = default(default_factory=dict)
+    late_position: float | None = None
     stray: Mapping[str, Stray] = default(default_factory=dict)
     zero_rate: ZeroRate | None = None
     axes_std: float = 0.0
@@ -166,8 +175,20 @@ class Levels:
             recording, specs=self.specs, in_step=self.in_step, bounds=self.bounds, magnetic_field=self.m_n,
             field=self.field, iron=self.iron, tail=self.tail, stray=self.stray, stamp_std=self.stamp_std,
             rounding=self.rounding, said=self.said, upsets=self.upsets, gate_level=None, latency=self.latency,
-            zero_rate=self.zero_rate, axes_std=self.axes_std, turned_std=self.turned_std, own_north=self.own_north,
+            lead=self.lead, zero_rate=self.zero_rate, axes_std=self.axes_std, turned_std=self.turned_std,
+            own_north=self.own_north,
         )  # fmt: skip
+
+    @property
+    def lead(self) -> float:
+        """How much later than its velocity the position of a fix is [s], see `Gps`."""
+        return 0.0 if self.late_position is None else self.latency.get("gps", 0.0) - self.late_position
+
+    def late_alone(self, kept: Collection[str]) -> Levels:
+        """With the lateness of no other streams; the position of a fix stays as far from its velocity."""
+        latency = {name: late for name, late in self.latency.items() if name in kept}
+        position = None if self.late_position is None else latency.get("gps", 0.0) - self.lead
+        return replace(self, latency=latency, late_position=position)
 
     def with_size(self, size: Size, value: float) -> Levels:
         """With another value of one size."""
@@ -175,6 +196,8 @@ class Levels:
             return replace(self, in_step=replace(self.in_step, **{size.key: value}))
         if size.sensor == "stamps":
             return replace(self, stamp_std=value)
+        if size == LATE_POSITION:
+            return replace(self, late_position=value)
         if size.sensor == "latency":
             return replace(self, latency={**self.latency, size.key: value})
         if size.sensor == "bounds":
@@ -187,6 +210,9 @@ class Levels:
         """Of one size."""
         if size.sensor == "stamps":
             return self.stamp_std
+        if size == LATE_POSITION:
+            assert self.late_position is not None
+            return self.late_position
         if size.sensor == "latency":
             return self.latency[size.key]
         holder = {"in_step": self.in_step, "bounds": self.bounds}.get(size.sensor) or self.specs[size.sensor]
@@ -270,7 +296,8 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
         if streams["gps"].has(VELOCITY):
             sizes += [Size("gps", "velocity_noise_std", _white(recording, "gps", "velocity_noise_std"), 1.0)]
         sizes += slow_error_of_gps(recording)
-        sizes += [Size("gps", "bias_walk", 0.05, 1.0), Size("latency", "gps", 0.1, 0.1, linear=True)]
+        sizes += [Size("gps", "bias_walk", 0.05, 1.0), LATE_FIX]
+        sizes += [LATE_POSITION] if streams["gps"].has(VELOCITY) else []
     else:
         sizes += [Size("bounds", "place", 0.5, 1.0), Size("bounds", "speed", 1.0, 1.0)]
     return [size for size in sizes if not _declared(recording, size)]
@@ -312,8 +339,9 @@ def _declared(recording: Recording, size: Size) -> bool:
     if size.sensor == "stamps":
         return recording.spec(size.key).says_noise
     if size.sensor == "latency":
-        late = declared_terms(recording).of_stream(size.key, lateness=True)
-        return recording.spec(size.key).says_noise or bool(late)
+        stream = "gps" if size == LATE_POSITION else size.key
+        late = declared_terms(recording).of_stream(stream, lateness=True)
+        return recording.spec(stream).says_noise or bool(late)
     spec = recording.spec(size.sensor)
     if size.key in ("noise_density", "colour_std", "colour_time", "velocity_colour_std"):
         return spec.says_noise

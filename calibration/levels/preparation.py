@@ -111,7 +111,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
-    levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
+    levels = levels.late_alone(kept)
     flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels, told_from(recording))
     if not flight.model.height_is_read:

@@ -18,6 +18,7 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import DTHETA, Q_NB
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
+from sinan.sensors.gps import Gps
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, VELOCITY, Recording, tells_height
 from sinan.sensors.registry import is_sensor, sensor
 from sinan.sensors.rotation import (
@@ -77,6 +78,9 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
             P[DTHETA, layout.slice(name)] = cross_covariance
             P[layout.slice(name), DTHETA] = cross_covariance.T
     position, velocity = _first_position(flight, q), _first_velocity(flight)
+    receiver = model.sensors.get("gps")
+    if isinstance(receiver, Gps):
+        position = position[0] - receiver.lead * velocity[0], position[1]
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
         ("velocity", initial.velocity, initial.velocity_std, velocity),

@@ -186,6 +186,7 @@ class CompiledRun:
             robust=np.concatenate([[0.0], model.robust_threshold(dof)]),
             tail=np.array([model.tail_of(name) or 0.0 for name in names]),
             stray=np.array([model.stray_of(name) for name in names]),
+            lead=float(getattr(model.sensors.get("gps"), "lead", 0.0)),
         )
 
     def chunk(self, i0: int, i1: int, trail: Trail | None = None, whitened: Whitened | None = None) -> int:

@@ -68,7 +68,8 @@ class Readings(NamedTuple):
 class Sensors(NamedTuple):
     """One element a sensor: its equations, components, first states of bias and colour (-1: none), whether effects are
     in its readings (`Events.has_form`), its first row in `beams`, and the tail of its law. `gate` and `robust`, beyond
-    which a reading is doubtful, have one a number of components that tell something (`Events.freedom`).
+    which a reading is doubtful, have one a number of components that tell something (`Events.freedom`); `lead` is of
+    a GPS.
     """
 
     kind: IntArray
@@ -82,6 +83,7 @@ class Sensors(NamedTuple):
     robust: FloatArray
     tail: FloatArray
     stray: FloatArray
+    lead: float
 
 
 class World(NamedTuple):
@@ -616,6 +618,10 @@ def _measure(s, m, sensors, world, x, C, H, z_pred):
         for i in range(m):
             z_pred[i] = x[i]
             _put(H, i, i, 1.0)
+        if sensors.lead != 0.0:
+            for i in range(3):
+                z_pred[i] += sensors.lead * x[3 + i]
+                _put(H, i, 3 + i, sensors.lead)
     elif kind == SPEED:
         for i in range(m):
             z_pred[i] = x[3 + i]

@@ -22,6 +22,7 @@ from sinan.sensors.bounds import ASSUMED, Bounds
 from sinan.sensors.constants import EARTH_RATE, STANDARD_GRAVITY
 from sinan.sensors.covariates import camera_of
 from sinan.sensors.errors import InputError
+from sinan.sensors.gps import Gps
 from sinan.sensors.gyroscope import Gyroscope
 from sinan.sensors.level import Level
 from sinan.sensors.magnetometer import Magnetometer
@@ -281,6 +282,7 @@ def flight_model(
     zero_rate: ZeroRate | None = None,
     axes_std: float = 0.0,
     turned_std: float = 0.0,
+    lead: float = 0.0,
     **beliefs: Unpack[Beliefs],
 ) -> FlightModel:
     """The model of a recording: what it declares, completed by what the caller passes.
@@ -298,6 +300,7 @@ def flight_model(
     zero_rate : windows in which the body does not turn
     axes_std : 1-sigma of what the gyroscope's scale and axes err by, see `Gyroscope`
     turned_std : 1-sigma of the turn of the compass's axes [rad], see `Magnetometer`
+    lead : how much later than its velocity the position of a fix is [s], see `Gps`
     beliefs : latency, gate_level, robust_level, in_step, iron, own_north, stamp_std, rounding, said, upsets, tail,
         stray, relinearise: see `FlightModel`
 
@@ -317,6 +320,9 @@ def flight_model(
     gyro, compass = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std), sensors.get("mag")
     if isinstance(compass, Magnetometer):
         sensors = {**sensors, "mag": replace(compass, axes_std=turned_std)}
+    receiver = sensors.get("gps")
+    if isinstance(receiver, Gps) and receiver.size == 6:
+        sensors = {**sensors, "gps": replace(receiver, lead=lead)}
     if zero_rate is not None:
         colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
     blocks = [process.block for process in _processes(gyro, sensors, colour)]

@@ -20,6 +20,8 @@ def regressor(motion: Motion) -> FloatArray:
 def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
     """Position and velocity at t - b."""
     earlier = motion.at(motion.t - beta[0])
+    if model is not None:
+        return model.predict(earlier)
     return np.concatenate([earlier.p_n, earlier.v_n], axis=1)[:, : plain.shape[1]]
 
 
