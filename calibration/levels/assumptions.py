@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
             each = [known.get((one.sensor, one.key), one.spread) for one in (LATE_FIX, LATE_POSITION)]
             what = "how much older than its position the velocity of a fix is"
             source = FOUND if (size.sensor, size.key) in known else CLASS
-            rows.append(Assumption("gps", what, levels.lead, "s", float(np.hypot(*each)), False, source))
+            rows.append(Assumption("gps", what, levels.lead, "s", hypot(*each), False, source))
             continue
         if size.sensor == "bounds" or (size.sensor == "latency" and size.key not in levels.latency):
             continue

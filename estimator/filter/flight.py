@@ -26,6 +26,7 @@ class Passed(Beliefs, total=False):
     zero_rate: ZeroRate | None
     axes_std: float
     turned_std: float
+    lead: float
 
 
 @dataclass(frozen=True, eq=False)

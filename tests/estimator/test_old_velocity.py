@@ -76,7 +76,7 @@ def test_the_error_of_the_velocity_is_less_with_it() -> None:
 
 
 def test_a_start_in_flight_is_where_the_body_is() -> None:
-    recording, truth = older(3.0)
+    recording, _ = older(3.0)
     recording = recording.replace(initial=replace(recording.initial, position=None, velocity=None))
     x, _ = first_state(Flight.of(recording, latency={"gps": LEAD}, lead=LEAD))
     gps = recording.streams["gps"]
