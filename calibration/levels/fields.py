@@ -195,8 +195,8 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     def log_posterior(kind: str) -> float:
         levels, odds = found[kind], float(np.log(kinds[kind]))
         for size, sigma in zip(levels.found, levels.sigmas, strict=True):
-            if size.sensor == "latency":
-                late, before = levels.value(size) / sigma, size.median / size.spread
+            if size.sensor == "latency" and size.key in levels.latency:
+                late, before = levels.latency[size.key] / sigma, size.median / size.spread
                 ratio = np.exp(0.5 * (before**2 - late**2)) * size.spread / sigma
                 odds += float(np.log(1.0 - ONE_CLOCK + ONE_CLOCK * ratio))
         return levels.log_posterior + odds

@@ -268,6 +268,9 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
         most = size is not None and abs(size.theta(late)) > 0.99 * size.bounds[1]
         found = "the most that is sought here; a trace names what is later" if most else "by the likelihood"
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
+    if levels.late_position is not None:
+        age = "older" if levels.lead >= 0.0 else "younger"
+        lines.append(f"gps: velocities {abs(1e3 * levels.lead):.0f} ms {age} than positions, by the likelihood")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
         lines.append(f"upset at {upset.t - zero:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")

@@ -10,6 +10,7 @@ import pytest
 
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.fit import LATE_POSITION, Levels, fit_levels, sizes_of
+from sinan.calibration.levels.preparation import level_notes
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.layout import P_N, V_N
@@ -124,6 +125,9 @@ def test_it_is_told_with_its_sigma(levels: Levels) -> None:
     assert (row.subject, row.unit, row.value) == ("gps", "s", pytest.approx(levels.lead))
     assert row.sigma is not None
     assert abs(row.value - LEAD) < 4.0 * row.sigma
+    told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than positions, by the likelihood"
+    assert told in level_notes(levels)
+    assert told.replace("older", "younger") in level_notes(replace(levels, late_position=levels.latency["gps"] + levels.lead))
 
 
 def test_a_receiver_without_velocity_has_none() -> None:
