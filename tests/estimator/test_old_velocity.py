@@ -127,7 +127,8 @@ def test_it_is_told_with_its_sigma(levels: Levels) -> None:
     assert abs(row.value - LEAD) < 4.0 * row.sigma
     told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than positions, by the likelihood"
     assert told in level_notes(levels)
-    assert told.replace("older", "younger") in level_notes(replace(levels, late_position=levels.latency["gps"] + levels.lead))
+    younger = replace(levels, late_position=levels.latency["gps"] + levels.lead)
+    assert told.replace("older", "younger") in level_notes(younger)
 
 
 def test_a_receiver_without_velocity_has_none() -> None:
