@@ -57,6 +57,14 @@ class Gps:
         """Random walk of the position bias; None where both its sizes are zero."""
         return BiasProcess.unless_zero("b_gps", 3, self.bias_std, self.bias_walk)
 
+    def with_lead(self, added: FloatArray) -> FloatArray:
+        """(n, size, ...) what adds to position and velocity of one instant, the position's `lead` later."""
+        if self.size == 3 or self.lead == 0.0:
+            return added
+        found = np.array(added)
+        found[:, :3] += self.lead * found[:, 3:]
+        return found
+
     def predict(self, motion: Motion) -> FloatArray:
         """(n, size) position and velocity, NED."""
         if self.sigma_velocity is None:

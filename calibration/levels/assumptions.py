@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.calibration.levels.fit import LATE_FIX, LATE_POSITION, Levels, Size
+from sinan.calibration.levels.fit import LATE_FIX, Levels, Size
 from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.geomagnetism import declination, direction_at, field_along, inclination
@@ -50,8 +50,8 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     known = {(size.sensor, size.key): sigma for size, sigma in zip(levels.found, levels.sigmas, strict=True)}
     rows = []
     for size in sizes:
-        if size == LATE_POSITION:
-            each = [known.get((one.sensor, one.key), one.spread) for one in (LATE_FIX, LATE_POSITION)]
+        if size.is_of_position:
+            each = [known.get(("latency", key), LATE_FIX.spread) for key in ("gps", "gps_position")]
             what = "how much older than its position the velocity of a fix is"
             source = FOUND if (size.sensor, size.key) in known else CLASS
             rows.append(Assumption("gps", what, levels.lead, "s", hypot(*each), False, source))

@@ -114,6 +114,11 @@ class Size:
         return float(np.clip(off / self.spread, *self.bounds))
 
     @property
+    def is_of_position(self) -> bool:
+        """Whether it is the lateness of a fix's position beside its velocity."""
+        return (self.sensor, self.key) == ("latency", "gps_position")
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """Of theta; also of a lateness: what is later is an effect that a trace names."""
         return -4.0, 4.0
@@ -124,6 +129,8 @@ class Size:
 #: filters, whose outputs need not be of one age (docs/notes/receiver_latency.md).
 LATE_FIX = Size("latency", "gps", 0.1, 0.1, linear=True)
 LATE_POSITION = Size("latency", "gps_position", 0.1, 0.1, linear=True)
+#: The same where the velocity's lateness is declared: what is left of the position's, which had both spreads.
+LEFT_OF_POSITION = Size("latency", "gps_position", 0.0, 0.1 * float(np.sqrt(2.0)), linear=True)
 
 
 @dataclass(frozen=True)
@@ -138,7 +145,7 @@ class Levels:
     m_n, field : (3,) magnetic field and (3, 3) its covariance; None: declared
     iron : (3,) hard iron from which the magnetometer's bias starts; None: zero
     tail, stamp_std, rounding, said, upsets, latency, stray : see `FlightModel`
-    late_position : how late the position of a fix is stamped [s], where that is sought; `latency` is its velocity's
+    lead : how much later than its velocity the position of a fix is [s], see `Gps`; `latency` is the velocity's
     zero_rate : where the body does not turn
     axes_std, turned_std : of the gyroscope's scale and axes, and of the compass's axes against those of the IMU
     own_north : see `FlightModel`
@@ -158,7 +165,7 @@ class Levels:
     said: Mapping[str, float]
     upsets: tuple[Upset, ...] = ()
     latency: Mapping[str, float] = default(default_factory=dict)
-    late_position: float | None = None
+    lead: float = 0.0
     stray: Mapping[str, Stray] = default(default_factory=dict)
     zero_rate: ZeroRate | None = None
     axes_std: float = 0.0
@@ -179,25 +186,14 @@ class Levels:
             own_north=self.own_north,
         )  # fmt: skip
 
-    @property
-    def lead(self) -> float:
-        """How much later than its velocity the position of a fix is [s], see `Gps`."""
-        return 0.0 if self.late_position is None else self.latency.get("gps", 0.0) - self.late_position
-
-    def late_alone(self, kept: Collection[str]) -> Levels:
-        """With the lateness of no other streams; the position of a fix stays as far from its velocity."""
-        latency = {name: late for name, late in self.latency.items() if name in kept}
-        position = None if self.late_position is None else latency.get("gps", 0.0) - self.lead
-        return replace(self, latency=latency, late_position=position)
-
     def with_size(self, size: Size, value: float) -> Levels:
-        """With another value of one size."""
+        """With another value of one size; the position's lateness after that of the velocity."""
         if size.sensor == "in_step":
             return replace(self, in_step=replace(self.in_step, **{size.key: value}))
         if size.sensor == "stamps":
             return replace(self, stamp_std=value)
-        if size == LATE_POSITION:
-            return replace(self, late_position=value)
+        if size.is_of_position:
+            return replace(self, lead=self.latency.get("gps", 0.0) - value)
         if size.sensor == "latency":
             return replace(self, latency={**self.latency, size.key: value})
         if size.sensor == "bounds":
@@ -210,9 +206,8 @@ class Levels:
         """Of one size."""
         if size.sensor == "stamps":
             return self.stamp_std
-        if size == LATE_POSITION:
-            assert self.late_position is not None
-            return self.late_position
+        if size.is_of_position:
+            return self.latency.get("gps", 0.0) - self.lead
         if size.sensor == "latency":
             return self.latency[size.key]
         holder = {"in_step": self.in_step, "bounds": self.bounds}.get(size.sensor) or self.specs[size.sensor]
@@ -297,7 +292,8 @@ def sizes_of(recording: Recording, iron: Iron = LITTLE) -> list[Size]:
             sizes += [Size("gps", "velocity_noise_std", _white(recording, "gps", "velocity_noise_std"), 1.0)]
         sizes += slow_error_of_gps(recording)
         sizes += [Size("gps", "bias_walk", 0.05, 1.0), LATE_FIX]
-        sizes += [LATE_POSITION] if streams["gps"].has(VELOCITY) else []
+        if streams["gps"].has(VELOCITY):
+            sizes.append(LEFT_OF_POSITION if _is_declared_late(recording, "gps") else LATE_POSITION)
     else:
         sizes += [Size("bounds", "place", 0.5, 1.0), Size("bounds", "speed", 1.0, 1.0)]
     return [size for size in sizes if not _declared(recording, size)]
@@ -339,13 +335,18 @@ def _declared(recording: Recording, size: Size) -> bool:
     if size.sensor == "stamps":
         return recording.spec(size.key).says_noise
     if size.sensor == "latency":
-        stream = "gps" if size == LATE_POSITION else size.key
-        late = declared_terms(recording).of_stream(stream, lateness=True)
-        return recording.spec(stream).says_noise or bool(late)
+        if size.is_of_position:
+            return recording.spec("gps").says_noise
+        return recording.spec(size.key).says_noise or _is_declared_late(recording, size.key)
     spec = recording.spec(size.sensor)
     if size.key in ("noise_density", "colour_std", "colour_time", "velocity_colour_std"):
         return spec.says_noise
     return getattr(spec, size.key) is not None
+
+
+def _is_declared_late(recording: Recording, stream: str) -> bool:
+    """Whether the recording declares an effect that is the lateness of a stream."""
+    return bool(declared_terms(recording).of_stream(stream, lateness=True))
 
 
 def first_levels(

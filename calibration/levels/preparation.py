@@ -111,7 +111,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
-    levels = levels.late_alone(kept)
+    levels = replace(levels, latency={k: v for k, v in levels.latency.items() if k in kept})
     flight = levels.flight(headed).believing(assumptions=assumptions_of(headed, levels, sizes))
     notes += level_notes(levels, told_from(recording))
     if not flight.model.height_is_read:
@@ -268,7 +268,7 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
         most = size is not None and abs(size.theta(late)) > 0.99 * size.bounds[1]
         found = "the most that is sought here; a trace names what is later" if most else "by the likelihood"
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
-    if levels.late_position is not None:
+    if any(size.is_of_position for size in levels.found):
         age = "older" if levels.lead >= 0.0 else "younger"
         lines.append(f"gps: velocities {abs(1e3 * levels.lead):.0f} ms {age} than positions, by the likelihood")
     for upset in levels.upsets:

@@ -32,6 +32,7 @@ from sinan.estimator.filter.compiled import TILE, Columns, CompiledRun
 from sinan.estimator.filter.effect_forms import (
     Along,
     Terms,
+    at_its_instant,
     declared_terms,
     is_lateness,
     over_time,
@@ -351,11 +352,12 @@ def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> Flo
         _missing(along.recording, entry, at)
         beta = along.terms.beta(entry)
         if is_lateness(entry) or not np.any(beta):
-            parts.append(entry.rows(at, sensor.size))
+            parts.append(at_its_instant(sensor, entry.rows(at, sensor.size)))
         elif entry.other_instants:
             parts.append(_slope_over_time(along, name, entry, beta))
         else:
-            parts.append(entry.slope(plain, beta, at, sensor))
+            slope = entry.slope(plain, beta, at, sensor)
+            parts.append(slope if entry.exact else at_its_instant(sensor, slope))
     return zero_unless_finite(np.concatenate(parts, axis=2))
 
 

@@ -78,9 +78,6 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
             P[DTHETA, layout.slice(name)] = cross_covariance
             P[layout.slice(name), DTHETA] = cross_covariance.T
     position, velocity = _first_position(flight, q), _first_velocity(flight)
-    receiver = model.sensors.get("gps")
-    if isinstance(receiver, Gps):
-        position = position[0] - receiver.lead * velocity[0], position[1]
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
         ("velocity", initial.velocity, initial.velocity_std, velocity),
@@ -293,7 +290,10 @@ def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, Float
         waited = np.maximum(0.0, stream.t - streams["imu"].t[0])
         white = np.sqrt(np.diag(gps.R)[:3] * white_shares(flight, "gps")[:, :3])
         spread = np.hypot(white, 0.0 if gps.bias is None else gps.bias.std)
-        fixes, sigmas = stream.array(POSITION), WIDE * spread + UNKNOWN_VELOCITY * waited[:, None]
+        fixes = stream.array(POSITION)
+        if isinstance(gps, Gps) and gps.lead != 0.0:
+            fixes = fixes - gps.lead * stream.array(VELOCITY)
+        sigmas = WIDE * spread + UNKNOWN_VELOCITY * waited[:, None]
         p[:2], sigma[:2] = fixes[0, :2], sigmas[0, :2]
         told = np.flatnonzero(tells_height(stream))
         if len(told):

@@ -32,6 +32,8 @@ from sinan.sensors.arrays import FloatArray, IntArray, zero_unless_finite
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import Effect, effect
 from sinan.sensors.errors import InputError
+from sinan.sensors.gps import Gps
+from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Recording, Stream
 from sinan.sensors.rotation import quaternion_exp, quaternion_multiply, rotate_back
@@ -341,7 +343,10 @@ def stream_form(along: Along, name: str) -> StreamForm:
 
     def added(m: Motion, pairs: Sequence[tuple[Effect, FloatArray]]) -> FloatArray:
         plain = sensor.predict(m)
-        return sum((entry.change(plain, beta, m, sensor) for entry, beta in pairs), np.zeros_like(plain))
+        parts = [(entry, entry.change(plain, beta, m, sensor)) for entry, beta in pairs]
+        return sum(
+            (part if entry.exact else at_its_instant(sensor, part) for entry, part in parts), np.zeros_like(plain)
+        )
 
     offset += added(at, pairs)
     moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
@@ -367,6 +372,11 @@ def _slopes(function: Callable[[Motion], FloatArray], motion: Motion, states: Se
     ahead, behind = np.concatenate(parts).reshape(2, len(each), len(motion), -1)
     with np.errstate(invalid="ignore"):  # a beam above the horizon: no prediction, to which nothing is added
         return np.asarray((ahead - behind) / (2.0 * STEPS[list(states), None, None]))
+
+
+def at_its_instant(sensor: SensorModel, added: FloatArray) -> FloatArray:
+    """(n, m, ...) what an effect adds to a reading whose components are not all of one instant (`Gps.with_lead`)."""
+    return sensor.with_lead(added) if isinstance(sensor, Gps) else added
 
 
 def linear_form(along: Along, name: str) -> StreamForm:

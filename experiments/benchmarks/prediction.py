@@ -195,7 +195,7 @@ def of_log(halves: Halves, rng: np.random.Generator) -> list[Comparison]:
     betas = betas_of(halves.report(0))
     if not betas:
         return []
-    ready = prepared(halves.parts[1])
+    ready = prepared(halves.parts[1], late=False)  # a lateness is that of the effects, once
     asked = product(asked_streams(ready), LENGTHS)
     found = [compare(halves.log, ready, stream, length, betas, rng) for stream, length in asked]
     return [one for one in found if one is not None]

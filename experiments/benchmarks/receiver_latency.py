@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinan.calibration.levels.fit import LATE_FIX, LATE_POSITION
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.events import position_of
 from sinan.experiments.benchmarks.halves import liveliest, parsed, written
@@ -44,7 +43,9 @@ receiver.
 
 @dataclass(frozen=True)
 class Lead:
-    """By a receiver's own fixes: s, and the RMS of positions less integrals without and with it [m]."""
+    """By a receiver's own fixes: s, and the RMS of positions less integrals without and with it [m]; NaN of less than
+    a window.
+    """
 
     lead: float
     rms: tuple[float, float]
@@ -66,8 +67,10 @@ def lead_of_fixes(t: FloatArray, p_n: FloatArray, v_n: FloatArray) -> Lead:
             left = p_n[rows] - path
             left = left - parabola @ np.linalg.lstsq(parabola, left, rcond=None)[0]
             squares[k] += float(np.sum(left**2))
+    if not count:
+        return Lead(np.nan, (np.nan, np.nan))
     least = int(np.argmin(squares))
-    rms = np.sqrt(squares / max(count, 1))
+    rms = np.sqrt(squares / count)
     return Lead(float(LEADS[least]), (float(rms[len(LEADS) // 2]), float(rms[least])))
 
 
@@ -85,8 +88,8 @@ def row(name: str, longest: float | None) -> str:
     first, second = lead_of_fixes(t[:half], p_n[:half], v_n[:half]), lead_of_fixes(t[half:], p_n[half:], v_n[half:])
     both = lead_of_fixes(t, p_n, v_n)
     levels = prepared(between(recording, *liveliest(recording, longest))).levels
-    sigma = dict(zip(levels.found, levels.sigmas, strict=True))
-    of_both = float(np.hypot(sigma[LATE_FIX], sigma[LATE_POSITION]))
+    sigma = {(size.sensor, size.key): s for size, s in zip(levels.found, levels.sigmas, strict=True)}
+    of_both = float(np.hypot(*(sigma.get(("latency", key), np.nan) for key in ("gps", "gps_position"))))
     return (
         f"| {name} | {first.lead:.2f} | {second.lead:.2f} | {both.rms[0]:.3f}, {both.rms[1]:.3f} | {levels.lead:.3f} "
         f"| {of_both:.3f} |\n"

@@ -1,4 +1,6 @@
-"""gps.latency: position and velocity are those of an earlier instant."""
+"""gps.latency: position and velocity are those of an earlier instant; of a receiver whose velocity is older than its
+position (`Gps.lead`) b is the velocity's, and the position is of t - b + lead.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ def regressor(motion: Motion) -> FloatArray:
 
 
 def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
-    """Position and velocity at t - b."""
+    """Position and velocity at t - b, the position `lead` later."""
     earlier = motion.at(motion.t - beta[0])
     if model is not None:
         return model.predict(earlier)
@@ -33,7 +35,9 @@ EFFECT = Effect(
     enters="position and velocity -> those of t - b,  b > 0",
     physics=(
         "Position and velocity are those of t - b (of the antenna, where there is a lever arm), b > 0: the receiver "
-        "computes and transmits before the log stamps. The state at t - b is used, not its first order."
+        "computes and transmits before the log stamps. The state at t - b is used, not its first order. Where a log "
+        "declares no noise its velocities may be older than its positions, as its notes say: b then is how late the "
+        "velocity is."
     ),
     source="I. Skog, P. Handel, IEEE Trans. Intelligent Transportation Systems 12, 2011 (time synchronisation errors)",
     parameters=(Parameter("b", "s", PLAUSIBLE),),

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels.assumptions import assumptions_of
+from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.fit import LATE_POSITION, Levels, fit_levels, sizes_of
 from sinan.calibration.levels.preparation import level_notes
+from sinan.estimator.evidence.sensitivity import sensor_regressors
 from sinan.estimator.filter.alignment import first_state
+from sinan.estimator.filter.effect_forms import Along, Terms
+from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.layout import P_N, V_N
 from sinan.estimator.filter.relinearise import run_relinearised
@@ -19,6 +23,7 @@ from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.effects import effect
 from sinan.sensors.gps import Gps
 from sinan.sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
+from sinan.sensors.rotation import matrix_from_quaternion
 from tests.estimator.analytic_flight import SPECS, analytic_motion, fly
 from tests.estimator.test_engines import AGREEMENT, difference
 
@@ -104,17 +109,44 @@ def levels() -> Levels:
 def test_the_lateness_of_each_is_found(levels: Levels) -> None:
     sigma = dict(zip(((s.sensor, s.key) for s in levels.found), levels.sigmas, strict=True))
     assert levels.latency["gps"] == pytest.approx(LATE + LEAD, abs=4.0 * sigma["latency", "gps"])
-    assert levels.late_position == pytest.approx(LATE, abs=4.0 * sigma["latency", "gps_position"])
+    assert levels.value(LATE_POSITION) == pytest.approx(LATE, abs=4.0 * sigma["latency", "gps_position"])
     assert sigma["latency", "gps_position"] < 0.02
     assert levels.lead == pytest.approx(LEAD, abs=0.02)
 
 
 def test_it_stays_where_the_lateness_is_left_to_a_trace(levels: Levels) -> None:
-    alone = levels.late_alone(())
-    assert alone.latency == {}
-    assert alone.lead == pytest.approx(levels.lead)
-    kept = levels.late_alone(frozenset(levels.latency))
-    assert (kept.latency, kept.lead) == (levels.latency, pytest.approx(levels.lead))
+    assert replace(levels, latency={}).lead == levels.lead == pytest.approx(LEAD, abs=0.02)
+
+
+def test_what_a_trace_names_is_taken_off_once_when_it_is_declared() -> None:
+    """`gps.latency` of the velocity, declared: the position is as much less late as before, and log L no less."""
+    recording, _ = older(40.0, late=LATE, specs=FINE)
+    bare = recording.replace(sensors={})
+    told = bare.replace(effects={"gps.latency": (LATE + LEAD,)})
+    plain, declared = (fit_levels(one, recording.environment.magnetic_field) for one in (bare, told))
+    assert "gps" not in declared.latency
+    assert declared.lead == pytest.approx(plain.lead, abs=0.01)
+    assert plain.lead == pytest.approx(LEAD, abs=0.01)
+    flights = plain.flight(bare), declared.flight(told)
+    values = [run(Readings.of(flight).inputs(flight), "numba", 0).log_likelihood for flight in flights]
+    assert values[1] > values[0] - 5.0
+
+
+def test_an_antenna_on_an_arm_moves_while_the_position_is_awaited() -> None:
+    recording, _ = older(20.0)
+    flight = Flight.of(recording, latency={"gps": LEAD}, lead=LEAD, gate_level=None)
+    terms, r = Terms.of({"gps.lever_arm": np.array([0.4, -0.2, 0.1])}), np.array([0.4, -0.2, 0.1])
+    there = analytic_motion(flight.recording.streams["imu"].t)
+    along = Along(flight, terms, there)
+    at = along.at("gps")
+    ahead = analytic_motion(at.t + LEAD)
+    wanted = np.einsum("nij,j->ni", matrix_from_quaternion(ahead.q_nb), r)
+    found = along.added["gps"].offset[:, :3]
+    without = np.einsum("nij,j->ni", matrix_from_quaternion(at.q_nb), r)
+    left, before = (np.sqrt(np.mean((one - wanted) ** 2)) for one in (found, without))
+    assert left < 0.2 * before
+    rows = sensor_regressors(along, "gps", [effect("gps.lever_arm")])
+    assert np.allclose(rows @ r, along.added["gps"].offset, atol=1e-6)
 
 
 def test_it_is_told_with_its_sigma(levels: Levels) -> None:
@@ -127,7 +159,7 @@ def test_it_is_told_with_its_sigma(levels: Levels) -> None:
     assert abs(row.value - LEAD) < 4.0 * row.sigma
     told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than positions, by the likelihood"
     assert told in level_notes(levels)
-    younger = replace(levels, late_position=levels.latency["gps"] + levels.lead)
+    younger = replace(levels, lead=-levels.lead)
     assert told.replace("older", "younger") in level_notes(younger)
 
 
