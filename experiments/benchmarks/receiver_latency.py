@@ -89,7 +89,7 @@ def row(name: str, longest: float | None) -> str:
     both = lead_of_fixes(t, p_n, v_n)
     levels = prepared(between(recording, *liveliest(recording, longest))).levels
     sigma = {(size.sensor, size.key): s for size, s in zip(levels.found, levels.sigmas, strict=True)}
-    of_both = float(np.hypot(*(sigma.get(("latency", key), np.nan) for key in ("gps", "gps_position"))))
+    of_both = float(np.linalg.norm([sigma.get(("latency", key), np.nan) for key in ("gps", "gps_position")]))
     return (
         f"| {name} | {first.lead:.2f} | {second.lead:.2f} | {both.rms[0]:.3f}, {both.rms[1]:.3f} | {levels.lead:.3f} "
         f"| {of_both:.3f} |\n"
