@@ -58,7 +58,12 @@ class Gps:
         return BiasProcess.unless_zero("b_gps", 3, self.bias_std, self.bias_walk)
 
     def with_lead(self, added: FloatArray) -> FloatArray:
-        """(n, size, ...) what adds to position and velocity of one instant, the position's `lead` later."""
+        """(n, size, ...) what adds to a fix, the position's `lead` later.
+
+        Parameters
+        ----------
+        added : (n, size, ...) to position and velocity of one instant
+        """
         if self.size == 3 or self.lead == 0.0:
             return added
         found = np.array(added)
