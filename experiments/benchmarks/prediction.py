@@ -50,8 +50,9 @@ HEAD = f"""# Prediction of withheld readings
 
 Written by `python -m sinan.experiments.benchmarks.prediction`. Lasting effects that the trace of a log's first half
 accepts, held fixed on the second half, where readings of one stream are withheld; all else, levels of noise too, is
-the same before and after. RMS distance of withheld from predicted readings (of GPS in m), before and after; ratio of
-both, and log density of a reading after less before, each with its interval of 95 % (bootstrap of windows).
+the same before and after, but that a lateness is that of the effects alone. RMS distance of withheld from predicted
+readings (of GPS in m), before and after; ratio of both, and log density of a reading after less before, each with its
+interval of 95 % (bootstrap of windows).
 **worse**: an interval of {JUDGED:g} s that lies wholly on the wrong side.
 """
 
