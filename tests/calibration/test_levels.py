@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from sinan.calibration.levels import fit
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
-from sinan.calibration.levels.fit import TAIL, Problem, Size, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.fit import TAIL, Levels, Problem, Size, first_levels, fit_levels, sizes_of
 from sinan.calibration.levels.noise_start import datum
 from sinan.calibration.levels.preparation import level_notes, prepared
 from sinan.estimator.filter.engine import run
@@ -43,11 +43,16 @@ def bare() -> Recording:
     return recording.replace(sensors={}, streams={**recording.streams, "gps": late})
 
 
-def test_colour_and_delay_of_a_gps_are_found(bare: Recording) -> None:
-    levels = fit_levels(bare, bare.environment.magnetic_field)
-    assert levels.latency["gps"] == pytest.approx(LATE, abs=0.02)
-    assert 1.0 / FACTOR < levels.specs["gps"].colour_std / COLOUR_STD < FACTOR
-    assert 1.0 / FACTOR**2 < levels.specs["gps"].colour_time / COLOUR_TIME < FACTOR**2
+@pytest.fixture(scope="module")
+def found(bare: Recording) -> Levels:
+    """The likeliest of its sizes."""
+    return fit_levels(bare, bare.environment.magnetic_field)
+
+
+def test_colour_and_delay_of_a_gps_are_found(found: Levels) -> None:
+    assert found.latency["gps"] == pytest.approx(LATE, abs=0.02)
+    assert 1.0 / FACTOR < found.specs["gps"].colour_std / COLOUR_STD < FACTOR
+    assert 1.0 / FACTOR**2 < found.specs["gps"].colour_time / COLOUR_TIME < FACTOR**2
 
 
 @pytest.fixture(scope="module")
@@ -206,13 +211,12 @@ def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     assert journals[0].nis_per_dof()["place"] < 2.0 < journals[1].nis_per_dof()["place"]
 
 
-def test_sigmas_are_those_of_the_curvature(bare: Recording) -> None:
+def test_sigmas_are_those_of_the_curvature(bare: Recording, found: Levels) -> None:
     """Against the second difference of the posterior, along the axes of theta that the log tells best."""
-    levels = fit_levels(bare, bare.environment.magnetic_field)
-    problem = Problem(bare, levels.found, levels)
-    theta = np.array([size.theta(levels.value(size)) for size in levels.found])
+    problem = Problem(bare, found.found, found)
+    theta = np.array([size.theta(found.value(size)) for size in found.found])
     sigmas = problem.sigmas(theta)
-    assert np.allclose(sigmas * [size.spread for size in levels.found], levels.sigmas)
+    assert np.allclose(sigmas * [size.spread for size in found.found], found.sigmas)
     assert np.all((sigmas > 0.0) & (sigmas <= 1.0))  # a log adds to the prior
     for i in np.argsort(sigmas)[:4]:
         step = np.zeros(len(theta))
