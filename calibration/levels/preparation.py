@@ -270,7 +270,8 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
         lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
     if any(size.is_of_position for size in levels.found):
         age = "older" if levels.lead >= 0.0 else "younger"
-        lines.append(f"gps: velocities {abs(1e3 * levels.lead):.0f} ms {age} than positions, by the likelihood")
+        ms = f"{abs(1e3 * levels.lead):.0f} ms"
+        lines.append(f"gps: velocities {ms} {age} than the places of fixes, by the likelihood")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
         lines.append(f"upset at {upset.t - zero:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")

@@ -157,7 +157,7 @@ def test_it_is_told_with_its_sigma(levels: Levels) -> None:
     assert (row.subject, row.unit, row.value) == ("gps", "s", pytest.approx(levels.lead))
     assert row.sigma is not None
     assert abs(row.value - LEAD) < 4.0 * row.sigma
-    told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than positions, by the likelihood"
+    told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than the places of fixes, by the likelihood"
     assert told in level_notes(levels)
     younger = replace(levels, lead=-levels.lead)
     assert told.replace("older", "younger") in level_notes(younger)
