@@ -195,7 +195,7 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     def log_posterior(kind: str) -> float:
         levels, odds = found[kind], float(np.log(kinds[kind]))
         for size, sigma in zip(levels.found, levels.sigmas, strict=True):
-            if size.sensor == "latency" and size.key in levels.latency:
+            if size.sensor == "latency" and not size.is_of_position:
                 late, before = levels.latency[size.key] / sigma, size.median / size.spread
                 ratio = np.exp(0.5 * (before**2 - late**2)) * size.spread / sigma
                 odds += float(np.log(1.0 - ONE_CLOCK + ONE_CLOCK * ratio))

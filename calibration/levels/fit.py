@@ -130,7 +130,7 @@ class Size:
 LATE_FIX = Size("latency", "gps", 0.1, 0.1, linear=True)
 LATE_POSITION = Size("latency", "gps_position", 0.1, 0.1, linear=True)
 #: The same where the velocity's lateness is declared: what is left of the position's, which had both spreads.
-LEFT_OF_POSITION = Size("latency", "gps_position", 0.0, 0.1 * float(np.sqrt(2.0)), linear=True)
+LEFT_OF_POSITION = replace(LATE_POSITION, median=0.0, spread=float(np.hypot(LATE_FIX.spread, LATE_POSITION.spread)))
 
 
 @dataclass(frozen=True)

@@ -351,13 +351,12 @@ def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> Flo
     for entry in effects:
         _missing(along.recording, entry, at)
         beta = along.terms.beta(entry)
-        if is_lateness(entry) or not np.any(beta):
+        if is_lateness(entry) or entry.exact is None or not np.any(beta):
             parts.append(at_its_instant(sensor, entry.rows(at, sensor.size)))
         elif entry.other_instants:
             parts.append(_slope_over_time(along, name, entry, beta))
         else:
-            slope = entry.slope(plain, beta, at, sensor)
-            parts.append(slope if entry.exact else at_its_instant(sensor, slope))
+            parts.append(entry.slope(plain, beta, at, sensor))
     return zero_unless_finite(np.concatenate(parts, axis=2))
 
 

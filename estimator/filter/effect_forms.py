@@ -343,10 +343,11 @@ def stream_form(along: Along, name: str) -> StreamForm:
 
     def added(m: Motion, pairs: Sequence[tuple[Effect, FloatArray]]) -> FloatArray:
         plain = sensor.predict(m)
-        parts = [(entry, entry.change(plain, beta, m, sensor)) for entry, beta in pairs]
-        return sum(
-            (part if entry.exact else at_its_instant(sensor, part) for entry, part in parts), np.zeros_like(plain)
-        )
+        total = np.zeros_like(plain)
+        for entry, beta in pairs:
+            change = entry.change(plain, beta, m, sensor)
+            total += change if entry.exact else at_its_instant(sensor, change)
+        return total
 
     offset += added(at, pairs)
     moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]

@@ -313,16 +313,11 @@ def flight_model(
     rate = 1.0 / float(np.median(np.diff(_imu_of(recording).t)))
     declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
     sensors, notes = _updating_sensors(recording, declared, set(aiding() if use is None else use), level, bounds)
-    sensors = sensors if zero_rate is None else {**sensors, zero_rate.name: zero_rate}
+    sensors = _as_believed(sensors, turned_std, lead) | ({} if zero_rate is None else {zero_rate.name: zero_rate})
     colour = _colours(where, declared, sensors)
     m_n, said = _field_at(recording, magnetic_field, "mag" in sensors)
     field = field if "mag" in sensors else None
-    gyro, compass = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std), sensors.get("mag")
-    if isinstance(compass, Magnetometer):
-        sensors = {**sensors, "mag": replace(compass, axes_std=turned_std)}
-    receiver = sensors.get("gps")
-    if isinstance(receiver, Gps) and receiver.size == 6:
-        sensors = {**sensors, "gps": replace(receiver, lead=lead)}
+    gyro = Gyroscope(*_driver(where, "gyro", declared["gyro"], rate), axes_std)
     if zero_rate is not None:
         colour = {**colour, zero_rate.name: ((0, zero_rate.of_gravity),)}
     blocks = [process.block for process in _processes(gyro, sensors, colour)]
@@ -343,6 +338,17 @@ def flight_model(
         notes=(*notes, *said),
         **beliefs,
     )
+
+
+def _as_believed(sensors: Mapping[str, SensorModel], turned_std: float, lead: float) -> dict[str, SensorModel]:
+    """The sensors with what is believed of them besides noise, see `flight_model`."""
+    found = dict(sensors)
+    for name, one in sensors.items():
+        if isinstance(one, Magnetometer):
+            found[name] = replace(one, axes_std=turned_std)
+        elif isinstance(one, Gps) and one.size == 6:
+            found[name] = replace(one, lead=lead)
+    return found
 
 
 def _layout(where: str, named: Sequence[str]) -> StateLayout:

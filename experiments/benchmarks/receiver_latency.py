@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from sinan.calibration.levels.preparation import prepared
 from sinan.estimator.filter.events import position_of
@@ -63,8 +64,7 @@ def lead_of_fixes(t: FloatArray, p_n: FloatArray, v_n: FloatArray) -> Lead:
         parabola = np.vander((own - begin) / WINDOW, 3)
         for k, lead in enumerate(LEADS):
             v = np.stack([np.interp(own + lead, t, component) for component in v_n.T], axis=1)
-            path = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * np.diff(own)[:, None] * (v[1:] + v[:-1]), axis=0)])
-            left = p_n[rows] - path
+            left = p_n[rows] - cumulative_trapezoid(v, own, axis=0, initial=0.0)
             left = left - parabola @ np.linalg.lstsq(parabola, left, rcond=None)[0]
             squares[k] += float(np.sum(left**2))
     if not count:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects.declaration import Effect, Parameter
+from sinan.sensors.effects.streams import textbook_model
 from sinan.sensors.model import SensorModel
 from sinan.sensors.motion import Motion
 
@@ -22,9 +23,7 @@ def regressor(motion: Motion) -> FloatArray:
 def exact(plain: FloatArray, beta: FloatArray, motion: Motion, model: SensorModel | None = None) -> FloatArray:
     """Position and velocity at t - b, the position `lead` later."""
     earlier = motion.at(motion.t - beta[0])
-    if model is not None:
-        return model.predict(earlier)
-    return np.concatenate([earlier.p_n, earlier.v_n], axis=1)[:, : plain.shape[1]]
+    return (model or textbook_model("gps", plain.shape[1], motion)).predict(earlier)
 
 
 EFFECT = Effect(

@@ -171,5 +171,6 @@ def test_a_receiver_without_velocity_has_none() -> None:
     assert LATE_POSITION not in sizes_of(bare)
     assert LATE_POSITION in sizes_of(recording.replace(sensors={}))
     assert LATE_POSITION not in sizes_of(recording)
-    model = Flight.of(bare.replace(sensors=recording.sensors), lead=LEAD).model
-    assert model.sensors["gps"] == replace(model.sensors["gps"], lead=0.0)  # type: ignore[type-var]
+    receiver = Flight.of(bare.replace(sensors=recording.sensors), lead=LEAD).model.sensors["gps"]
+    assert isinstance(receiver, Gps)
+    assert receiver.lead == 0.0
