@@ -21,7 +21,7 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
 from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, SensorSpec, Stream
-from tests.estimator.analytic_flight import SPECS, fly
+from tests.estimator.analytic_flight import SLOW_IMU, SPECS, fly
 
 #: A size from a minute of readings.
 FACTOR = 1.6
@@ -35,7 +35,7 @@ COLOUR_STD, COLOUR_TIME, LATE = 0.8, 2.0, 0.15
 @pytest.fixture(scope="module")
 def bare() -> Recording:
     """A minute without any declared noise, whose GPS has colour and is late."""
-    recording, _ = fly(21, duration=60.0, sensors=("gps", "mag", "baro"))
+    recording, _ = fly(21, duration=60.0, sensors=("gps", "mag", "baro"), rates=SLOW_IMU)
     gps = recording.streams["gps"]
     error = random_walk(gps.t, colour("c_gps", 3, COLOUR_STD, COLOUR_TIME), np.random.default_rng(5))
     columns = {**gps.columns, **{name: gps[name] + error[:, k] for k, name in enumerate(POSITION)}}
@@ -45,8 +45,8 @@ def bare() -> Recording:
 
 @pytest.fixture(scope="module")
 def found(bare: Recording) -> Levels:
-    """The likeliest of its sizes."""
-    return fit_levels(bare, bare.environment.magnetic_field)
+    """The likeliest of its sizes, its field a state."""
+    return fit_levels(bare, bare.environment.magnetic_field, np.diag([0.02, 0.01, 0.03]) ** 2)
 
 
 def test_colour_and_delay_of_a_gps_are_found(found: Levels) -> None:
@@ -116,7 +116,8 @@ def test_the_gradient_is_that_of_the_posterior(
 @pytest.fixture(scope="module")
 def over_ground() -> tuple[Recording, FloatArray]:
     """A minute at 6.5 to 9.5 m whose receiver tells no height, and the heights at the IMU samples."""
-    recording, truth = fly(31, duration=60.0, specs={**SPECS, "baro": replace(SPECS["baro"], bias_std=0.0)})
+    specs = {**SPECS, "baro": replace(SPECS["baro"], bias_std=0.0)}
+    recording, truth = fly(31, duration=60.0, specs=specs, rates=SLOW_IMU)
     gps = recording.streams["gps"]
     flat = Stream(gps.t, {**gps.columns, "epv": np.full(len(gps), NO_HEIGHT)})
     return recording.replace(sensors={}, streams={**recording.streams, "gps": flat}), -truth[:, P_N][:, 2]
@@ -202,7 +203,7 @@ def test_white_noise_of_an_imu_is_declared_by_one_reading_as_well(bare: Recordin
 
 def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     """A flight of tens of metres without position is not held to a hand's place."""
-    recording, _ = fly(23, duration=30.0, sensors=("mag",))
+    recording, _ = fly(23, duration=30.0, sensors=("mag",), rates=SLOW_IMU)
     bare = recording.replace(sensors={})
     levels = fit_levels(bare, recording.environment.magnetic_field)
     assert levels.bounds is not None
@@ -226,11 +227,9 @@ def test_sigmas_are_those_of_the_curvature(bare: Recording, found: Levels) -> No
         assert 0.3 < curvature * sigmas[i] ** 2 < 6.0
 
 
-def test_every_open_size_is_in_the_table_of_assumptions(bare: Recording) -> None:
-    covariance = np.diag([0.02, 0.01, 0.03]) ** 2
-    levels = fit_levels(bare, bare.environment.magnetic_field, covariance)
-    rows = assumptions_of(bare, levels, sizes_of(bare))
-    assert len([row for row in rows if row.source == FOUND]) == len(levels.found)
+def test_every_open_size_is_in_the_table_of_assumptions(bare: Recording, found: Levels) -> None:
+    rows = assumptions_of(bare, found, sizes_of(bare))
+    assert len([row for row in rows if row.source == FOUND]) == len(found.found)
     late = next(row for row in rows if (row.subject, row.quantity) == ("gps", "lateness of its stamps"))
     assert (late.unit, late.is_ratio) == ("s", False)
     assert abs(late.value - LATE) < 4.0 * late.sigma
@@ -292,7 +291,7 @@ def test_a_barometer_is_held_against_the_first_fix_that_tells_a_height() -> None
 
 def test_a_barometer_may_count_from_the_sea_where_a_laser_sees_the_ground() -> None:
     """Without a GPS nothing was known of that: a log whose barometer stood at 189 m had a `baro.step` of 166 m."""
-    flown, _ = fly(4, duration=20.0, sensors=("mag", "baro", "laser"))
+    flown, _ = fly(4, duration=20.0, sensors=("mag", "baro", "laser"), rates=SLOW_IMU)
     baro = flown.streams["baro"]
     high = Stream(baro.t, {name: column + 190.0 for name, column in baro.columns.items()})
     recording = flown.replace(sensors={}, streams={**flown.streams, "baro": high})

@@ -23,7 +23,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.recording import POSITION, VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import quaternion_conjugate, quaternion_log, quaternion_multiply
 from tests.calibration.upset_study import SHOCKS, minutes
-from tests.estimator.analytic_flight import fly
+from tests.estimator.analytic_flight import SLOW_IMU, fly
 
 #: When the gyroscope reads a turn that is none [s], and how large it is [rad].
 SHOCK, TURN = 30.0, 1.0
@@ -32,7 +32,7 @@ SHOCK, TURN = 30.0, 1.0
 @pytest.fixture(scope="module")
 def flown() -> tuple[Recording, FloatArray]:
     """A minute without any declared noise, whose heading shows in accelerations alone; and the true quaternions."""
-    recording, truth = fly(21, duration=60.0, sensors=("gps", "baro"))
+    recording, truth = fly(21, duration=60.0, sensors=("gps", "baro"), rates=SLOW_IMU)
     return recording.replace(sensors={}), truth[:, Q_NB]
 
 

@@ -47,6 +47,7 @@ SPECS: Mapping[str, SensorSpec] = {
     "gps": SensorSpec(noise_std=0.5, velocity_noise_std=0.1, bias_walk=0.05, bias_std=1.0),
 }
 RATES = {"imu": 200.0, "mag": 50.0, "baro": 25.0, "laser": 20.0, "gps": 10.0}
+SLOW_IMU = {**RATES, "imu": 100.0}
 INITIAL_STD = {"position": 1.0, "velocity": 0.2, "attitude": 0.02}
 
 
