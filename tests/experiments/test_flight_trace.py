@@ -33,14 +33,16 @@ from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
+from sinan.sensors.recording import Initial, Recording, Stream
 from sinan.sensors.rotation import cos_tilt, quaternion_interpolate
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import between
+from tests.flights import scenario_at
 
 #: Of an accelerometer, 3 sigma [m/s^2].
 PLAUSIBLE_BIAS = 0.15
 A_DEGREE = 1.0
+IMU_RATE = 100.0  # Hz
 #: Shares from which the recordings of the blind maker are drawn here.
 KINDS = {"flight": 0.64, "hand": 0.06, "accel_poses": 0.1, "mag_poses": 0.1, "gyro_turns": 0.1}
 #: Shares of what they hide.
@@ -48,7 +50,7 @@ CLASSES = {"one": 0.3, "several": 0.15, "outside": 0.15}
 
 
 def flown(scenario: str, seed: int, *effects: str):
-    return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])
+    return simulate(scenario_at(IMU_RATE, scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])
 
 
 @pytest.mark.parametrize(
@@ -100,15 +102,15 @@ def test_a_start_in_flight_is_no_error_of_the_accelerometer(tmp_path: Path) -> N
     assert not any(name.startswith("accel.") for name in names)
 
 
-def test_a_log_that_declares_nothing_and_has_no_place() -> None:
+def test_a_log_that_declares_nothing_of_its_compass_and_has_no_place() -> None:
     """Its compass alone has the dip 4 deg off and no declination, which counted as a walk that hid the effect."""
     recording = between(flown("figure_eight", 27, "mag.current=0.003,0,0.001")[0], 0.0, 40.0)
     field_n = recording.environment.magnetic_field
     assert field_n is not None
-    angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
+    others = {name: recording.spec(name) for name in ("accel", "gyro", "gps")}
     kept = {name: recording.streams[name] for name in ("imu", "mag", "gps", "power")}
     environment = replace(recording.environment, magnetic_field=None)
-    bare = recording.replace(streams=kept, sensors=angles, environment=environment, origin=None, initial=Initial())
+    bare = recording.replace(streams=kept, sensors=others, environment=environment, origin=None, initial=Initial())
     source = flight_source(bare)
     found = source.motion(source.fit([Term("mag.current")])).m_n[-1]
     off = np.degrees(np.arccos(np.clip(_unit(found) @ _unit(field_n), -1.0, 1.0)))
@@ -133,7 +135,7 @@ def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
 
 def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
     """A magnet of 0.1 of the field that turns about the body's z axis: 0.3 turns a second, noise 0.005."""
-    recording, _ = flown("no_aiding", 1)
+    recording, _ = simulate(load_scenario("no_aiding"), np.random.default_rng(1))
     mag = recording.streams["mag"]
     angle = 2.0 * np.pi * 0.3 * mag.t
     off = {"mag_x": mag.columns["mag_x"] + 0.1 * np.cos(angle), "mag_y": mag.columns["mag_y"] + 0.1 * np.sin(angle)}

@@ -10,16 +10,18 @@ import pytest
 from sinan.calibration.levels.preparation import as_declared
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.residual_loop.select import select
-from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.experiments.scenarios import parse_effect
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import POSITION, Recording
 from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
+from tests.flights import scenario_at
 
 TAU, SHARE = 4.0, 0.8
 
 
 def flown(scenario: str, seed: int, *effects: str) -> Recording:
-    return simulate(load_scenario(scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])[0]
+    return simulate(scenario_at(100.0, scenario), np.random.default_rng(seed), [parse_effect(e) for e in effects])[0]
 
 
 def drifting(recording: Recording, seed: int, tau: float = TAU, share: float = SHARE) -> Recording:
@@ -66,10 +68,11 @@ def test_where_there_is_none_the_model_has_none(plain: Recording) -> None:
     assert as_declared(plain, slow_gps=True).levels.specs["gps"] == plain.spec("gps")
 
 
-@pytest.mark.parametrize("text", ["gps.step=3,-2,2@60", "gps.transient=4,0,-4@40:50", "gps.latency=0.2"])
+@pytest.mark.parametrize("text", ["gps.step=3,-2,2@30", "gps.transient=4,0,-4@25:35", "gps.latency=0.2"])
 def test_what_is_no_slow_error_is_not_taken_for_one(text: str) -> None:
     """The size of the slow error is sought without the effect in the model; the effect is found nevertheless."""
-    assert select(flight_source(flown("figure_eight", 32, text))).names == (parse_effect(text).effect.name,)
+    recording = between(flown("figure_eight", 32, text), 0.0, 50.0)
+    assert select(flight_source(recording)).names == (parse_effect(text).effect.name,)
 
 
 def test_beside_a_slow_error_the_residual_is_white_and_no_effect_named(plain: Recording) -> None:
@@ -89,8 +92,7 @@ def test_the_right_effect_beside_a_slow_error() -> None:
 
 def test_a_disturbance_that_might_pass_for_a_slow_error_is_none() -> None:
     recording = flown("figure_eight", 12, "gps.transient=1.26,-0.88,1.01@20:33")
-    streams = {name: stream.rows(stream.t <= 50.0) for name, stream in recording.streams.items()}
-    assert select(flight_source(recording.replace(streams=streams))).names == ("gps.transient",)
+    assert select(flight_source(between(recording, 0.0, 50.0))).names == ("gps.transient",)
 
 
 def _neighbours(z: FloatArray) -> float:
