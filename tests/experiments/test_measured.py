@@ -63,9 +63,10 @@ def vars_of(model: FlightModel) -> list[np.ndarray]:
 @pytest.mark.parametrize("late", [0.0, 0.03])
 def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, Stream], late: float) -> None:
     """But for lateness, which a trace has to name; less than half a step may be the IMU's own, and has no name."""
-    mag = handheld[0].streams["mag"]
-    streams = {**handheld[0].streams, "mag": Stream(mag.t + late, mag.columns)}
-    recording = handheld[0].replace(sensors={}, environment=Environment(), streams=streams)
+    flown = between(handheld[0], 0.0, 40.0)
+    mag = flown.streams["mag"]
+    streams = {**flown.streams, "mag": Stream(mag.t + late, mag.columns)}
+    recording = flown.replace(sensors={}, environment=Environment(), streams=streams)
     ready, source = prepared(recording), flight_source(recording)
     assert ready.recording.notes == (*recording.notes, *ready.notes)
     said = [note for note in ready.recording.notes if late == 0.0 or "ms late" not in note]
