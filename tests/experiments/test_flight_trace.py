@@ -135,7 +135,7 @@ def test_an_anomaly_that_is_passed_is_unexplained(tmp_path: Path) -> None:
 
 def test_a_magnet_that_turns_is_unexplained_and_no_interval() -> None:
     """A magnet of 0.1 of the field that turns about the body's z axis: 0.3 turns a second, noise 0.005."""
-    recording, _ = simulate(load_scenario("no_aiding"), np.random.default_rng(1))
+    recording, _ = simulate(scenario_at(50.0, "no_aiding"), np.random.default_rng(1))
     mag = recording.streams["mag"]
     angle = 2.0 * np.pi * 0.3 * mag.t
     off = {"mag_x": mag.columns["mag_x"] + 0.1 * np.cos(angle), "mag_y": mag.columns["mag_y"] + 0.1 * np.sin(angle)}
