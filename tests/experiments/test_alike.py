@@ -12,17 +12,21 @@ from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.report.verdict_words import says
 from sinan.experiments.residual_loop.run import trace_recording
-from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.experiments.scenarios import parse_effect
 from sinan.sensors.recording import Initial, Recording
 from sinan.sensors.simulate import simulate
 from tests.experiments.test_report import a_document
+from tests.flights import scenario_at
 
+IMU_RATE = 50.0  # Hz
 PLACES = frozenset({"accel.lever_arm", "gps.lever_arm"})
 
 
 def flown(*effects: str, **declared: tuple[float, ...]) -> Recording:
     """A figure of eight with IMU, magnetometer and GPS; where it begins nobody says."""
-    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(3), [parse_effect(e) for e in effects])
+    recording, _ = simulate(
+        scenario_at(IMU_RATE, "figure_eight"), np.random.default_rng(3), [parse_effect(e) for e in effects]
+    )
     kept = {name: recording.streams[name] for name in ("imu", "mag", "gps")}
     return recording.replace(
         streams=kept, initial=Initial(), effects={name.replace("__", "."): beta for name, beta in declared.items()}
@@ -38,7 +42,7 @@ def test_with_a_receiver_alone_the_places_of_antenna_and_accelerometer_are_one()
 
 
 def test_a_height_a_first_position_or_a_declared_place_tells_them_apart() -> None:
-    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(3))
+    recording, _ = simulate(scenario_at(IMU_RATE, "figure_eight"), np.random.default_rng(3))
     for told in (
         flown().replace(streams={**flown().streams, "baro": recording.streams["baro"]}),
         flown().replace(initial=recording.initial),
