@@ -39,7 +39,6 @@ from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.residual_loop.verdict import Scores, in_place, settle, twins_of
 from sinan.experiments.scenarios import parse_effect
-from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import ACCEL, GYRO, Recording, Stream
 from sinan.sensors.simulate import simulate
