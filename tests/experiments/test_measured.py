@@ -80,7 +80,7 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
 
 
 def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
-    """20 s, an IMU of 50 Hz; the GPS declares nothing and is 0.25 s late: found, or declared as an effect, its fixes are
+    """20 s, an IMU of 50 Hz; the GPS declares nothing and is 0.25 s late: found or declared as an effect, its fixes are
     predicted alike.
     """
     hidden = [parse_effect("gps.latency=0.25")]
