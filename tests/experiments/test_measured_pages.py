@@ -25,7 +25,7 @@ from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.simulate import simulate
 
 #: Logs of every trio of sensors, short, and how much of them is run on both engines [s].
-SHORT = {"course, quadrotor": 5.0, "robot, LSM9DS0": 5.0, "variometer": 3.0, "PX4, IMU at 10 Hz": 60.0}
+SHORT = {"course, quadrotor": 5.0, "robot, LSM9DS0": 5.0, "variometer": 3.0, "PX4, IMU at 10 Hz": 30.0}
 PER_CENT = 0.01
 
 
