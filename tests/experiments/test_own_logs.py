@@ -14,10 +14,10 @@ import pytest
 from typer.testing import CliRunner
 
 from sinan.experiments.commands.cli import app
-from sinan.experiments.scenarios.loader import load_scenario
 from sinan.sensors.recording import ACCEL, GEODETIC, GYRO, MAG, POSITION, VELOCITY, Recording
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
+from tests.flights import scenario_at
 from tests.sensors import test_ardupilot as ardupilot
 from tests.sensors import test_rosbag as ros
 from tests.sensors import test_ulog as px4
@@ -30,8 +30,8 @@ START = 20.0  # the logger's clock at the first sample [s]
 
 @cache
 def flight() -> Recording:
-    """A figure of eight, with a magnetometer that reads the supply's current."""
-    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(0), {"mag.current": BETA})
+    """A figure of eight, with a magnetometer that reads the supply's current, and an IMU of 50 Hz."""
+    recording, _ = simulate(scenario_at(50.0, "figure_eight"), np.random.default_rng(0), {"mag.current": BETA})
     return window(recording, (0.0, 18.0))
 
 
@@ -60,7 +60,8 @@ def dataflash(path: Path, recording: Recording | None = None, parameters: Mappin
         streams["mag"].t, np.round(1000.0 * FIELD * streams["mag"].array(MAG)).astype(int), strict=True
     ):
         rows.append((t, ardupilot.mag(us(t), field=field.tolist(), offset=(0, 0, 0), motor=(0, 0, 0))))
-    for t, height in zip(streams["baro"].t, streams["baro"]["height"], strict=True):
+    heights = zip(streams["baro"].t, streams["baro"]["height"], strict=True) if "baro" in streams else ()
+    for t, height in heights:
         rows.append((t, ("BARO", (us(t), 0, height, 95_000.0, 2000, 0.0, 0, 0.0, 20.0, 1))))
     for t, current, voltage in zip(
         streams["power"].t, streams["power"]["current"], streams["power"]["voltage"], strict=True
@@ -122,6 +123,8 @@ def ulog(path: Path, recording: Recording | None = None, parameters: Mapping[str
         for name, value in parameters.items()
     ]
     for number, (topic, (name, fields, columns)) in enumerate(topics.items(), 1):
+        if name not in streams:
+            continue
         parts.append(px4.message("F", f"{topic}:uint64_t timestamp;{fields}".encode()))
         parts.append(px4.message("A", b"\0" + struct.pack("<H", number) + topic.encode()))
         stream = streams[name]
