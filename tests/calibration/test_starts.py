@@ -17,8 +17,8 @@ from tests.estimator.analytic_flight import RATES, fly
 
 
 def undeclared(*sensors: str) -> tuple[Recording, FloatArray]:
-    """Half a minute that declares nothing but its field, and the true states; an IMU of 100 Hz."""
-    recording, truth = fly(1, duration=30.0, sensors=sensors, rates={**RATES, "imu": 100.0})
+    """Half a minute that declares nothing but its field, and the true states; an IMU of 50 Hz."""
+    recording, truth = fly(1, duration=30.0, sensors=sensors, rates={**RATES, "imu": 50.0})
     return recording.replace(sensors={}, initial=Initial()), truth
 
 
