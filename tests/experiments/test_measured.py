@@ -80,14 +80,12 @@ def test_estimate_and_trace_prepare_a_bare_log_alike(handheld: tuple[Recording, 
 
 
 def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
-    """20 s, an IMU of 50 Hz; the GPS declares nothing and is 0.25 s late: found or declared as an effect, its fixes are
-    predicted alike.
-    """
+    """20 s of a bare log of 50 Hz, its GPS 0.25 s late: found or declared, its fixes are predicted alike."""
     hidden = [parse_effect("gps.latency=0.25")]
     flown, _ = simulate(scenario_at(50.0, "figure_eight"), np.random.default_rng(8), hidden)
     recording = between(flown.replace(streams={n: flown.streams[n] for n in ("imu", "gps", "mag", "baro")}), 0.0, 20.0)
-    undeclared = {**recording.sensors, "gps": SensorSpec(angles=recording.spec("gps").angles)}
-    bare = recording.replace(sensors=undeclared, initial=Initial())
+    angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
+    bare = recording.replace(sensors=angles, initial=Initial())
     told = bare.replace(effects={"gps.latency": (0.25,)})
     found, declared = prepared(bare), prepared(told)
     assert found.model.latency["gps"] == pytest.approx(0.25, abs=0.03)
