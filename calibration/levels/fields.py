@@ -28,6 +28,7 @@ from sinan.calibration.levels.fit import (
     sizes_of,
 )
 from sinan.calibration.levels.iron import iron_of_turns
+from sinan.calibration.levels.long_log import heard_in_parts
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.sensors.arrays import FloatArray
@@ -178,7 +179,8 @@ def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
 
 
 def fitted(recording: Recording, believed: Believed) -> Levels:
-    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none.
+    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log by its
+    parts.
 
     Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
     one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.
@@ -187,8 +189,10 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     if are_samples_declared(recording):
         kinds = {recording.spec("accel").imu_samples: 1.0}
 
+    heard = heard_in_parts(recording)
     problems = {
-        kind: problem_of(recording, believed.m_n, believed.covariance, believed.compass, kind) for kind in kinds
+        kind: problem_of(recording, believed.m_n, believed.covariance, believed.compass, kind).over(heard)
+        for kind in kinds
     }
     found = {kind: likeliest(problem) for kind, problem in problems.items()}
 

@@ -151,7 +151,7 @@ class Levels:
     own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
-    log_posterior : of the log at these sizes
+    log_posterior : of the readings by which they were found, at these sizes
     """
 
     specs: Mapping[str, SensorSpec]
@@ -429,6 +429,10 @@ class Problem:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
         self._step = float(np.median(np.diff(recording.streams["imu"].t)))
         self._readings = Readings.of(first.flight(recording))
+
+    def over(self, recording: Recording) -> Problem:
+        """The same sizes, sought in another recording, such as parts of this one."""
+        return self if recording is self.recording else Problem(recording, self.sizes, self.first)
 
     def levels(self, theta: FloatArray) -> Levels:
         """Sizes at theta."""

@@ -211,6 +211,17 @@ def _sizes() -> Answer:
     return Answer((), np.array(values), np.array(levels.sigmas))
 
 
+def _long() -> Answer:
+    """What is found of five and a half minutes of figures of eight that declare no noise, in the logarithm."""
+    scenario = load_scenario("figure_eight")
+    sensors = {n: replace(s, rate=50.0) if n in ("accel", "gyro") else s for n, s in scenario.sensors.items()}
+    longer = scenario.replace(manoeuvres=4 * scenario.manoeuvres, sensors=sensors)
+    flown = _bare(simulate(longer, np.random.default_rng(1))[0])
+    levels = prepared(flown.replace(streams={n: flown.streams[n] for n in ("imu", "gps")}, truth=None)).levels
+    values = [levels.value(size) if size.linear else np.log(levels.value(size)) for size in levels.found]
+    return Answer((), np.array(values), np.array(levels.sigmas))
+
+
 def _weak() -> Answer:
     """Two effects that are hardly more than what is noticed."""
     effects = "accel.scale_nonlinearity=0.00015,0.00015,0.00015", "accel.transient=0.015,0,0@150:330"
@@ -643,6 +654,7 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "levels": _levels,
     "brief": _brief,
     "sizes": _sizes,
+    "long": _long,
     "weak": _weak,
     "walk": _walk,
     "fields": _fields,
