@@ -11,7 +11,7 @@ import numpy as np
 
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.layout import P_N, Q_NB, V_N
-from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, integral
 from sinan.sensors.recording import GYRO, POSITION, QUATERNION, VELOCITY, Recording, Stream, Truth
 from sinan.sensors.rotation import (
     quaternion_conjugate,
@@ -311,17 +311,13 @@ def _rates_of(reference: Stream, imu: Stream) -> tuple[FloatArray, FloatArray]:
 
 def _integral(imu: Stream) -> tuple[FloatArray, FloatArray]:
     """Instants of the IMU and the integral of the gyroscope's readings to each."""
-    return imu.t, np.concatenate([np.zeros((1, 3)), np.cumsum(_steps(imu.t, imu.array(GYRO)), axis=0)])
+    return imu.t, integral(imu.t, imu.array(GYRO))
 
 
-def _rates(t: FloatArray, at: FloatArray, integral: FloatArray) -> FloatArray:
-    """Averaged rates between the instants t of readings whose integral is known."""
-    ends = np.stack([np.interp(t, at, column) for column in integral.T], axis=-1)
+def _rates(t: FloatArray, at: FloatArray, turned: FloatArray) -> FloatArray:
+    """Averaged rates between the instants t of readings whose integral `turned` is known."""
+    ends = np.stack([np.interp(t, at, column) for column in turned.T], axis=-1)
     return _averaged(np.diff(ends, axis=0) / GRID)
-
-
-def _steps(t: FloatArray, values: FloatArray) -> FloatArray:
-    return 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
 
 
 def _averaged(values: FloatArray) -> FloatArray:

@@ -53,6 +53,14 @@ def zero_unless_finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, 0.0)
 
 
+def integral(t: FloatArray, values: FloatArray) -> FloatArray:
+    """(n, ...) integral of values (n, ...) from the first instant t to each, by trapezia."""
+    total = np.zeros_like(values)
+    h = np.diff(t).reshape(-1, *(1,) * (values.ndim - 1))
+    total[1:] = np.cumsum(0.5 * h * (values[1:] + values[:-1]), axis=0)
+    return total
+
+
 def finite_or_none(value: float) -> float | None:
     """The number, None where it is not finite: JSON has no such number."""
     return float(value) if np.isfinite(value) else None

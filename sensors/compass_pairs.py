@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, integral
 from sinan.sensors.recording import GYRO, MAG, Stream
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_exp, quaternion_log, quaternion_multiply
 
@@ -92,8 +92,7 @@ def _between(angle: Callable[[FloatArray], FloatArray], t1: FloatArray, t2: Floa
 
 def _angles(imu: Stream) -> Callable[[FloatArray], FloatArray]:
     """Integrals (..., 3) of the rates to some instants."""
-    w = imu.array(GYRO)
-    total = np.cumsum(np.diff(imu.t, prepend=imu.t[0])[:, None] * 0.5 * (w + np.roll(w, 1, axis=0)), axis=0)
+    total = integral(imu.t, imu.array(GYRO))
     return lambda at: np.stack([np.interp(at, imu.t, column) for column in total.T], axis=-1)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from sinan.calibration.cameras.camera import Pose
 from sinan.calibration.poses.least_squares import covariance_of, undetermined_directions
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, integral
 from sinan.sensors.errors import InputError
 from sinan.sensors.rotation import (
     matrix_from_quaternion,
@@ -231,10 +231,7 @@ class _Turning:
     def of(t: FloatArray, w_meas: FloatArray, bias: FloatArray) -> _Turning:
         w = w_meas - bias
         q = turned_since_start(t, w)
-        R = matrix_from_quaternion(q)
-        D = np.zeros_like(R)
-        D[1:] = np.cumsum(0.5 * (R[1:] + R[:-1]) * np.diff(t)[:, None, None], axis=0)
-        return _Turning(t, w, q, D)
+        return _Turning(t, w, q, integral(t, matrix_from_quaternion(q)))
 
     def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Attitude (m, 4), rate (m, 3) of the interpolated attitude, and D (m, 3, 3)."""

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.arrays import FloatArray, IntArray, integral
 from sinan.sensors.motion import Motion
 from sinan.sensors.rotation import matrix_from_quaternion, quaternion_interpolate, skew
 
@@ -61,9 +61,9 @@ class ErrorIntegrals:
         """The integrals along a motion with attitude and specific force at instants as close as the IMU's."""
         t, C_nb = motion.t, matrix_from_quaternion(motion.q_nb)
         a_n = np.einsum("nij,nj->ni", C_nb, motion.f_b)
-        C, a = _integral(t, C_nb), _integral(t, a_n)
-        M = _integral(t, skew(a_n) @ C)
-        return cls(t, motion.q_nb, C, a, M, _integral(t, C), _integral(t, a), _integral(t, M))
+        C, a = integral(t, C_nb), integral(t, a_n)
+        M = integral(t, skew(a_n) @ C)
+        return cls(t, motion.q_nb, C, a, M, integral(t, C), integral(t, a), integral(t, M))
 
     def at(self, t: FloatArray) -> ErrorIntegrals:
         """The same integrals at other instants (m,)."""
@@ -94,13 +94,6 @@ def transitions(start: ErrorIntegrals, stop: ErrorIntegrals) -> FloatArray:
     C_1_back = np.swapaxes(C_1, 1, 2)
     Phi[:, th, th], Phi[:, th, g] = C_1_back @ C_0, -C_1_back @ D_C
     return Phi
-
-
-def _integral(t: FloatArray, value: FloatArray) -> FloatArray:
-    """(N, ...) trapezoids summed up from the first instant on."""
-    h = np.diff(t).reshape(-1, *([1] * (value.ndim - 1)))
-    parts = 0.5 * h * (value[:-1] + value[1:])
-    return np.concatenate([np.zeros((1, *value.shape[1:])), np.cumsum(parts, axis=0)])
 
 
 def _interpolate(t: FloatArray, t_known: FloatArray, value: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from sinan.estimator.filter.flight import Flight
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, integral
 from sinan.sensors.recording import ACCEL, GYRO, VELOCITY
 from sinan.sensors.rotation import (
     quaternion_conjugate,
@@ -238,27 +238,19 @@ def _velocity_pairs(flight: Flight) -> _Pairs | None:
     f = rotate(turn, f_b)
     turned = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=-1)  # (n, 3, 3), of a bias to the first axes
     sums = {
-        "b_accel": _integral(t, turned),
-        "b_gyro": -_integral(t, skew(f) @ _integral(t, turned)),
-        "accel.scale": _integral(t, turned * f_b[:, None, :]),
-        "gyro.scale": -_integral(t, skew(f) @ _integral(t, turned * w[:, None, :])),
+        "b_accel": integral(t, turned),
+        "b_gyro": -integral(t, skew(f) @ integral(t, turned)),
+        "accel.scale": integral(t, turned * f_b[:, None, :]),
+        "gyro.scale": -integral(t, skew(f) @ integral(t, turned * w[:, None, :])),
     }
     at = {name: _at(gps.t[near], t, total) for name, total in sums.items()}
     at["late"] = _at(gps.t[near], t, f)[..., None]  # v(t) = v(t_k - late): the sum is by f late too large
-    S = _at(gps.t[near], t, _integral(t, f))
+    S = _at(gps.t[near], t, integral(t, f))
     v = gps.array(VELOCITY)[near] - (gps.t[near, None] - t[0]) * model.g_n
     spread = {"b_accel": model.accel.bias_std**2, "b_gyro": model.gyro.bias_std**2, "late": LATE**2}
     spread |= {"accel.scale": SCALE**2, "gyro.scale": SCALE**2}
     columns = {name: (c - c.mean(axis=0), spread[name] * np.eye(c.shape[2])) for name, c in at.items()}
     return _Pairs(S - S.mean(axis=0), v - v.mean(axis=0), columns)
-
-
-def _integral(t: FloatArray, values: FloatArray) -> FloatArray:
-    """(n, ...) integral from the first instant to each, by trapezia."""
-    total = np.zeros_like(values)
-    h = np.diff(t).reshape(-1, *(1,) * (values.ndim - 1))
-    total[1:] = np.cumsum(0.5 * h * (values[1:] + values[:-1]), axis=0)
-    return total
 
 
 def _at(instants: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

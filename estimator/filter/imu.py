@@ -23,7 +23,7 @@ import numpy as np
 from sinan.estimator.filter.faults import Note, frozen_runs, saturated_runs, stuck_runs
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, InStep, Upset
-from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, integral, runs_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
 
 #: An interval longer than this many nominal ones is a gap, since what happened inside is not known: 2 < 2.5 < 3. One
@@ -316,7 +316,7 @@ def unseen_motion(t: FloatArray, u: FloatArray, length: float, nominal: float) -
     variance of the velocity [(m/s)^2] and of the angle [rad^2]
     """
     h = np.diff(t)
-    integral = np.concatenate([np.zeros((1, 6)), np.cumsum(0.5 * h[:, None] * (u[:-1] + u[1:]), axis=0)])
+    total = integral(t, u)
     broken = np.concatenate([[0], np.cumsum(h > GAP * nominal)])
     steps = max(2, round(length / nominal))
     while steps > 2:
@@ -329,7 +329,7 @@ def unseen_motion(t: FloatArray, u: FloatArray, length: float, nominal: float) -
         return 0.0, 0.0
     ends = starts + steps
     span = (t[ends] - t[starts])[:, None]
-    miss = integral[ends] - integral[starts] - 0.5 * span * (u[starts] + u[ends])
+    miss = total[ends] - total[starts] - 0.5 * span * (u[starts] + u[ends])
     variance = np.mean(miss**2, axis=0) * (length / float(np.mean(span))) ** 2
     return float(np.max(variance[:3])), float(np.max(variance[3:]))
 

@@ -9,7 +9,7 @@ from datetime import date as Date
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, integral
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.lasting import LOST, lasting_gravity, other_axes
@@ -130,7 +130,7 @@ def _check_speed(recording: Recording, gps: Stream) -> None:
     if len(gps) < _FEWEST or not gps.has(VELOCITY) or not gps.has(POSITION):
         return
     t, v, p = gps.t, gps.array(VELOCITY[:2]), gps.array(POSITION[:2])
-    way = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * np.diff(t)[:, None] * (v[1:] + v[:-1]), axis=0)])
+    way = integral(t, v)
     rows = np.unique(np.floor((t - t[0]) / _WAY), return_index=True)[1]  # the first of each
     expected, seen = np.diff(way[rows], axis=0).ravel(), np.diff(p[rows], axis=0).ravel()
     power, along = float(expected @ expected), float(expected @ seen)
@@ -294,9 +294,8 @@ def _turns_like_degrees(t_rate: FloatArray, rate: FloatArray, t: FloatArray, see
     u = u / np.median(norm)
     w = np.stack([np.interp(t, t_rate, column) for column in rate.T], axis=-1)
     turn = -cross(w - np.median(w, axis=0), u)
-    step = np.diff(t)[:, None]
-    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * step * (turn[1:] + turn[:-1]), axis=0)])
-    interval = max(0.3, float(np.median(step)))
+    angle = integral(t, turn)
+    interval = max(0.3, float(np.median(np.diff(t))))
     rows = np.unique(np.floor((t - t[0]) / interval), return_index=True)[1]  # the first of each
     du, expected = np.diff(u[rows], axis=0).ravel(), np.diff(angle[rows], axis=0).ravel()
     power, seen_power = float(expected @ expected), float(du @ du)
