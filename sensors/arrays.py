@@ -55,7 +55,7 @@ def zero_unless_finite(values: FloatArray) -> FloatArray:
 
 def integral(t: FloatArray, values: FloatArray) -> FloatArray:
     """(n, ...) integral of values (n, ...) from the first instant t to each, by trapezia."""
-    total = np.zeros_like(values)
+    total = np.zeros(values.shape)
     h = np.diff(t).reshape(-1, *(1,) * (values.ndim - 1))
     total[1:] = np.cumsum(0.5 * h * (values[1:] + values[:-1]), axis=0)
     return total

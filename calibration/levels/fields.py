@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.calibration.levels.declared_effects import Readings
+from sinan.calibration.levels.excerpts import excerpts_of
 from sinan.calibration.levels.fit import (
     AS_IT_COMES,
     CALIBRATED,
@@ -28,7 +29,6 @@ from sinan.calibration.levels.fit import (
     sizes_of,
 )
 from sinan.calibration.levels.iron import iron_of_turns
-from sinan.calibration.levels.long_log import heard_in_parts
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.sensors.arrays import FloatArray
@@ -179,8 +179,8 @@ def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
 
 
 def fitted(recording: Recording, believed: Believed) -> Levels:
-    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log by its
-    parts.
+    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log by
+    excerpts.
 
     Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
     one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.
@@ -189,11 +189,9 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
     if are_samples_declared(recording):
         kinds = {recording.spec("accel").imu_samples: 1.0}
 
-    heard = heard_in_parts(recording)
-    problems = {
-        kind: problem_of(recording, believed.m_n, believed.covariance, believed.compass, kind).over(heard)
-        for kind in kinds
-    }
+    excerpts = excerpts_of(recording)
+    whole = {kind: problem_of(recording, believed.m_n, believed.covariance, believed.compass, kind) for kind in kinds}
+    problems = {kind: problem.heard_in(excerpts) for kind, problem in whole.items()}
     found = {kind: likeliest(problem) for kind, problem in problems.items()}
 
     def log_posterior(kind: str) -> float:
@@ -210,7 +208,8 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
         if kind != best:
             again = likeliest(problems[kind], found[best])
             found[kind] = max(found[kind], again, key=lambda levels: levels.log_posterior)
-    return found[max(kinds, key=log_posterior)]
+    best = max(kinds, key=log_posterior)
+    return found[best] if len(excerpts) == 1 else whole[best].judged(found[best])
 
 
 def are_samples_declared(recording: Recording) -> bool:

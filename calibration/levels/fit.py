@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 
 from sinan.calibration.levels.declared_effects import Readings
+from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.noise_start import (
     aiding_sensors,
     datum,
@@ -151,7 +152,7 @@ class Levels:
     own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
-    log_posterior : of the readings by which they were found, at these sizes
+    log_posterior : of the log at these sizes
     """
 
     specs: Mapping[str, SensorSpec]
@@ -430,9 +431,9 @@ class Problem:
         self._step = float(np.median(np.diff(recording.streams["imu"].t)))
         self._readings = Readings.of(first.flight(recording))
 
-    def over(self, recording: Recording) -> Problem:
-        """The same sizes, sought in another recording, such as parts of this one."""
-        return self if recording is self.recording else Problem(recording, self.sizes, self.first)
+    def heard_in(self, excerpts: Sequence[Recording]) -> Problem:
+        """The same sizes, sought in excerpts of the recording; in the whole, where that is the only one."""
+        return self if len(excerpts) == 1 else _InExcerpts(self, excerpts)
 
     def levels(self, theta: FloatArray) -> Levels:
         """Sizes at theta."""
@@ -572,6 +573,16 @@ class Problem:
         minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
+    def judged(self, levels: Levels) -> Levels:
+        """Levels whose sizes were found elsewhere, with their sigmas and log-posterior here."""
+        theta = np.array([size.theta(levels.value(size)) for size in self.sizes])
+        return self.found(theta, self.value(theta))
+
+    def found(self, theta: FloatArray, value: float) -> Levels:
+        """The levels at the likeliest theta."""
+        sigmas = (float(s) * size.spread for s, size in zip(self.sigmas(theta), self.sizes, strict=True))
+        return replace(self.levels(theta), found=self.sizes, sigmas=tuple(sigmas), log_posterior=value)
+
     def likeliest(self, theta: FloatArray) -> tuple[FloatArray, float]:
         """Times and all else in turns, until one turn of both gains nothing."""
         value = -np.inf
@@ -581,6 +592,40 @@ class Problem:
             if turn and value < before + SETTLED:
                 break
         return theta, value
+
+
+class _InExcerpts(Problem):
+    """The sizes of a recording by excerpts of it, each with a first state of its own.
+
+    Neglects that their biases are one: the prior of its size counts once, what it begins with as often as there are
+    excerpts.
+    """
+
+    def __init__(self, whole: Problem, excerpts: Sequence[Recording]) -> None:
+        self.recording, self.sizes, self.first, self._step = whole.recording, whole.sizes, whole.first, whole._step
+        self._each = [self._begun(one) for one in excerpts]
+
+    def _begun(self, excerpt: Recording) -> Problem:
+        """The problem of one excerpt alone, with a first heading of its own."""
+        first = self.first
+        samples = first.specs["accel"].imu_samples
+        own = replace(
+            first_levels(excerpt, self.sizes, first.m_n, first.field, samples),
+            iron=first.iron, bounds=first.bounds, own_north=first.own_north,
+        )  # fmt: skip
+        return Problem(beside_iron(own.flight(with_heading(excerpt, own.specs))), self.sizes, own)
+
+    def value(self, theta: FloatArray) -> float:
+        return sum(one.value(theta) for one in self._each) + self._counted_again(theta)
+
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
+        found = [one._of_parts(theta, parts // len(self._each), times) for one in self._each]
+        value = sum(of_one for of_one, _ in found) + self._counted_again(theta)
+        return value, np.concatenate([each for _, each in found])
+
+    def _counted_again(self, theta: FloatArray) -> float:
+        """What takes the prior back that every excerpt has counted, but once."""
+        return 0.5 * (len(self._each) - 1) * float(theta @ theta)
 
 
 def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:
@@ -630,7 +675,10 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
             grown = levels.value(size) ** 2 * white_shares(inputs.flight, name)[:, columns]
         of_reading = np.zeros(len(events))
         of_reading[k] = np.sum(grown[events.index[k]] * scores.r[events.row[k][:, None] + columns], axis=1)
-        return 2.0 * sums_from(of_reading, scores.first_reading)
+        found = 2.0 * sums_from(of_reading, scores.first_reading)
+        if name == "gps":  # of whose first fix the first state is
+            found[0] += _slope_of_start(inputs, scores, levels, size)
+        return found
     if size.key == "colour_time":
         blocks = [block for block in (f"c_{size.sensor}", f"c_{size.sensor}_velocity") if layout.has(block)]
         each = [np.sum(scores.time_of_part[:, layout.slice(block)], axis=1) for block in blocks]
@@ -645,11 +693,13 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
     return walks + np.eye(len(first))[0] * start
 
 
-def _slope_of_start(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size, block: slice) -> float:
-    """What the first state and its covariance contribute: where the first attitude is found from the sensor by a
-    difference, else by the block itself.
+def _slope_of_start(
+    inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size, block: slice | None = None
+) -> float:
+    """What the first state and its covariance contribute: by the block itself, where there is one and the first
+    attitude is not found from the sensor, else by a difference.
     """
-    if size.sensor not in ALIGNING:
+    if block is not None and size.sensor not in ALIGNING:
         return 2.0 * levels.value(size) ** 2 * float(np.trace(scores.start[block, block]))
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
     x, P = first_state(other)
@@ -746,9 +796,7 @@ def _evidence(levels: Levels) -> float:
 
 def _likeliest(problem: Problem, start: FloatArray) -> Levels:
     """The likeliest sizes of a problem, the others as they are at first."""
-    theta, value = problem.likeliest(start)
-    sigmas = tuple(float(sigma) * size.spread for sigma, size in zip(problem.sigmas(theta), problem.sizes, strict=True))
-    return replace(problem.levels(theta), found=problem.sizes, sigmas=sigmas, log_posterior=value)
+    return problem.found(*problem.likeliest(start))
 
 
 #: Bounds that are tried, those of a hand, a swing or a robot arm, and so many times as wide: a choice. Of half and

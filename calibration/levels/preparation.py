@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
+from sinan.calibration.levels.excerpts import EXCERPTS, SECONDS, excerpts_of
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.instants import at_regular_instants
-from sinan.calibration.levels.long_log import PARTS, SECONDS, heard_in_parts
 from sinan.calibration.levels.noise_start import aiding_sensors, readings_of, within_imu
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
@@ -109,10 +109,9 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         sizes = sizes_of(within, believed.compass)
     notes += [*believed.notes, *not_of_the_earth(within, believed.m_n), *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
-    if levels.found and heard_in_parts(headed) is not headed:
-        notes.append(
-            f"noise and lateness: sought in {PARTS} parts of {SECONDS:g} s, spread over the log, that turn most"
-        )
+    if levels.found and len(excerpts_of(headed)) > 1:
+        told = f"{EXCERPTS} excerpts of {SECONDS:g} s"
+        notes.append(f"noise and lateness: sought in {told}, spread over the log, that turn most")
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)

@@ -89,7 +89,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "observability": {_EVIDENCE + "observability": ("SHARED", "SMALL", "PROBES", "BATCH", "MOST_CELLS")},
     "levels": {_LEVELS + "fit": ("MOST",)},
     "sizes": {_LEVELS + "fit": ("MOST", "GAINED", "SETTLED", "PARTS", "FIRST_MOVE", "HALVED", "ROUNDS")},
-    "long": {_LEVELS + "long_log": ("PARTS", "SECONDS")},
+    "long": {_LEVELS + "excerpts": ("EXCERPTS", "SECONDS")},
     "slow": {_LEVELS + "fit": ("TRIED",)},
     "shock": {_LEVELS + "upsets": ("IN_A_ROW",)},
     "headings": {_LEVELS + "heading": ("COARSE", "FINE")},

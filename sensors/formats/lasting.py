@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, integral
 from sinan.sensors.constants import STANDARD_GRAVITY
 from sinan.sensors.formats.signed_axes import SIGNED, words_of
 from sinan.sensors.recording import ACCEL, GYRO, Stream
@@ -87,6 +87,4 @@ def other_axes(imu: Stream) -> OtherAxes | None:
 
 def _integrated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
     """(times, steps, 3) integrals of (n, 3) readings over the steps of a grid, by the trapezoidal rule."""
-    areas = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])
-    return np.diff(np.stack([np.interp(grid, t, column) for column in total.T], axis=-1), axis=1)
+    return np.diff(np.stack([np.interp(grid, t, column) for column in integral(t, values).T], axis=-1), axis=1)
