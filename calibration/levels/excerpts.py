@@ -1,7 +1,8 @@
-"""Excerpts of a long log, in which what it does not declare is sought.
+"""Excerpts of a long log, in which what it does not declare is sought at first.
 
 White noise is told by n readings to 1 / sqrt(2 n) of itself: by two minutes as well as anybody needs it. What ten
-minutes tell besides is how sizes change, which no model here has; so the excerpts are spread over the log.
+minutes tell besides is how sizes change, which no model here has; so the excerpts are spread over the log. A search
+that begins where theirs ended is short.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import GYRO, Recording
 from sinan.sensors.window import LEAST_ROWS, between
 
-#: Of so many equal shares of a log one excerpt each, of so many seconds: bound of work (`bounds_of_work long`); what it
-#: does to measured logs is in docs/notes/ablation.md.
+#: Of so many equal shares of a log one excerpt each, of so many seconds: a choice, half and twice of which move a size
+#: by @@ of its sigma at most (`bounds_of_work long`); what it does to measured logs is in docs/notes/ablation.md.
 EXCERPTS, SECONDS = 4, 30.0
 #: Longer logs are heard in excerpts [s], 2 * 4 * 30 = 240: where these would save less than half, none is left out.
 LONG = 2.0 * EXCERPTS * SECONDS

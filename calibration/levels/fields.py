@@ -179,8 +179,8 @@ def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
 
 
 def fitted(recording: Recording, believed: Believed) -> Levels:
-    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log by
-    excerpts.
+    """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log sought
+    in excerpts, and from there once in the whole.
 
     Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
     one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.
@@ -209,7 +209,7 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
             again = likeliest(problems[kind], found[best])
             found[kind] = max(found[kind], again, key=lambda levels: levels.log_posterior)
     best = max(kinds, key=log_posterior)
-    return found[best] if len(excerpts) == 1 else whole[best].judged(found[best])
+    return found[best] if len(excerpts) == 1 else whole[best].settled(found[best])
 
 
 def are_samples_declared(recording: Recording) -> bool:

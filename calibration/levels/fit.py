@@ -573,10 +573,9 @@ class Problem:
         minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
-    def judged(self, levels: Levels) -> Levels:
-        """Levels whose sizes were found elsewhere, with their sigmas and log-posterior here."""
-        theta = np.array([size.theta(levels.value(size)) for size in self.sizes])
-        return self.found(theta, self.value(theta))
+    def settled(self, levels: Levels) -> Levels:
+        """The likeliest levels near some that were found in excerpts, whose times stay."""
+        return self.found(*self.maximise(np.array([size.theta(levels.value(size)) for size in self.sizes])))
 
     def found(self, theta: FloatArray, value: float) -> Levels:
         """The levels at the likeliest theta."""
@@ -597,8 +596,7 @@ class Problem:
 class _InExcerpts(Problem):
     """The sizes of a recording by excerpts of it, each with a first state of its own.
 
-    Neglects that their biases are one: the prior of its size counts once, what it begins with as often as there are
-    excerpts.
+    The prior of a size counts once. Neglects that their biases are one: each counts as often as there are excerpts.
     """
 
     def __init__(self, whole: Problem, excerpts: Sequence[Recording]) -> None:
