@@ -432,8 +432,13 @@ class Problem:
         self._readings = Readings.of(first.flight(recording))
 
     def heard_in(self, excerpts: Sequence[Recording]) -> Problem:
-        """The same sizes, sought in excerpts of the recording; in the whole, where that is the only one."""
-        return self if len(excerpts) == 1 else _InExcerpts(self, excerpts)
+        """The same sizes, sought in excerpts of the recording; in the whole, where there is one, or no state follows
+        from the readings of one.
+        """
+        try:
+            return self if len(excerpts) == 1 else _InExcerpts(self, excerpts)
+        except InputError:
+            return self
 
     def levels(self, theta: FloatArray) -> Levels:
         """Sizes at theta."""
@@ -574,8 +579,11 @@ class Problem:
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
     def settled(self, levels: Levels) -> Levels:
-        """The likeliest levels near some that were found in excerpts, whose times stay."""
-        return self.found(*self.maximise(np.array([size.theta(levels.value(size)) for size in self.sizes])))
+        """The likeliest levels near some that were found in excerpts: one turn of times and all else."""
+        if not self.sizes:
+            return levels
+        theta = np.array([size.theta(levels.value(size)) for size in self.sizes])
+        return self.found(*self.maximise(self.timed(theta, far=False)))
 
     def found(self, theta: FloatArray, value: float) -> Levels:
         """The levels at the likeliest theta."""
