@@ -16,7 +16,7 @@ from sinan.sensors.recording import GYRO, Recording
 from sinan.sensors.window import LEAST_ROWS, between
 
 #: Of so many equal shares of a log one excerpt each, of so many seconds: a choice, half and twice of which move a size
-#: by @@ of its sigma at most (`bounds_of_work long`); what it does to measured logs is in docs/notes/ablation.md.
+#: by 1.2 of its sigma at most (`bounds_of_work long`); what it does to measured logs is in docs/notes/ablation.md.
 EXCERPTS, SECONDS = 4, 30.0
 #: Longer logs are heard in excerpts [s], 2 * 4 * 30 = 240: where these would save less than half, none is left out.
 LONG = 2.0 * EXCERPTS * SECONDS
@@ -26,11 +26,12 @@ _FULL = 0.9
 
 def excerpts_of(recording: Recording) -> tuple[Recording, ...]:
     """Of each share of a long log the excerpt that turns most, of one log, without a gap and with readings of every
-    stream; a recording that is shorter, or has a share without one, as it is.
+    stream; a recording that is shorter, or has a share without one, or no position, of which few sizes are sought, as
+    it is.
     """
     t, w = recording.streams["imu"].t, recording.streams["imu"].array(GYRO)
     h = np.diff(t)
-    if len(h) * float(np.median(h)) <= LONG:
+    if "gps" not in recording.streams or len(h) * float(np.median(h)) <= LONG:
         return (recording,)
     turned = np.concatenate([[0.0], np.cumsum(h * np.sum(w[1:] ** 2, axis=1))])
     edges = [round(len(t) * k / EXCERPTS) for k in range(EXCERPTS + 1)]
