@@ -20,7 +20,7 @@ from sinan.sensors.window import LEAST_ROWS, between
 EXCERPTS, SECONDS = 4, 30.0
 #: Longer logs are heard in excerpts [s], 2 * 4 * 30 = 240: where these would save less than half, none is left out.
 LONG = 2.0 * EXCERPTS * SECONDS
-#: Share of its samples that an excerpt has at least: a gap of 3 s is not a tenth of 30 s.
+#: Share of its samples that an excerpt has at least, 1 - 3 / 30 = 0.9: of half a minute 3 s may be missing.
 _FULL = 0.9
 
 
