@@ -20,8 +20,9 @@ from sinan.sensors.window import LEAST_ROWS, between
 EXCERPTS, SECONDS = 4, 30.0
 #: Longer logs are heard in excerpts [s], 2 * 4 * 30 = 240: where these would save less than half, none is left out.
 LONG = 2.0 * EXCERPTS * SECONDS
-#: Share of its samples that an excerpt has at least, 1 - 3 / 30 = 0.9: of half a minute 3 s may be missing.
-_FULL = 0.9
+#: Share of its samples that may be missing in an excerpt: a choice, half and twice of which change no size
+#: (`bounds_of_work long`).
+MISSING = 0.1
 
 
 def excerpts_of(recording: Recording) -> tuple[Recording, ...]:
@@ -48,7 +49,7 @@ def _liveliest(recording: Recording, turned: FloatArray, first: int, last: int) 
     ends = np.searchsorted(t, t[rows] + SECONDS)
     breaks = np.array(recording.breaks)
     of_one_log = np.searchsorted(breaks, t[rows] + SECONDS) == np.searchsorted(breaks, t[rows], side="right")
-    fit = of_one_log & (ends < last) & (ends - rows >= _FULL * samples)
+    fit = of_one_log & (ends < last) & (ends - rows >= (1.0 - MISSING) * samples)
     for stream in recording.streams.values():
         fit &= np.searchsorted(stream.t, t[rows] + SECONDS) - np.searchsorted(stream.t, t[rows]) >= LEAST_ROWS
     if not np.any(fit):

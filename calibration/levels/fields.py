@@ -209,7 +209,7 @@ def fitted(recording: Recording, believed: Believed) -> Levels:
             again = likeliest(problems[kind], found[best])
             found[kind] = max(found[kind], again, key=lambda levels: levels.log_posterior)
     best = max(kinds, key=log_posterior)
-    return found[best] if len(excerpts) == 1 else whole[best].settled(found[best])
+    return found[best] if problems[best] is whole[best] else whole[best].settled(found[best])
 
 
 def are_samples_declared(recording: Recording) -> bool:

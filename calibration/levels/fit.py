@@ -78,6 +78,8 @@ SAME_ZERO = 0.5
 FIRST_MOVE, HALVED = 0.5, 6
 #: Rounds of times and sizes: bound of work (`bounds_of_work sizes`).
 ROUNDS = 6
+#: The same in the whole of a long log, from where its excerpts left them: bound of work (`bounds_of_work long`).
+SETTLING = 2
 #: Lateness of a compass, median and spread [s]: autopilots' filters take 0 (PX4's `EKF2_MAG_DELAY`, which may be 0.3)
 #: and 0.06 (ArduPilot's `magDelay_ms`), one spread on either side.
 LATE_COMPASS = 0.03, 0.03
@@ -153,6 +155,7 @@ class Levels:
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     log_posterior : of the log at these sizes
+    in_excerpts : they were sought in excerpts of it at first
     """
 
     specs: Mapping[str, SensorSpec]
@@ -175,6 +178,7 @@ class Levels:
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
     log_posterior: float = float("nan")
+    in_excerpts: bool = False
     iron: FloatArray | None = None
 
     def flight(self, recording: Recording) -> Flight:
@@ -579,13 +583,15 @@ class Problem:
         return best[1], float(best[0])  # type: ignore[return-value, arg-type]
 
     def settled(self, levels: Levels) -> Levels:
-        """The likeliest levels near some that were found in excerpts, by two turns of times and all else: of an
-        aeroplane's log the second gained 2,000 of log L, three more 500 together.
-        """
+        """The likeliest levels near some that were found in excerpts, by few turns of times and all else."""
         if not self.sizes:
             return levels
-        theta = np.array([size.theta(levels.value(size)) for size in self.sizes])
-        return self.found(*self.likeliest(theta, turns=2, far=False))
+        found = self.found(*self.likeliest(self.theta(levels), turns=SETTLING, far=False))
+        return replace(found, in_excerpts=True)
+
+    def theta(self, levels: Levels) -> FloatArray:
+        """Where the sizes of some levels are, within the bounds."""
+        return np.array([size.theta(levels.value(size)) for size in self.sizes])
 
     def found(self, theta: FloatArray, value: float) -> Levels:
         """The levels at the likeliest theta."""
@@ -749,7 +755,7 @@ def likeliest(problem: Problem, near: Levels | None = None) -> Levels:
     """The likeliest sizes of a problem, sought from those of `near` on; default: the medians."""
     if not problem.sizes:
         return problem.first
-    return _likeliest(problem, np.array([0.0 if near is None else s.theta(near.value(s)) for s in problem.sizes]))
+    return _likeliest(problem, np.zeros(len(problem.sizes)) if near is None else problem.theta(near))
 
 
 #: How far declared white noise of a receiver is off, in the logarithm: a choice, 1.6 times as much at one sigma. Half

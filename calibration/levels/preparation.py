@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinan.calibration.levels.assumptions import assumptions_of
-from sinan.calibration.levels.excerpts import EXCERPTS, SECONDS, excerpts_of
+from sinan.calibration.levels.excerpts import EXCERPTS, SECONDS
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
 from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
 from sinan.calibration.levels.heading import beside_iron, with_heading
@@ -109,7 +109,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
         sizes = sizes_of(within, believed.compass)
     notes += [*believed.notes, *not_of_the_earth(within, believed.m_n), *headed.notes[len(recording.notes) :]]
     levels = with_upsets(headed, fitted(headed, believed))
-    if levels.found and len(excerpts_of(headed)) > 1:
+    if levels.in_excerpts:
         told = f"{EXCERPTS} excerpts of {SECONDS:g} s"
         notes.append(f"noise and lateness: sought in {told}, spread over the log, then once from there in the whole")
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
