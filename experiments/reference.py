@@ -183,7 +183,7 @@ def gyro_error(recording: Recording, target: Mounted) -> GyroError:
     """
     imu = recording.streams["imu"]
     t, w_reference = _rates_of(target.reference, imu)
-    w_gyro = _rates(t, *_integral(imu))
+    w_gyro = _rates(t, imu.t, integral(imu.t, imu.array(GYRO)))
     A = np.hstack([w_reference, np.ones((len(w_reference), 1))])
     x = np.linalg.lstsq(A, w_gyro, rcond=None)[0]
     u, size, _ = np.linalg.svd(x[:3].T)
@@ -307,11 +307,6 @@ def _rates_of(reference: Stream, imu: Stream) -> tuple[FloatArray, FloatArray]:
     t = np.arange(max(imu.t[0], reference.t[0]) + 0.5, min(imu.t[-1], reference.t[-1]) - 0.5, GRID)
     at = quaternion_interpolate(t, reference.t, reference.array(QUATERNION))
     return t, _averaged(_turn(at[:-1], at[1:]) / GRID)
-
-
-def _integral(imu: Stream) -> tuple[FloatArray, FloatArray]:
-    """Instants of the IMU and the integral of the gyroscope's readings to each."""
-    return imu.t, integral(imu.t, imu.array(GYRO))
 
 
 def _rates(t: FloatArray, at: FloatArray, turned: FloatArray) -> FloatArray:

@@ -188,6 +188,11 @@ class Scenario:
             return (len(self.turns.attitudes) or self.turns.poses) * (self.turns.hold + self.turns.turn)
         return self.turns.duration
 
+    def with_imu_rate(self, rate: float) -> Scenario:
+        """A copy whose accelerometer and gyroscope are sampled so often [Hz]; the density of their noise stays."""
+        slower = {name: replace(self.sensors[name], rate=rate) for name in ("accel", "gyro") if name in self.sensors}
+        return self.replace(sensors={**self.sensors, **slower})
+
     def replace(self, **changes: object) -> Scenario:
         """A copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]

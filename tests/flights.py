@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.scenario import Scenario
 
@@ -11,7 +9,4 @@ from sinan.sensors.scenario import Scenario
 def scenario_at(rate: float, name: str) -> Scenario:
     """A scenario whose accelerometer and gyroscope are sampled so often [Hz], those of poses as they are."""
     scenario = load_scenario(name)
-    if scenario.kind != "flight":
-        return scenario
-    sensors = {n: replace(s, rate=rate) if n in ("accel", "gyro") else s for n, s in scenario.sensors.items()}
-    return scenario.replace(sensors=sensors)
+    return scenario.with_imu_rate(rate) if scenario.kind == "flight" else scenario

@@ -16,6 +16,7 @@ from sinan.calibration.cameras.views import View, read_corners
 from sinan.calibration.levels.fields import beforehand, fitted
 from sinan.calibration.levels.fit import (
     CALIBRATED,
+    Levels,
     first_levels,
     fit_levels,
     sizes_of,
@@ -204,22 +205,23 @@ def _brief() -> Answer:
     return _of_trace(_of_20_s(_recording("figure_eight", "gps.latency=0.1"), "mag", "gps"))
 
 
-def _sizes() -> Answer:
-    """What is found of a figure of eight that declares no noise, in the logarithm."""
-    levels = fit_levels(_of_20_s(_bare(_recording("figure_eight")), "baro", "gps"))
+def _found(levels: Levels) -> Answer:
+    """Its sizes, in the logarithm."""
     values = [levels.value(size) if size.linear else np.log(levels.value(size)) for size in levels.found]
     return Answer((), np.array(values), np.array(levels.sigmas))
+
+
+def _sizes() -> Answer:
+    """What is found of a figure of eight that declares no noise, in the logarithm."""
+    return _found(fit_levels(_of_20_s(_bare(_recording("figure_eight")), "baro", "gps")))
 
 
 def _long() -> Answer:
     """What is found of five and a half minutes of figures of eight that declare no noise, in the logarithm."""
-    scenario = load_scenario("figure_eight")
-    sensors = {n: replace(s, rate=50.0) if n in ("accel", "gyro") else s for n, s in scenario.sensors.items()}
-    longer = scenario.replace(manoeuvres=4 * scenario.manoeuvres, sensors=sensors)
+    scenario = load_scenario("figure_eight").with_imu_rate(50.0)
+    longer = scenario.replace(manoeuvres=4 * scenario.manoeuvres)
     flown = _bare(simulate(longer, np.random.default_rng(1))[0])
-    levels = prepared(flown.replace(streams={n: flown.streams[n] for n in ("imu", "gps")}, truth=None)).levels
-    values = [levels.value(size) if size.linear else np.log(levels.value(size)) for size in levels.found]
-    return Answer((), np.array(values), np.array(levels.sigmas))
+    return _found(prepared(flown.replace(streams={n: flown.streams[n] for n in ("imu", "gps")}, truth=None)).levels)
 
 
 def _weak() -> Answer:
@@ -614,9 +616,7 @@ def _kinds() -> Answer:
 
 def _magnet() -> Answer:
     """What is found of a figure of eight with a compass of 50 Hz, in the logarithm."""
-    levels = prepared(_of_20_s(_bare(_recording("figure_eight")), "mag", "gps")).levels
-    values = [levels.value(size) if size.linear else np.log(levels.value(size)) for size in levels.found]
-    return Answer((), np.array(values), np.array(levels.sigmas))
+    return _found(prepared(_of_20_s(_bare(_recording("figure_eight")), "mag", "gps")).levels)
 
 
 def _shaky() -> Answer:

@@ -34,6 +34,7 @@ from sinan.sensors.rotation import matrix_from_quaternion, quaternion_from_rpy
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import window
 from tests.experiments.test_own_logs import FIELD, dataflash, flight, ulog
+from tests.flights import scenario_at
 
 SINGLE = 3e-7  # a file has 32 bits a number
 G = 9.80665
@@ -516,9 +517,7 @@ WRITERS: dict[str, Callable[..., Path]] = {"px4": ulog, "ardupilot": dataflash}
 
 def flown() -> Recording:
     """Half a minute of shaking and turning that tells the two effects apart, with an IMU of 50 Hz and no barometer."""
-    scenario = load_scenario("aerobatics")
-    sensors = {n: replace(s, rate=50.0) if n in ("accel", "gyro") else s for n, s in scenario.sensors.items()}
-    recording, _ = simulate(replace(scenario, sensors=sensors), np.random.default_rng(4), EFFECTS)
+    recording, _ = simulate(scenario_at(50.0, "aerobatics"), np.random.default_rng(4), EFFECTS)
     part = window(recording, (60.0, 90.0))
     return part.replace(streams={name: part.streams[name] for name in ("imu", "gps", "mag", "power")})
 

@@ -28,10 +28,9 @@ LEVEL = 1e-3  # false alarm of each test, with fixed seeds
 
 def short(name: str = "aerobatics", seconds: float = 24.0) -> Scenario:
     """A shaken flight at 100 Hz, with its sensors' noise."""
-    scenario = load_scenario(name)
-    sensors = {n: replace(s, rate=100.0) if n in ("accel", "gyro") else s for n, s in scenario.sensors.items()}
+    scenario = load_scenario(name).with_imu_rate(100.0)
     manoeuvre = Manoeuvre("shake", seconds, {"north": 3.0, "east": 2.5, "up": 1.5, "yaw": 60.0})
-    return scenario.replace(name="short", sensors=sensors, manoeuvres=(manoeuvre,))
+    return scenario.replace(name="short", manoeuvres=(manoeuvre,))
 
 
 @pytest.fixture(scope="module")
