@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")  # workers share the cores
+    os.environ.setdefault(_variable, "1")  # two workers share two cores
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # begun in the background, a shell has taken Ctrl-C away from the tests and from all that they start
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -33,7 +33,7 @@ from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
-from sinan.sensors.recording import Initial, Recording, Stream
+from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import cos_tilt, quaternion_interpolate
 from sinan.sensors.simulate import simulate
 from sinan.sensors.window import between
@@ -102,15 +102,15 @@ def test_a_start_in_flight_is_no_error_of_the_accelerometer(tmp_path: Path) -> N
     assert not any(name.startswith("accel.") for name in names)
 
 
-def test_a_log_that_declares_nothing_of_its_compass_and_has_no_place() -> None:
+def test_a_log_that_declares_nothing_and_has_no_place() -> None:
     """Its compass alone has the dip 4 deg off and no declination, which counted as a walk that hid the effect."""
     recording = between(flown("figure_eight", 27, "mag.current=0.003,0,0.001")[0], 0.0, 40.0)
     field_n = recording.environment.magnetic_field
     assert field_n is not None
-    others = {name: recording.spec(name) for name in ("accel", "gyro", "gps")}
+    angles = {name: SensorSpec(angles=spec.angles) for name, spec in recording.sensors.items()}
     kept = {name: recording.streams[name] for name in ("imu", "mag", "gps", "power")}
     environment = replace(recording.environment, magnetic_field=None)
-    bare = recording.replace(streams=kept, sensors=others, environment=environment, origin=None, initial=Initial())
+    bare = recording.replace(streams=kept, sensors=angles, environment=environment, origin=None, initial=Initial())
     source = flight_source(bare)
     found = source.motion(source.fit([Term("mag.current")])).m_n[-1]
     off = np.degrees(np.arccos(np.clip(_unit(found) @ _unit(field_n), -1.0, 1.0)))

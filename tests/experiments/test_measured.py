@@ -90,6 +90,7 @@ def test_a_lateness_that_is_declared_is_taken_off_once() -> None:
     found, declared = prepared(bare), prepared(told)
     assert found.model.latency["gps"] == pytest.approx(0.25, abs=0.03)
     assert "gps" not in declared.model.latency
+    assert declared.levels.lead == pytest.approx(0.0, abs=0.03)  # 0.25 of positions if 0.5 s were declared, or none
     sizes = [np.sqrt(np.mean(one.run().stream("gps").nu[20:, :3] ** 2)) for one in (found, declared)]
     on_time = run_filter(replace(found.levels, latency={}).flight(found.recording), engine="numba")
     late = np.sqrt(np.mean(on_time.stream("gps").nu[20:, :3] ** 2))

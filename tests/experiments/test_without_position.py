@@ -34,8 +34,7 @@ def test_what_it_does_not_imitate_is() -> None:
 def test_a_magnet_on_the_instrument_is_found_where_no_field_is_declared() -> None:
     shown = [parse_effect("mag.transient=0.5,-0.3,0.8@20:40")]
     recording, _ = simulate(scenario_at(100.0, "no_aiding"), np.random.default_rng(13), shown)
-    imu = {name: recording.spec(name) for name in ("accel", "gyro")}  # sizes of the compass alone are sought
-    undeclared = recording.replace(environment=replace(recording.environment, magnetic_field=None), sensors=imu)
+    undeclared = recording.replace(environment=replace(recording.environment, magnetic_field=None), sensors={})
     selection = select(flight_source(undeclared))
     assert selection.names[0] == "mag.transient"
     interval = selection.findings[0].term.interval
