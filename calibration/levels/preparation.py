@@ -111,7 +111,7 @@ def prepared(recording: Recording, late: bool = True) -> Prepared:
     levels = with_upsets(headed, fitted(headed, believed))
     if levels.in_excerpts:
         told = f"{EXCERPTS} excerpts of {SECONDS:g} s"
-        notes.append(f"noise and lateness: sought in {told}, spread over the log, then once from there in the whole")
+        notes.append(f"noise and lateness: sought in {told}, spread over the log, then from there in the whole")
     if levels.specs["accel"].imu_samples != recording.spec("accel").imu_samples:
         notes.append("imu: samples are means over the time before their stamp, by the likelihood and what is usual")
     kept = frozenset(levels.latency) if late else not_told_late(headed, levels)
