@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sinan.calibration.levels.fit import LATE_FIX, Levels, Size
+from sinan.calibration.levels.levels import Levels
+from sinan.calibration.levels.sizes import LATE_FIX, Size
 from sinan.estimator.filter.assumption import Assumption
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.geomagnetism import declination, direction_at, field_along, inclination

@@ -16,19 +16,10 @@ import numpy as np
 
 from sinan.calibration.levels.declared_effects import Readings
 from sinan.calibration.levels.excerpts import excerpts_of
-from sinan.calibration.levels.fit import (
-    AS_IT_COMES,
-    CALIBRATED,
-    LITTLE,
-    Iron,
-    Levels,
-    first_levels,
-    has_its_own_north,
-    likeliest,
-    problem_of,
-    sizes_of,
-)
+from sinan.calibration.levels.fit import likeliest, problem_of
 from sinan.calibration.levels.iron import iron_of_turns
+from sinan.calibration.levels.levels import Levels, first_levels, has_its_own_north
+from sinan.calibration.levels.sizes import AS_IT_COMES, CALIBRATED, LITTLE, Iron, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.sensors.arrays import FloatArray

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sinan.calibration.levels.fit import TAIL
+from sinan.calibration.levels.levels import TAIL
 from sinan.estimator.filter.alignment import WINDOW
 from sinan.estimator.filter.imu import GAP
 from sinan.sensors.arrays import BoolArray, FloatArray

@@ -10,10 +10,12 @@ import numpy as np
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.excerpts import EXCERPTS, SECONDS
 from sinan.calibration.levels.fields import beforehand, fitted, not_told_late
-from sinan.calibration.levels.fit import OF_NO_SENSOR, Levels, first_levels, sizes_of, with_slow_gps
+from sinan.calibration.levels.fit import with_slow_gps
 from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.instants import at_regular_instants
+from sinan.calibration.levels.levels import Levels, first_levels
 from sinan.calibration.levels.noise_start import aiding_sensors, readings_of, within_imu
+from sinan.calibration.levels.sizes import OF_NO_SENSOR, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.flight import Flight, OfFlight
 from sinan.estimator.filter.flight_model import flight_model

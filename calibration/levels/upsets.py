@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from sinan.calibration.levels.declared_effects import Readings
-from sinan.calibration.levels.fit import Levels
+from sinan.calibration.levels.levels import Levels
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.flight_model import Upset

@@ -14,18 +14,12 @@ from sinan.calibration.cameras import hand_eye
 from sinan.calibration.cameras.camera import CameraFit, Pose, fit, form, that_do_not_fit
 from sinan.calibration.cameras.views import View, read_corners
 from sinan.calibration.levels.fields import beforehand, fitted
-from sinan.calibration.levels.fit import (
-    CALIBRATED,
-    Levels,
-    first_levels,
-    fit_levels,
-    sizes_of,
-    widest_bounds_needed,
-    with_slow_gps,
-)
+from sinan.calibration.levels.fit import fit_levels, widest_bounds_needed, with_slow_gps
 from sinan.calibration.levels.heading import with_heading
+from sinan.calibration.levels.levels import Levels, first_levels
 from sinan.calibration.levels.preparation import prepared
 from sinan.calibration.levels.rest import noise_at_rest
+from sinan.calibration.levels.sizes import CALIBRATED, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.calibration.poses.evidence.bias_walk import estimated_walk
 from sinan.estimator.evidence.intervals.outliers import wrong_among

@@ -7,8 +7,9 @@ import pytest
 
 from sinan.calibration.levels import excerpts
 from sinan.calibration.levels.excerpts import EXCERPTS, LONG, SECONDS, excerpts_of
-from sinan.calibration.levels.fit import Problem, problem_of
+from sinan.calibration.levels.fit import problem_of
 from sinan.calibration.levels.preparation import prepared
+from sinan.calibration.levels.problem import Problem
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.recording import GYRO, Recording, Stream
 from sinan.sensors.window import between

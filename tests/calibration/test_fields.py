@@ -7,9 +7,9 @@ import pytest
 
 from sinan.calibration.levels import iron
 from sinan.calibration.levels.fields import DECLINATION_STD, beforehand, fitted
-from sinan.calibration.levels.fit import AS_IT_COMES, CALIBRATED
 from sinan.calibration.levels.iron import iron_of_turns
 from sinan.calibration.levels.preparation import prepared
+from sinan.calibration.levels.sizes import AS_IT_COMES, CALIBRATED
 from sinan.estimator.filter.layout import Q_NB
 from sinan.sensors.geomagnetism import direction_at, field_along, inclination
 from sinan.sensors.recording import ACCEL, GYRO, MAG, Environment, Recording, SensorSpec, Stream

@@ -9,11 +9,13 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
-from sinan.calibration.levels import fit
 from sinan.calibration.levels.assumptions import FOUND, assumptions_of
-from sinan.calibration.levels.fit import TAIL, Levels, Problem, Size, first_levels, fit_levels, sizes_of
+from sinan.calibration.levels.fit import fit_levels
+from sinan.calibration.levels.levels import TAIL, Levels, first_levels
 from sinan.calibration.levels.noise_start import datum
 from sinan.calibration.levels.preparation import level_notes, prepared
+from sinan.calibration.levels.problem import Problem
+from sinan.calibration.levels.sizes import Size, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DP, P_N
@@ -103,7 +105,7 @@ def test_the_gradient_is_that_of_the_posterior(
     recording: Recording = request.getfixturevalue(log)
     sizes = sizes_of(recording)
     problem = Problem(recording, sizes, first_levels(recording, sizes, recording.environment.magnetic_field, None))
-    monkeypatch.setattr(fit, "MOST", 4)
+    monkeypatch.setattr("sinan.calibration.levels.problem.MOST", 4)
     theta = problem.maximise(np.zeros(len(sizes)))[0] + 0.2 * np.random.default_rng(3).normal(size=len(sizes))
     _, gradient = problem.value_and_gradient(theta)
     for i, size in enumerate(sizes):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.fit import sizes_of
 from sinan.calibration.levels.heading import with_heading
 from sinan.calibration.levels.noise_start import reading_noise, within_imu
 from sinan.calibration.levels.preparation import not_of_the_earth, prepared
+from sinan.calibration.levels.sizes import sizes_of
 from sinan.estimator.filter.events import height_of
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sinan.calibration.levels import upsets
-from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
+from sinan.calibration.levels.levels import Levels, first_levels
+from sinan.calibration.levels.sizes import sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.events import WITHHELD

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinan.calibration.levels.fit import Levels, first_levels, sizes_of
+from sinan.calibration.levels.levels import Levels, first_levels
+from sinan.calibration.levels.sizes import sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare

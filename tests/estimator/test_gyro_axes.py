@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.fit import TURNING, first_levels, sizes_of
+from sinan.calibration.levels.levels import first_levels
+from sinan.calibration.levels.sizes import TURNING, sizes_of
 from sinan.estimator.evidence.level_scores import level_scores
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.effect_forms import Terms, reference_motion

@@ -10,8 +10,10 @@ import pytest
 
 from sinan.calibration.levels.assumptions import assumptions_of
 from sinan.calibration.levels.declared_effects import Readings
-from sinan.calibration.levels.fit import LATE_POSITION, Levels, fit_levels, sizes_of
+from sinan.calibration.levels.fit import fit_levels
+from sinan.calibration.levels.levels import Levels
 from sinan.calibration.levels.preparation import level_notes
+from sinan.calibration.levels.sizes import LATE_POSITION, sizes_of
 from sinan.estimator.evidence.sensitivity import sensor_regressors
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.effect_forms import Along, Terms

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sinan.calibration.levels.fit import first_levels, sizes_of
+from sinan.calibration.levels.levels import first_levels
+from sinan.calibration.levels.sizes import sizes_of
 from sinan.estimator.evidence.observability import is_nuisance
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.alignment import first_state

@@ -11,7 +11,7 @@ import pytest
 
 import sinan
 from sinan.calibration.levels import zero_rate
-from sinan.calibration.levels.fit import has_its_own_north
+from sinan.calibration.levels.levels import has_its_own_north
 from sinan.calibration.levels.zero_rate import TURNS, zero_rate_of
 from sinan.estimator.evidence.flights.passes import FlightPasses
 from sinan.estimator.evidence.level_scores import level_scores

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinan.calibration.levels.fit import sizes_of
 from sinan.calibration.levels.preparation import Prepared, is_declared, prepared, with_readings_alone
+from sinan.calibration.levels.sizes import sizes_of
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.flights import LOGS
 from sinan.sensors.arrays import FloatArray

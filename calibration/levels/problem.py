@@ -1,0 +1,261 @@
+"""The likeliest sizes: log-likelihood of the filter's innovations and the priors together, with the exact gradient of
+`estimator.evidence.level_scores`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sinan.calibration.levels.declared_effects import Readings
+from sinan.calibration.levels.heading import beside_iron, with_heading
+from sinan.calibration.levels.levels import Levels, first_levels
+from sinan.calibration.levels.sizes import Size
+from sinan.calibration.levels.slopes import slopes, sums_from
+from sinan.estimator.evidence.level_scores import LevelScores, level_scores
+from sinan.estimator.filter.engine import run
+from sinan.estimator.filter.inputs import RunInputs
+from sinan.estimator.filter.tails import log_density
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
+from sinan.sensors.recording import Recording
+
+#: Iterations of the search at most, what one gains at least of log L, and a round of it: bound of work
+#: (`bounds_of_work sizes`). Half of the first moves a size by 0.3 sigma, half of the second by 0.12.
+MOST, GAINED, SETTLED = 20, 0.05, 1.0
+#: First step of the search for a lateness, in its spread, and how often one step of the IMU is halved at most, where
+#: what a log tells is finer: bound of work (`bounds_of_work sizes`).
+FIRST_MOVE, HALVED = 0.5, 6
+#: Rounds of times and sizes: bound of work (`bounds_of_work sizes`).
+ROUNDS = 6
+#: The same in the whole of a long log, from where its excerpts left them: bound of work (`bounds_of_work long`).
+SETTLING = 2
+#: Parts of a log whose gradients show how well it tells the sizes, three for each of up to twenty: bound of work
+#: (`bounds_of_work sizes`). Half and twice move a size by 0.06 and 0.11 of its sigma.
+PARTS = 64
+
+
+class Problem:
+    """Log-posterior over theta: (log value - log median) / spread of each size."""
+
+    def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
+        self.recording, self.sizes, self.first = recording, tuple(sizes), first
+        self._step = float(np.median(np.diff(recording.streams["imu"].t)))
+        self._readings = Readings.of(first.flight(recording))
+
+    def heard_in(self, excerpts: Sequence[Recording]) -> Problem:
+        """The same sizes, sought in excerpts of the recording; in the whole, where there is one, or no state follows
+        from the readings of one.
+        """
+        try:
+            return self if len(excerpts) == 1 else _InExcerpts(self, excerpts)
+        except InputError:
+            return self
+
+    def levels(self, theta: FloatArray) -> Levels:
+        """Sizes at theta."""
+        levels = self.first
+        for size, x in zip(self.sizes, theta, strict=True):
+            levels = levels.with_size(size, size.at(float(x)))
+        return levels
+
+    def inputs(self, levels: Levels) -> RunInputs:
+        """What the filter runs on."""
+        return self._readings.inputs(levels.flight(self.recording))
+
+    def value(self, theta: FloatArray) -> float:
+        """Log-posterior by a forward pass alone; of what cannot be, minus infinity."""
+        try:
+            journal = run(self.inputs(self.levels(theta)), "numba", 0)
+        except InputError:
+            return -np.inf
+        return journal.log_likelihood - 0.5 * float(theta @ theta)
+
+    def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Log-posterior and its gradient, of which times have no part."""
+        value, each = self._of_parts(theta, times=False)
+        return value, np.sum(each, axis=0) - theta
+
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
+        """Log-posterior, and (parts, sizes) the gradients of log L of so many parts, 0: as few as there are."""
+        levels = self.levels(theta)
+        inputs = self.inputs(levels)
+        scores = level_scores(inputs, max(2, len(inputs.imu) // parts) if parts else None)
+        here = densities(inputs, scores)
+        value = float(np.sum(here)) - 0.5 * float(theta @ theta)
+        return value, self._slopes(theta, levels, inputs, scores, here, times)
+
+    def _slopes(
+        self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores, here: FloatArray, times: bool
+    ) -> FloatArray:
+        """(parts, sizes) gradient of the log-likelihood of each part; by a time over one step of the IMU to each side,
+        or left out.
+        """
+        found = np.zeros((len(scores.first_reading), len(self.sizes)))
+        for i, size in enumerate(self.sizes):
+            if size.linear:
+                if times:
+                    step = self._step / size.spread
+                    later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
+                    found[:, i] = (later - sooner) / (2.0 * step)
+            else:
+                found[:, i] = size.spread * slopes(inputs, scores, levels, size)
+        return found
+
+    def _gained(
+        self, theta: FloatArray, i: int, step: float, inputs: RunInputs, here: FloatArray, scores: LevelScores
+    ) -> FloatArray:
+        """(parts,) what log L of each part gains by a step of one theta; readings of two streams may change places."""
+        moved, gained = theta.copy(), np.zeros(len(here))
+        moved[i] += step
+        other = run(self.inputs(self.levels(moved)), "numba", 0)
+        mine, its = (np.lexsort((one.index, one.sensor)) for one in (inputs.events, other))
+        both = other.accepted[its] & (here[mine] != 0.0)  # not what is before the start in one of them
+        gained[mine] = np.where(both, other.log_density[its] - here[mine], 0.0)
+        return sums_from(gained, scores.first_reading)
+
+    def timed(self, theta: FloatArray, *, far: bool) -> FloatArray:
+        """Theta with the likeliest lateness of each stream.
+
+        Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
+        for a period: a comb, in which a slope leads to the next tooth. So steps are compared, whole ones from long to
+        short where it may be far off; else one, then halves of it, until a step is no longer than a sigma.
+        """
+        for i, size in enumerate(self.sizes):
+            if size.linear:
+                theta = self._timed(theta, i, size, far)
+        return theta
+
+    def _timed(self, theta: FloatArray, i: int, size: Size, far: bool) -> FloatArray:
+        """Theta with the likeliest lateness of one stream."""
+        seen: dict[float, float] = {}
+
+        def at(x: float) -> FloatArray:
+            moved = theta.copy()
+            moved[i] = x
+            return moved
+
+        def value(x: float) -> float:
+            if x not in seen:
+                seen[x] = self.value(at(x)) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
+            return seen[x]
+
+        unit, best = self._step / size.spread, float(theta[i])
+        whole = max(1, round(FIRST_MOVE * size.spread / self._step))
+        moves = [whole >> k for k in range(whole.bit_length())] if far else [0.5**k for k in range(HALVED + 1)]
+        for move in moves:
+            step = move * unit
+            while (near := max(best + step, best - step, key=value)) != best and value(near) > value(best):
+                best = near
+            if not far and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
+                break  # minus the second difference is (step / sigma)^2
+        return at(best)
+
+    def sigmas(self, theta: FloatArray) -> FloatArray:
+        """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""
+        return np.sqrt(np.diag(np.linalg.inv(self._information(theta)[1])))
+
+    def _information(self, theta: FloatArray, times: bool = True) -> tuple[float, FloatArray]:
+        """Log-posterior, and (sizes, sizes) the information of log and prior.
+
+        That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
+        1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
+        """
+        value, each = self._of_parts(theta, PARTS, times)
+        each -= np.mean(each, axis=0)
+        return value, each.T @ each + np.eye(len(theta))
+
+    def maximise(self, theta: FloatArray) -> tuple[FloatArray, float]:
+        """Times as they are, all else by quasi-Newton, in units of what the log tells; the best point that was seen."""
+        from scipy.optimize import minimize
+
+        best: list[object] = [-np.inf, theta]
+        free = np.array([not size.linear for size in self.sizes])
+        first, information = self._information(theta, times=False)
+        unit = np.diag(information)[free] ** -0.5
+
+        def negative(x: FloatArray) -> tuple[float, FloatArray]:
+            whole = theta.copy()
+            whole[free] = unit * x
+            try:
+                value, gradient = self.value_and_gradient(whole)
+            except InputError:
+                return 1e12, np.zeros(len(x))
+            if value > best[0]:  # type: ignore[operator]
+                best[:] = [value, whole]
+            return -value, -unit * gradient[free]
+
+        bounds = np.array([size.bounds for size in self.sizes])[free] / unit[:, None]
+        options = {"maxiter": MOST, "maxfun": 2 * MOST, "ftol": GAINED / max(1.0, abs(first))}
+        minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        return best[1], float(best[0])  # type: ignore[return-value, arg-type]
+
+    def settled(self, levels: Levels) -> Levels:
+        """The likeliest levels near some that were found in excerpts, by few turns of times and all else."""
+        if not self.sizes:
+            return levels
+        found = self.found(*self.likeliest(self.theta(levels), turns=SETTLING, far=False))
+        return replace(found, in_excerpts=True)
+
+    def theta(self, levels: Levels) -> FloatArray:
+        """Where the sizes of some levels are, within the bounds."""
+        return np.array([size.theta(levels.value(size)) for size in self.sizes])
+
+    def found(self, theta: FloatArray, value: float) -> Levels:
+        """The levels at the likeliest theta."""
+        sigmas = (float(s) * size.spread for s, size in zip(self.sigmas(theta), self.sizes, strict=True))
+        return replace(self.levels(theta), found=self.sizes, sigmas=tuple(sigmas), log_posterior=value)
+
+    def likeliest(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> tuple[FloatArray, float]:
+        """Times and all else in turns, until one turn of both gains nothing; times at first may be far off."""
+        value = -np.inf
+        for turn in range(ROUNDS if turns is None else turns):
+            before = value
+            theta, value = self.maximise(self.timed(theta, far=far and turn == 0))
+            if turn and value < before + SETTLED:
+                break
+        return theta, value
+
+
+class _InExcerpts(Problem):
+    """The sizes of a recording by excerpts of it, each with a first state of its own.
+
+    The prior of a size counts once. Neglects that their biases are one: each counts as often as there are excerpts.
+    """
+
+    def __init__(self, whole: Problem, excerpts: Sequence[Recording]) -> None:
+        self.recording, self.sizes, self.first, self._step = whole.recording, whole.sizes, whole.first, whole._step
+        self._each = [self._begun(one) for one in excerpts]
+
+    def _begun(self, excerpt: Recording) -> Problem:
+        """The problem of one excerpt alone, with a first heading of its own."""
+        first = self.first
+        samples = first.specs["accel"].imu_samples
+        own = replace(first_levels(excerpt, self.sizes, first.m_n, first.field, samples), iron=first.iron)
+        return Problem(beside_iron(own.flight(with_heading(excerpt, own.specs))), self.sizes, own)
+
+    def value(self, theta: FloatArray) -> float:
+        return sum(one.value(theta) for one in self._each) + self._counted_again(theta)
+
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
+        found = [one._of_parts(theta, parts // len(self._each), times) for one in self._each]
+        value = sum(of_one for of_one, _ in found) + self._counted_again(theta)
+        return value, np.concatenate([each for _, each in found])
+
+    def _counted_again(self, theta: FloatArray) -> float:
+        """What takes the prior back that every excerpt has counted, but once."""
+        return 0.5 * (len(self._each) - 1) * float(theta @ theta)
+
+
+def densities(inputs: RunInputs, scores: LevelScores) -> FloatArray:
+    """(K,) log density of each innovation by the law that the model gives it; 0 where the reading was not used."""
+    events = inputs.events
+    used = scores.loglik != 0.0
+    m = events.freedom[used]
+    found = np.zeros(len(events))
+    found[used] = log_density(
+        inputs.model, events.sensors, events.sensor[used], m, scores.loglik[used], scores.nis[used]
+    )
+    return found
