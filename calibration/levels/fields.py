@@ -171,7 +171,7 @@ def compasses_beforehand(recording: Recording) -> Sequence[Believed]:
 
 def fitted(recording: Recording, believed: Believed) -> Levels:
     """The likeliest sizes, for the likelier kind of IMU samples where the recording declares none; of a long log sought
-    in excerpts, and from there once in the whole.
+    in excerpts, and from there in the whole.
 
     Means over a step make other streams later by half of it. So it counts for a kind that streams are then those of
     one clock, none late at all: by the Savage-Dickey ratio of posterior to prior at zero.

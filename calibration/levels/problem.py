@@ -171,26 +171,27 @@ class Problem:
         """Times as they are, all else by quasi-Newton, in units of what the log tells; the best point that was seen."""
         from scipy.optimize import minimize
 
-        best: list[object] = [-np.inf, theta]
+        best, highest = theta, -np.inf
         free = np.array([not size.linear for size in self.sizes])
         first, information = self._information(theta, times=False)
         unit = np.diag(information)[free] ** -0.5
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
+            nonlocal best, highest
             whole = theta.copy()
             whole[free] = unit * x
             try:
                 value, gradient = self.value_and_gradient(whole)
             except InputError:
                 return 1e12, np.zeros(len(x))
-            if value > best[0]:  # type: ignore[operator]
-                best[:] = [value, whole]
+            if value > highest:
+                best, highest = whole, value
             return -value, -unit * gradient[free]
 
         bounds = np.array([size.bounds for size in self.sizes])[free] / unit[:, None]
         options = {"maxiter": MOST, "maxfun": 2 * MOST, "ftol": GAINED / max(1.0, abs(first))}
         minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-        return best[1], float(best[0])  # type: ignore[return-value, arg-type]
+        return best, highest
 
     def settled(self, levels: Levels) -> Levels:
         """The likeliest levels near some that were found in excerpts, by few turns of times and all else."""
