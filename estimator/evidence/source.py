@@ -245,12 +245,13 @@ class Source(Protocol):
     def field(self) -> FieldUnit:
         """The unit of a magnetometer's readings."""
 
-    @property
-    def prior_sigma(self) -> float:
-        """1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not."""
-
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Fit the model with these effects, from `start`, in their exact form."""
+
+    def alone(self, fit: Fit, term: Term) -> FloatArray:
+        """(size,) what the readings alone have for a term of the fit, the others as they are, where a prior has held it
+        to zero.
+        """
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""

@@ -31,6 +31,7 @@ from sinan.experiments.residual_loop.trials import (
     Trial,
     best_of,
     best_pair,
+    cannot_be,
     fit_without,
     refitted,
 )
@@ -204,7 +205,7 @@ class _Path:
     def _offer(self) -> Offered:
         """What may be added to the present fit, once it has no effect in it that cannot be as it is now."""
         for term in [f.term for f in self.findings if f.term.in_mean]:
-            if not term.effect.exists(self._fit.beta[term]):
+            if cannot_be(self._source, self._fit, term):
                 self._drop(term, IMPOSSIBLE)
         return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
 

@@ -19,7 +19,6 @@ from sinan.estimator.evidence.score import (
     log_p_value,
     predicted_lambda,
     statistic_of,
-    without_prior,
 )
 from sinan.estimator.evidence.source import IMPLAUSIBLE, LEAST_SPARE, LINEAR, Fit, Source
 from sinan.estimator.evidence.term import Term
@@ -271,19 +270,14 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
         )  # fmt: skip
     evidence = source.evidence(refit, own_terms_only=True)
     beta, std = refit.beta[term], refit.std[term]
-    if not term.effect.exists(beta):
-        return None
-    plausible = evidence.plausible[evidence.columns(term.key)]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None
+    if cannot_be(source, refit, term):
+        return None
     is_local = term.interval is not None
-    bounded = not is_local or term.effect.stream in DRIVERS
     others = refit.keys_given(term)
     information = predicted_lambda(evidence, term.key, beta, others)
     linear = information > LINEAR * gain  # else the derivative says nothing of it, and its whole gain alone counts
-    likeliest = without_prior(evidence, term.key, beta, source.prior_sigma * plausible, others) if linear else beta
-    if bounded and np.any(np.abs(likeliest) - 2.0 * std > IMPLAUSIBLE * plausible):
-        return None
     scatter = 1.0 if is_local or not linear else statistic_of(evidence, term.key, others).scatter
     if evidence.noise_known:  # and perhaps too small
         scatter = max(scatter, noise_left(source, refit, term.effect.stream, slow=False))
@@ -296,6 +290,19 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     if is_local and log_odds < 0.0:
         log_p = 0.0
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, (), search=option.search_raw)
+
+
+def cannot_be(source: Source, fit: Fit, term: Term) -> bool:
+    """Whether a term of a fit is negative where nothing is, or, of one that lasts or is on the IMU, far outside its
+    plausible size by what the readings alone have for it.
+    """
+    if not term.effect.exists(fit.beta[term]):
+        return True
+    if term.interval is not None and term.effect.stream not in DRIVERS:
+        return False
+    evidence = source.evidence(fit, own_terms_only=True)
+    most = IMPLAUSIBLE * evidence.plausible[evidence.columns(term.key)] + 2.0 * fit.std[term]
+    return bool(np.any(np.abs(source.alone(fit, term)) > most))
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:

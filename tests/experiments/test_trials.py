@@ -21,7 +21,7 @@ from sinan.sensors.effects import effect
 class Line:
     """White noise and one candidate; size and sigma in plausible sizes, held to zero as in a flight."""
 
-    noise_known, prior_sigma = True, IMPLAUSIBLE
+    noise_known = True
     alike: Sequence[frozenset[str]] = ()
 
     def __init__(self, size: float, sigma: float, name: str = "baro.scale", n: int = 400) -> None:
@@ -41,6 +41,11 @@ class Line:
         left = self.white - self.W @ beta
         std = 1.0 / np.sqrt(np.diag(information))
         return Fit(tuple(terms), dict.fromkeys(terms, beta), dict.fromkeys(terms, std), float(left @ left), part, left)
+
+    def alone(self, fit: Fit, term: Term) -> FloatArray:
+        """Without the prior."""
+        information = self.W.T @ self.W
+        return np.asarray(np.linalg.solve(information, self.W.T @ self.white))
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """In ten blocks."""

@@ -120,11 +120,6 @@ class LeastSquaresSource:
         """None."""
         return ()
 
-    @property
-    def prior_sigma(self) -> float:
-        """Least squares hold nothing."""
-        return np.inf
-
     # ---- fitting
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
@@ -153,6 +148,10 @@ class LeastSquaresSource:
             if not term.in_mean:
                 beta[term] = np.array([float(np.mean(wrong[self._measured]))])
         return Fit(tuple(terms), beta, std, deviance, part, _State(x, used, wrong))
+
+    def alone(self, fit: Fit, term: Term) -> FloatArray:
+        """The fit's own: least squares hold nothing."""
+        return fit.beta[term]
 
     def _standard_deviations(
         self, beta: Mapping[Term, FloatArray], covariance: FloatArray, m: int, wrong: BoolArray

@@ -310,6 +310,15 @@ class FlightPasses:
         used = (journal.status == ACCEPTED) & self.in_part(journal.t, part)
         return float(-2.0 * np.sum(journal.log_density[used]))
 
+    def deviance_at(self, fit: Fitted, vector: FloatArray, part: Part) -> float:
+        """-2 log likelihood of a part with the effects of a fit at another beta, along the same motion; infinite where no
+        state or covariance follows.
+        """
+        try:
+            return self.deviance(self.run([], self.along(fit.own.at(vector), fit.motion))[0], part)
+        except InputError:
+            return np.inf
+
     def _settled(self, motion: Motion) -> Motion:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""
         best, settled = np.inf, motion

@@ -30,7 +30,7 @@ from sinan.estimator.evidence.intervals.wrong_readings import (
     wrong_rows,
 )
 from sinan.estimator.evidence.probes import probes_for
-from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
+from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block, without_prior
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.source import (
     IMPLAUSIBLE,
@@ -149,16 +149,11 @@ class FlightSource(OfFlight):
     def _local_streams(self) -> tuple[str, ...]:
         return tuple(name for name in candidate_streams(self.model) if name in STREAMS)
 
-    @property
-    def prior_sigma(self) -> float:
-        """What no reading sees stays zero."""
-        return self._passes.prior_sigma
-
     # ---- fitting
 
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Gauss-Newton over beta with whole filter passes in the effects' exact form; each parameter is held to zero
-        with a sigma of `prior_sigma` plausible sizes, which is in neither `std` nor `deviance`.
+        with a sigma of so many plausible sizes as `FlightPasses` is given, which is in neither `std` nor `deviance`.
 
         What was asked before of the same readings, or is asked from its own estimate on, is not found again, nor taken
         further where it had not settled.
@@ -178,6 +173,19 @@ class FlightSource(OfFlight):
             if not term.in_mean:
                 values[term], stds[term] = self._outlier_share(term)
         return Fit(tuple(terms), values, stds, best.deviance, part, best)
+
+    def alone(self, fit: Fit, term: Term) -> FloatArray:
+        """By the derivatives, and where these move it by more than its sigma, by a pass: the fit's own unless that is
+        likelier. A size that no derivative sees is that of the fit.
+        """
+        state, beta, evidence = _state(fit), fit.beta[term], self.evidence(fit, own_terms_only=True)
+        prior = self._passes.prior_sigma * evidence.plausible[evidence.columns(term.key)]
+        alone = without_prior(evidence, term.key, beta, prior, fit.keys_given(term))
+        if np.all(np.abs(alone - beta) < fit.std[term]):
+            return alone
+        vector = state.own.vector.copy()
+        vector[self._columns_of(fit, term)] = alone
+        return alone if self._passes.deviance_at(state, vector, fit.part) < fit.deviance else beta
 
     # ---- evidence
 
