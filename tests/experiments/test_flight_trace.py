@@ -247,6 +247,21 @@ def test_what_the_readings_know_does_not_feel_what_holds_it() -> None:
     assert np.all(np.abs(fit.beta[term] - [0.03, 0.0, 0.01]) < 4.0 * fit.std[term])
 
 
+def test_what_holds_an_estimate_is_taken_off_where_the_readings_bear_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Held to zero by a thousandth of a plausible size: without that it is the estimate of a fit that nothing holds,
+    unless a pass with it is no likelier, as where the size of a derivative is not that of the likelihood.
+    """
+    recording, _ = flown("figure_eight", 31, "mag.current=0.03,0,0.01")
+    source, held, term = FlightSource(Flight.of(recording)), FlightSource(Flight.of(recording)), Term("mag.current")
+    free = source.fit((term,))
+    held._passes.prior_sigma = 1e-3
+    fit = held.fit((term,))
+    assert np.linalg.norm(fit.beta[term]) < 0.9 * np.linalg.norm(free.beta[term])
+    assert np.all(np.abs(held.alone(fit, term) - free.beta[term]) < free.std[term])
+    monkeypatch.setattr(FlightPasses, "deviance_at", lambda *_: fit.deviance)
+    assert np.array_equal(held.alone(fit, term), fit.beta[term])
+
+
 def test_no_effect_is_a_statement() -> None:
     """A clean flight: the report says so, and from which size on each effect would have been seen."""
     recording, _ = flown("square", 24)

@@ -185,9 +185,14 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
     assert path.selection().names == (("baro.scale",) if stays else ())
 
 
-@pytest.mark.parametrize("name", ["baro.lag", "baro.scale"])
-def test_what_has_turned_negative_is_no_finding(name: str) -> None:
-    """However sure it is: of what is positive, when another effect has come into the model, or has left it."""
+@pytest.mark.parametrize(
+    ("name", "size", "sigma", "stays"),
+    [("baro.lag", -9.0, 1.0, False), ("baro.scale", -9.0, 1.0, True), ("baro.scale", 40.0, 8.0, False)],
+)
+def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float, sigma: float, stays: bool) -> None:
+    """However sure it is: negative where nothing is, or far too large by the readings alone (40 plausible sizes, held to
+    24), when another effect has come into the model, or has left it.
+    """
 
     class One(Line):
         candidates = (effect(name),)
@@ -196,14 +201,14 @@ def test_what_has_turned_negative_is_no_finding(name: str) -> None:
         def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
             return ()
 
-    source, term = cast(Source, One(-9.0, 1.0, name)), Term(name)
+    source, term = cast(Source, One(size, sigma, name)), Term(name)
     fit = source.fit((term,))
     path = _Path(source, fit, -9.0, intervals=False)
     path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
     path._offered = path._offer()
     found = path.selection()
-    assert found.names == (("baro.scale",) if name == "baro.scale" else ())
-    assert found.refused == ({} if found.names else {name: IMPOSSIBLE})
+    assert found.names == ((name,) if stays else ())
+    assert found.refused == ({} if stays else {name: IMPOSSIBLE})
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
