@@ -50,6 +50,7 @@ class Evidence:
         infinite where the noise is declared
     readings : n, where -2 log L is n log SSE since the noise is estimated; infinite where it is declared
     spare : readings less parameters of the fit; infinite where nobody counts them
+    prior_sigma : 1-sigma with which the fit holds each parameter to zero, in plausible sizes; infinite where it does not
     """
 
     names: tuple[str, ...]
@@ -60,6 +61,7 @@ class Evidence:
     noise_dof: float = np.inf
     readings: float = np.inf
     spare: float = np.inf
+    prior_sigma: float = np.inf
 
     @property
     def noise_known(self) -> bool:
@@ -300,6 +302,25 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
     )
 
 
+def log_p_of_held(evidence: Evidence, s: Statistic, given: Sequence[str] = ()) -> float:
+    """Logarithm of the p-value of what an effect explains that is held to zero as the fit holds its own,
+
+        b' (Lambda + P^-1)^-1 b,
+
+    of what only a size explains that does not occur hardly anything.
+
+    Parameters
+    ----------
+    s : the statistic of the effect, with the same `given`
+    """
+    if not np.isfinite(evidence.prior_sigma):
+        return s.log_p
+    information, score = project_out(evidence, s.name, given)
+    held = np.diag((evidence.prior_sigma * evidence.plausible[evidence.columns(s.name)]) ** -2.0)
+    total = score.sum(axis=0)
+    return log_p_value(float(total @ np.linalg.solve(information.sum(axis=0) + held, total)), s.dof, evidence.noise_dof)
+
+
 def project_out(evidence: Evidence, name: str, given: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """(blocks, size, size) and (blocks, size): information and score of a candidate with `given` projected out.
 
@@ -395,21 +416,20 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
     return 0.5 * gain - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
 
 
-def without_prior(
-    evidence: Evidence, name: str, beta: FloatArray, sigma: FloatArray, others: Sequence[str] = ()
-) -> FloatArray:
-    """(size,) the estimate that the readings alone have, of one that a prior of this sigma has held to zero.
+def without_prior(evidence: Evidence, name: str, beta: FloatArray, others: Sequence[str] = ()) -> FloatArray:
+    """(size,) the estimate that the readings alone have, of one that a fit has held to zero.
 
     Lambda (x - beta) = beta / sigma^2,   in the directions that are seen
 
     Parameters
     ----------
     evidence : about the fit with the effect
-    beta, sigma : (size,) its estimate, and 1-sigma of the prior; infinite where there was none
+    beta : (size,) its estimate
     others : names of the effects in the model besides, projected out
     """
     information, _ = project_out(evidence, name, others)
-    W = _whitener(information.sum(axis=0), evidence.plausible[evidence.columns(name)])
+    plausible = evidence.plausible[evidence.columns(name)]
+    sigma, W = evidence.prior_sigma * plausible, _whitener(information.sum(axis=0), plausible)
     return np.asarray(beta + W @ (W.T @ (beta / sigma**2)))
 
 

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinan.estimator.evidence.score import Statistic, gain_of_ratio, log_p_value, statistic_of
+from sinan.estimator.evidence.score import (
+    Evidence,
+    Statistic,
+    gain_of_ratio,
+    log_p_of_held,
+    log_p_value,
+    statistic_of,
+)
 from sinan.estimator.evidence.source import Fit, LocalFinding, Source
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
@@ -27,6 +34,8 @@ class Option:
     log_p : corrected for colour and search; `log_p_raw` without the scatter
     search, search_raw : what the search over intervals adds to the logarithm of the p-value, with and without colour
     beta : first-order estimate
+    log_p_held : `log_p_raw` of what is left of the evidence where the effect is held to the sizes that occur; intervals,
+        which may have any, are not
     """
 
     term: Term
@@ -37,6 +46,7 @@ class Option:
     search: float
     search_raw: float
     beta: FloatArray
+    log_p_held: float
 
 
 class Offered:
@@ -57,7 +67,7 @@ class Offered:
         others = [entry.name for entry in source.candidates if entry.name not in names]
         self.statistics = tuple(statistic_of(self.evidence, name, fit.keys) for name in others)
         same = alike_to(source, names)
-        self.options = [option_of(s) for s in self.statistics if s.name not in same]
+        self.options = [option_of(s, self.evidence, fit) for s in self.statistics if s.name not in same]
         self.local: Sequence[LocalFinding] = ()
         self.searched = False
         # blocks that agree on one beta: a local disturbance would not let them, so no interval has to be searched first
@@ -91,13 +101,15 @@ def _local_option(found: LocalFinding, noise_dof: float) -> Option:
     plain = log_p_value(gain_of_ratio(found.statistic, noise_dof), found.dof, noise_dof)
     raw = min(plain + found.searched, found.log_p)
     return Option(
-        found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta
-    )
+        found.term, found.statistic, found.dof, found.log_p, raw, found.log_p - plain, found.searched, found.beta,
+        raw,
+    )  # fmt: skip
 
 
-def option_of(s: Statistic) -> Option:
-    """A candidate, of its statistic."""
-    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta)
+def option_of(s: Statistic, evidence: Evidence, fit: Fit) -> Option:
+    """A candidate, of its statistic about a fit."""
+    held = log_p_of_held(evidence, s, fit.keys)
+    return Option(Term(s.name), s.statistic, s.dof, s.log_p_corrected, s.log_p, 0.0, 0.0, s.beta, held)
 
 
 def blind_spots(source: Source, fit: Fit, options: Sequence[Option], refused: Mapping[str, str]) -> list[Option]:

@@ -64,7 +64,7 @@ def merged(
         both_steps = first.term.name == second.term.name == f"{_stream(term)}.step"  # then two ends of the one are new
         search = sum(searches) if both_steps else max(searches)
         size = len(longer.beta)
-        tried = trial(source, without, Option(term, 0.0, size, 0.0, 0.0, search, search, fit.beta[longer.term]))
+        tried = trial(source, without, Option(term, 0.0, size, 0.0, 0.0, search, search, fit.beta[longer.term], 0.0))
         if tried is None or tried[1].log_p >= threshold:
             continue
         lost = tried[0].deviance - fit.deviance

@@ -106,8 +106,8 @@ def best_of(
 
     The scatter of the block scores decides what passes, the odds what is taken: two strong effects inflate each other's
     scatter, and an interval, which has none, must not go before them for that. Nor must an effect go before one that
-    the score prefers, whose blocks scatter until it is in the model. `refused` learns by key what did not
-    stand, and why.
+    the score prefers, whose blocks scatter until it is in the model. Those come first that sizes which occur explain
+    most with. `refused` learns by key what did not stand, and why.
     """
     unseen = blind_spots(source, fit, options, refused)
     seen = [o for o in options if o.term.key not in refused and o.term not in {other.term for other in unseen}]
@@ -116,11 +116,12 @@ def best_of(
         passing = [o for o in seen if o.log_p_raw < threshold and o.term.interval is None]
     if not passing and not unseen:
         return None
-    passing.sort(key=lambda o: o.log_p_raw)
+    passing.sort(key=lambda o: o.log_p_held)
     shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
     if passing:
-        ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_raw < passing[0].log_p_raw]
-        shortlist += sorted(ahead, key=lambda o: o.log_p_raw)[:_AHEAD]
+        first = passing[0].log_p_held
+        ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_held < first]
+        shortlist += sorted(ahead, key=lambda o: o.log_p_held)[:_AHEAD]
     shortlist += unseen
     same = alike_to(source, {o.term.name for o in shortlist})
     shortlist += [o for o in seen if o.term.name in same]
@@ -233,8 +234,9 @@ def best_pair(source: Source, fit: Fit, evidence: Evidence, threshold: float) ->
         both = source.fit((*fit.terms, *terms), {**fit.beta, terms[1]: other.beta}, fit.part)
         for term, rest in (terms, terms[::-1]):
             without = fit_without(source, both, term)
-            s = statistic_of(source.evidence(without), term.name, [*fit.keys, rest.key])
-            alone = trial(source, without, option_of(s))
+            about = source.evidence(without)
+            s = statistic_of(about, term.name, [*fit.keys, rest.key])
+            alone = trial(source, without, option_of(s, about, without))
             if alone is None or alone[1].log_p + searched > threshold:
                 return None
             found.append((without, alone[1]))

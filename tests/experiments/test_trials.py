@@ -66,7 +66,8 @@ def tried(size: float, sigma: float, name: str = "baro.scale") -> tuple[float | 
     """The estimate, in plausible sizes, where it is taken; and why it is not."""
     source = cast(Source, Line(size, sigma, name))
     fit, refused = source.fit(()), dict[str, str]()
-    options = [option_of(statistic_of(source.evidence(fit), name))]
+    evidence = source.evidence(fit)
+    options = [option_of(statistic_of(evidence, name), evidence, fit)]
     found = best_of(source, fit, options, np.log(1e-4), refused, most=3)
     return (None if found is None else float(found[1].beta[0]) / effect(name).parameters[0].plausible), refused
 

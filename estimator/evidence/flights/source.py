@@ -179,8 +179,7 @@ class FlightSource(OfFlight):
         likelier. A size that no derivative sees is that of the fit.
         """
         state, beta, evidence = _state(fit), fit.beta[term], self.evidence(fit, own_terms_only=True)
-        prior = self._passes.prior_sigma * evidence.plausible[evidence.columns(term.key)]
-        alone = without_prior(evidence, term.key, beta, prior, fit.keys_given(term))
+        alone = without_prior(evidence, term.key, beta, fit.keys_given(term))
         if np.all(np.abs(alone - beta) < fit.std[term]):
             return alone
         vector = state.own.vector.copy()
@@ -213,6 +212,7 @@ class FlightSource(OfFlight):
             information,
             score,
             np.concatenate(plausible) if plausible else np.zeros(0),
+            prior_sigma=self._passes.prior_sigma,
         )
 
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
