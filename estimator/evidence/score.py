@@ -50,7 +50,7 @@ class Evidence:
         infinite where the noise is declared
     readings : n, where -2 log L is n log SSE since the noise is estimated; infinite where it is declared
     spare : readings less parameters of the fit; infinite where nobody counts them
-    prior_sigma : 1-sigma with which the fit holds each parameter to zero, in plausible sizes; infinite where it does not
+    prior_sigma : 1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not
     """
 
     names: tuple[str, ...]

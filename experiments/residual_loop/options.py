@@ -34,7 +34,7 @@ class Option:
     log_p : corrected for colour and search; `log_p_raw` without the scatter
     search, search_raw : what the search over intervals adds to the logarithm of the p-value, with and without colour
     beta : first-order estimate
-    log_p_held : `log_p_raw` of what is left of the evidence where the effect is held to the sizes that occur; intervals,
+    log_p_held : `log_p_raw` of what is left of the evidence where the effect is held to sizes that occur; intervals,
         which may have any, are not
     """
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
@@ -191,8 +193,8 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
     [("baro.lag", -9.0, 1.0, False), ("baro.scale", -9.0, 1.0, True), ("baro.scale", 40.0, 8.0, False)],
 )
 def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float, sigma: float, stays: bool) -> None:
-    """However sure it is: negative where nothing is, or far too large by the readings alone (40 plausible sizes, held to
-    24), when another effect has come into the model, or has left it.
+    """However sure it is: negative where nothing is, or far too large by the readings alone (40 plausible sizes, held
+    to 24), when another effect has come into the model, or has left it.
     """
 
     class One(Line):
@@ -210,6 +212,22 @@ def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float
     found = path.selection()
     assert found.names == ((name,) if stays else ())
     assert found.refused == ({} if stays else {name: IMPOSSIBLE})
+
+
+@pytest.mark.parametrize("prior_sigma", [np.inf, 2.0])
+def test_what_only_a_size_explains_that_does_not_occur_goes_last(prior_sigma: float) -> None:
+    """40 plausible sizes known to 4, ten sigma: held to zero with two, a fifth of that evidence is left."""
+
+    class Held(Line):
+        def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+            return replace(super().evidence(fit, own_terms_only), prior_sigma=prior_sigma)
+
+    source = cast(Source, Held(40.0, 4.0))
+    fit = source.fit(())
+    evidence = source.evidence(fit)
+    option = option_of(statistic_of(evidence, "baro.scale"), evidence, fit)
+    left = 1.0 if np.isinf(prior_sigma) else 2.0**2 / (2.0**2 + 4.0**2)
+    assert option.log_p_held == pytest.approx(float(stats.chi2.logsf(left * option.statistic, 1)), rel=1e-6)
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:

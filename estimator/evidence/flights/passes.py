@@ -311,7 +311,7 @@ class FlightPasses:
         return float(-2.0 * np.sum(journal.log_density[used]))
 
     def deviance_at(self, fit: Fitted, vector: FloatArray, part: Part) -> float:
-        """-2 log likelihood of a part with the effects of a fit at another beta, along the same motion; infinite where no
+        """-2 log likelihood of a part with a fit's effects at another beta, along the same motion; infinite where no
         state or covariance follows.
         """
         try:
