@@ -14,6 +14,7 @@ from sinan.calibration.levels.heading import beside_iron, with_heading
 from sinan.calibration.levels.levels import Levels, first_levels
 from sinan.calibration.levels.sizes import Size
 from sinan.calibration.levels.slopes import slopes, sums_from
+from sinan.estimator.evidence.comb import best_tooth, whole_moves
 from sinan.estimator.evidence.level_scores import LevelScores, level_scores
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import RunInputs
@@ -25,9 +26,9 @@ from sinan.sensors.recording import Recording
 #: Iterations of the search at most, what one gains at least of log L, and a round of it: bound of work
 #: (`bounds_of_work sizes`). Half of the first moves a size by 0.3 sigma, half of the second by 0.12.
 MOST, GAINED, SETTLED = 20, 0.05, 1.0
-#: First step of the search for a lateness, in its spread, and how often one step of the IMU is halved at most, where
-#: what a log tells is finer: bound of work (`bounds_of_work sizes`).
-FIRST_MOVE, HALVED = 0.5, 6
+#: How often one step of the IMU is halved at most in the search for a lateness, where what a log tells is finer: bound
+#: of work (`bounds_of_work sizes`).
+HALVED = 6
 #: Rounds of times and sizes: bound of work (`bounds_of_work sizes`).
 ROUNDS = 6
 #: The same in the whole of a long log, from where its excerpts left them: bound of work (`bounds_of_work long`).
@@ -117,11 +118,8 @@ class Problem:
         return sums_from(gained, scores.first_reading)
 
     def timed(self, theta: FloatArray, *, far: bool) -> FloatArray:
-        """Theta with the likeliest lateness of each stream.
-
-        Where its readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step
-        for a period: a comb, in which a slope leads to the next tooth. So steps are compared, whole ones from long to
-        short where it may be far off; else one, then halves of it, until a step is no longer than a sigma.
+        """Theta with the likeliest lateness of each stream: by whole steps of the IMU, from long to short, where it may
+        be far off; else by one, then halves of it, until a step is no longer than a sigma.
         """
         for i, size in enumerate(self.sizes):
             if size.linear:
@@ -130,7 +128,6 @@ class Problem:
 
     def _timed(self, theta: FloatArray, i: int, size: Size, far: bool) -> FloatArray:
         """Theta with the likeliest lateness of one stream."""
-        seen: dict[float, float] = {}
 
         def at(x: float) -> FloatArray:
             moved = theta.copy()
@@ -138,20 +135,11 @@ class Problem:
             return moved
 
         def value(x: float) -> float:
-            if x not in seen:
-                seen[x] = self.value(at(x)) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
-            return seen[x]
+            return self.value(at(x)) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
 
-        unit, best = self._step / size.spread, float(theta[i])
-        whole = max(1, round(FIRST_MOVE * size.spread / self._step))
-        moves = [whole >> k for k in range(whole.bit_length())] if far else [0.5**k for k in range(HALVED + 1)]
-        for move in moves:
-            step = move * unit
-            while (near := max(best + step, best - step, key=value)) != best and value(near) > value(best):
-                best = near
-            if not far and 2.0 * value(best) - value(best + step) - value(best - step) <= 1.0:
-                break  # minus the second difference is (step / sigma)^2
-        return at(best)
+        unit = self._step / size.spread
+        moves = whole_moves(1.0, unit) if far else [0.5**k * unit for k in range(HALVED + 1)]
+        return at(best_tooth(value, float(theta[i]), moves, narrowing=not far))
 
     def sigmas(self, theta: FloatArray) -> FloatArray:
         """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""

@@ -264,8 +264,10 @@ class Source(Protocol):
         fit.
         """
 
-    def relocated(self, fit: Fit, term: Term) -> Term:
-        """A time-localised term of the fit with the interval that suits the fit best, near its own."""
+    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
+        """A term of the fit where it may be likelier, and its first estimate there: one that is localised with the
+        interval that suits the fit best, near its own; a lateness at another size; else the same.
+        """
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit and were not seen before, for good; whether there are any."""

@@ -88,7 +88,10 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "outliers": {_INTERVALS + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
     "observability": {_EVIDENCE + "observability": ("SHARED", "SMALL", "PROBES", "BATCH", "MOST_CELLS")},
     "levels": {_LEVELS + "problem": ("MOST",)},
-    "sizes": {_LEVELS + "problem": ("MOST", "GAINED", "SETTLED", "PARTS", "FIRST_MOVE", "HALVED", "ROUNDS")},
+    "sizes": {
+        _LEVELS + "problem": ("MOST", "GAINED", "SETTLED", "PARTS", "HALVED", "ROUNDS"),
+        _EVIDENCE + "comb": ("FIRST_MOVE",),
+    },
     "long": {_LEVELS + "problem": ("SETTLING",)},
     "slow": {_LEVELS + "fit": ("TRIED",)},
     "shock": {_LEVELS + "upsets": ("IN_A_ROW",)},

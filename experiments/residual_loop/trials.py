@@ -39,7 +39,8 @@ SHORTLISTS = 2
 #: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction: in its place
 #: an effect of correlation rho gains rho^2 of that, and with rho^2 < 1 / 2 leaves more of it than it explains.
 _COMPARABLE = 0.5
-#: A localised effect is looked for again about its own fit, so often at most: bound of work (`bounds_of_work flight`).
+#: A localised effect, or a lateness, is looked for again about its own fit, so often at most: bound of work
+#: (`bounds_of_work flight`).
 _RELOCATIONS = 3
 #: Why an option did not stand: the refit left no evidence; nor did it where the blocks had scattered too much before;
 #: chance would not do it, but an offset in an interval is less likely still; it cannot be. It was not tried, behind a
@@ -255,12 +256,11 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
         refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
     except InputError:  # no state or covariance that could be: this is not what happened
         return None
-    for _ in range(_RELOCATIONS if term.interval is not None else 0):
-        moved = source.relocated(refit, term)
-        if moved == term:
+    for _ in range(_RELOCATIONS):
+        moved, start = source.relocated(refit, term)
+        if moved == term and np.array_equal(start, refit.beta[term]):
             break
-        start = {**fit.beta, moved: refit.beta[term]}
-        again = source.fit((*fit.terms, moved), start, fit.part)
+        again = source.fit((*fit.terms, moved), {**fit.beta, moved: start}, fit.part)
         if again.deviance >= refit.deviance:
             break
         refit, term = again, moved

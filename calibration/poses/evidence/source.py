@@ -355,12 +355,12 @@ class LeastSquaresSource:
         """Never: the search has no interval as short as that."""
         return False
 
-    def relocated(self, fit: Fit, term: Term) -> Term:
+    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
         """The term with the ends of its interval where all samples put them, where a row holds many; else itself: its
         interval was searched reading by reading.
         """
         if self._problem.rows_are_readings or term.interval is None:
-            return term
+            return term, fit.beta[term]
         state, active = _state(fit), self._rows_of(fit)
         others = [other for other in fit.in_mean if other != term]
 
@@ -384,7 +384,7 @@ class LeastSquaresSource:
             span = float(stamps[0]), interval[1] if to_the_end else float(stamps[-1]) + sample
             interval = refined(rows_of, self._problem.stream, interval, spacing, stamps, *span).interval
             spacing /= onsets.REFINED
-        return replace(term, interval=interval)
+        return replace(term, interval=interval), fit.beta[term]
 
     def residuals(self, fit: Fit) -> Sequence[StreamResidual]:
         """What the model leaves on all measured rows; wrong readings that the model names are left out."""

@@ -13,6 +13,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from sinan.estimator.evidence.budget import Budget, budget_of
+from sinan.estimator.evidence.comb import best_tooth, whole_moves
 from sinan.estimator.evidence.flights.candidates import best_starts, flight_candidates, places_alike
 from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
@@ -44,7 +45,7 @@ from sinan.estimator.evidence.source import (
     held_out,
 )
 from sinan.estimator.evidence.term import Term
-from sinan.estimator.filter.effect_forms import Terms
+from sinan.estimator.filter.effect_forms import Terms, is_lateness
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight, OfFlight
@@ -182,9 +183,8 @@ class FlightSource(OfFlight):
         alone = without_prior(evidence, term.key, beta, fit.keys_given(term))
         if np.all(np.abs(alone - beta) < fit.std[term]):
             return alone
-        vector = state.own.vector.copy()
-        vector[self._columns_of(fit, term)] = alone
-        return alone if self._passes.deviance_at(state, vector, fit.part) < fit.deviance else beta
+        likelier = self._passes.deviance_at(state, self._vector(fit, term, alone), fit.part) < fit.deviance
+        return alone if likelier else beta
 
     # ---- evidence
 
@@ -247,14 +247,15 @@ class FlightSource(OfFlight):
         readings = len(_state(fit).journal.nu)
         return best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), readings, worth)
 
-    def relocated(self, fit: Fit, term: Term) -> Term:
-        """The term with the ends of its interval where the innovations about this very fit want them.
+    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
+        """The term with the ends of its interval where the innovations about this very fit want them; a lateness on the
+        likeliest tooth of its comb.
 
         About the plain model a strong step is found where its first-order effect fits best, which need not be where it
         is. White + W_I beta are the innovations with the offset not taken off, linear about the motion with it.
         """
         if term.interval is None:
-            return term
+            return term, self._on_the_best_tooth(fit, term) if is_lateness(term.effect) else fit.beta[term]
         mine = self._columns_of(fit, term)
 
         def rows_of(steps: Sequence[Step]) -> Rows:
@@ -264,7 +265,24 @@ class FlightSource(OfFlight):
         spacing = _RELOCATION * (self._passes.end - self._passes.start)
         stamps = self._stamps(stream)
         best = refined(rows_of, stream, term.interval, spacing, stamps, *self._span_of(fit))
-        return replace(term, interval=best.interval)
+        return replace(term, interval=best.interval), fit.beta[term]
+
+    def _on_the_best_tooth(self, fit: Fit, term: Term) -> FloatArray:
+        """(1,) the likeliest of the lateness about a fit's, a whole number of steps of the IMU from it."""
+        (plausible,) = term.effect.plausible_in(self._passes.plain_motion)
+
+        def value(x: float) -> float:
+            held = (x / (self._passes.prior_sigma * plausible)) ** 2
+            return -self._passes.deviance_at(_state(fit), self._vector(fit, term, x), fit.part) - held
+
+        moves = whole_moves(plausible, float(np.median(np.diff(self._passes.table.t))))
+        return np.array([best_tooth(value, float(fit.beta[term][0]), moves)])
+
+    def _vector(self, fit: Fit, term: Term, beta: FloatArray | float) -> FloatArray:
+        """(p,) parameters of the fit's terms, one of them at another beta."""
+        vector = _state(fit).own.vector.copy()
+        vector[self._columns_of(fit, term)] = beta
+        return vector
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
