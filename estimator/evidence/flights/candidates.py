@@ -84,10 +84,9 @@ def _deviance_at(passes: FlightPasses, fit: Fitted, part: Part, entry: Effect, b
     try:
         along = passes.along(own, fit.motion)
         motion = passes.follow(passes.run([], along)[0], along)
-        journal, _ = passes.run([], passes.along(own, motion))
     except InputError:  # no state or covariance follows
-        return float(np.inf)
-    return passes.deviance(journal, part)
+        return np.inf
+    return passes.deviance_at(own, motion, part)
 
 
 def _directions(entry: Effect) -> list[FloatArray]:

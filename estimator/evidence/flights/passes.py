@@ -310,12 +310,12 @@ class FlightPasses:
         used = (journal.status == ACCEPTED) & self.in_part(journal.t, part)
         return float(-2.0 * np.sum(journal.log_density[used]))
 
-    def deviance_at(self, fit: Fitted, vector: FloatArray, part: Part) -> float:
-        """-2 log likelihood of a part with a fit's effects at another beta, along the same motion; infinite where no
-        state or covariance follows.
+    def deviance_at(self, own: Terms, motion: Motion, part: Part) -> float:
+        """-2 log likelihood of a part with effects as they are, along a motion; infinite where no state or covariance
+        follows.
         """
         try:
-            return self.deviance(self.run([], self.along(fit.own.at(vector), fit.motion))[0], part)
+            return self.deviance(self.run([], self.along(own, motion))[0], part)
         except InputError:
             return np.inf
 

@@ -179,12 +179,11 @@ class FlightSource(OfFlight):
         """By the derivatives, and where these move it by more than its sigma, by a pass: the fit's own unless that is
         likelier. A size that no derivative sees is that of the fit.
         """
-        state, beta, evidence = _state(fit), fit.beta[term], self.evidence(fit, own_terms_only=True)
+        beta, evidence = fit.beta[term], self.evidence(fit, own_terms_only=True)
         alone = without_prior(evidence, term.key, beta, fit.keys_given(term))
         if np.all(np.abs(alone - beta) < fit.std[term]):
             return alone
-        likelier = self._passes.deviance_at(state, self._vector(fit, term, alone), fit.part) < fit.deviance
-        return alone if likelier else beta
+        return alone if self._deviance_with(fit, term, alone) < fit.deviance else beta
 
     # ---- evidence
 
@@ -273,16 +272,17 @@ class FlightSource(OfFlight):
 
         def value(x: float) -> float:
             held = (x / (self._passes.prior_sigma * plausible)) ** 2
-            return -self._passes.deviance_at(_state(fit), self._vector(fit, term, x), fit.part) - held
+            return -self._deviance_with(fit, term, x) - held
 
         moves = whole_moves(plausible, float(np.median(np.diff(self._passes.table.t))))
         return np.array([best_tooth(value, float(fit.beta[term][0]), moves)])
 
-    def _vector(self, fit: Fit, term: Term, beta: FloatArray | float) -> FloatArray:
-        """(p,) parameters of the fit's terms, one of them at another beta."""
-        vector = _state(fit).own.vector.copy()
+    def _deviance_with(self, fit: Fit, term: Term, beta: FloatArray | float) -> float:
+        """-2 log likelihood of the fit's part with one of its terms at another beta, along the same motion."""
+        own, motion = _state(fit).own, _state(fit).motion
+        vector = own.vector
         vector[self._columns_of(fit, term)] = beta
-        return vector
+        return self._passes.deviance_at(own.at(vector), motion, fit.part)
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
