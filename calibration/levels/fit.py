@@ -57,7 +57,7 @@ def likeliest(problem: Problem, near: Levels | None = None) -> Levels:
     """The likeliest sizes of a problem, sought from those of `near` on; default: the medians."""
     if not problem.sizes:
         return problem.first
-    return _likeliest(problem, np.zeros(len(problem.sizes)) if near is None else problem.theta(near))
+    return problem.fitted(np.zeros(len(problem.sizes)) if near is None else problem.theta(near))
 
 
 #: How far declared white noise of a receiver is off, in the logarithm: a choice, 1.6 times as much at one sigma. Half
@@ -96,7 +96,7 @@ def with_slow_gps(recording: Recording) -> Levels:
     without = Problem(recording, (), plain).value(np.zeros(0))
     found = [(without, plain)]
     for one, begin in ((Problem(recording, white, plain), np.zeros(len(white))), (problem, start)):
-        levels = _likeliest(one, begin)
+        levels = one.fitted(begin)
         found.append((_evidence(levels), levels))
     return max(found, key=lambda one: one[0])[1]
 
@@ -105,11 +105,6 @@ def _evidence(levels: Levels) -> float:
     """Logarithm of the probability of the log, the sizes that were found integrated over."""
     narrower = (np.log(sigma / size.spread) for sigma, size in zip(levels.sigmas, levels.found, strict=True))
     return levels.log_posterior + float(sum(narrower))
-
-
-def _likeliest(problem: Problem, start: FloatArray) -> Levels:
-    """The likeliest sizes of a problem, the others as they are at first."""
-    return problem.found(*problem.likeliest(start))
 
 
 #: Bounds that are tried, those of a hand, a swing or a robot arm, and so many times as wide: a choice. Of half and

@@ -185,15 +185,15 @@ class Problem:
         """The likeliest levels near some that were found in excerpts, by few turns of times and all else."""
         if not self.sizes:
             return levels
-        found = self.found(*self.likeliest(self.theta(levels), turns=SETTLING, far=False))
-        return replace(found, in_excerpts=True)
+        return replace(self.fitted(self.theta(levels), turns=SETTLING, far=False), in_excerpts=True)
 
     def theta(self, levels: Levels) -> FloatArray:
         """Where the sizes of some levels are, within the bounds."""
         return np.array([size.theta(levels.value(size)) for size in self.sizes])
 
-    def found(self, theta: FloatArray, value: float) -> Levels:
-        """The levels at the likeliest theta."""
+    def fitted(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> Levels:
+        """The likeliest levels, sought from a theta on; see `likeliest`."""
+        theta, value = self.likeliest(theta, turns, far)
         sigmas = (float(s) * size.spread for s, size in zip(self.sigmas(theta), self.sizes, strict=True))
         return replace(self.levels(theta), found=self.sizes, sigmas=tuple(sigmas), log_posterior=value)
 
