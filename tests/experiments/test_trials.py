@@ -55,6 +55,10 @@ class Line:
         information, score = np.stack([W.T @ W for W, _ in parts]), np.stack([W.T @ left for W, left in parts])
         return Evidence((self._name,), (1,), information, score, np.full(1, self._plausible))
 
+    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
+        """It is where it is."""
+        return term, fit.beta[term]
+
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """Nothing is out of sight."""
         return {}
