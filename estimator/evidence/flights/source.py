@@ -247,8 +247,8 @@ class FlightSource(OfFlight):
         return best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), readings, worth)
 
     def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
-        """The term with the ends of its interval where the innovations about this very fit want them; where the noise is
-        found and not declared, a lateness on the likeliest tooth of its comb.
+        """The term with the ends of its interval where the innovations about this very fit want them; a lateness, where
+        the noise is found and not declared, on the likeliest tooth of its comb.
 
         About the plain model a strong step is found where its first-order effect fits best, which need not be where it
         is. White + W_I beta are the innovations with the offset not taken off, linear about the motion with it.
