@@ -416,21 +416,18 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
     return 0.5 * gain - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
 
 
-def without_prior(evidence: Evidence, name: str, beta: FloatArray, others: Sequence[str] = ()) -> FloatArray:
-    """(size,) the estimate that the readings alone have, of one that a fit has held to zero.
+def without_prior(evidence: Evidence, beta: FloatArray) -> FloatArray:
+    """(p,) the estimates that the readings alone have, of all parameters jointly, where a fit has held each to zero.
 
-    Lambda (x - beta) = beta / sigma^2,   in the directions that are seen
+    Lambda (x - beta) = P^-1 beta,   in the directions that are seen: what holds a fit where it is, and no score besides
 
     Parameters
     ----------
-    evidence : about the fit with the effect
-    beta : (size,) its estimate
-    others : names of the effects in the model besides, projected out
+    evidence : about the fit, of its own terms
+    beta : (p,) their estimates
     """
-    information, _ = project_out(evidence, name, others)
-    plausible = evidence.plausible[evidence.columns(name)]
-    sigma, W = evidence.prior_sigma * plausible, _whitener(information.sum(axis=0), plausible)
-    return np.asarray(beta + W @ (W.T @ (beta / sigma**2)))
+    W = _whitener(evidence.total_information, evidence.plausible)
+    return np.asarray(beta + W @ (W.T @ (beta / (evidence.prior_sigma * evidence.plausible) ** 2)))
 
 
 def _seen_directions(information: FloatArray, plausible: FloatArray) -> FloatArray:

@@ -249,9 +249,7 @@ class Source(Protocol):
         """Fit the model with these effects, from `start`, in their exact form."""
 
     def alone(self, fit: Fit, term: Term) -> FloatArray:
-        """(size,) what the readings alone have for a term of the fit, the others as they are, where a prior has held it
-        to zero.
-        """
+        """(size,) what the readings alone have for a term of the fit, where a prior has held all of them to zero."""
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""

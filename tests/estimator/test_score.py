@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sinan.estimator.evidence.score import Evidence, log_bayes_factor, log_p_among, log_p_of_divided, log_p_value
+from sinan.estimator.evidence.score import (
+    Evidence,
+    log_bayes_factor,
+    log_p_among,
+    log_p_of_divided,
+    log_p_value,
+    without_prior,
+)
 from sinan.sensors.arrays import FloatArray
 
 DRAWS = 4000
@@ -81,3 +88,15 @@ def test_what_the_data_do_not_see_neither_helps_nor_harms() -> None:
     evidence = Evidence(("a",), (2,), L, np.zeros((1, 2)), np.ones(2))
     odds = [log_bayes_factor(evidence, "a", np.array([1.0, wild]), 100.0) for wild in (0.0, 1e3)]
     assert odds[0] == pytest.approx(odds[1])
+
+
+@pytest.mark.parametrize("truth", [(5.0, 30.0), (0.0, 40.0), (40.0, 0.0), (5.0, -30.0)])
+@pytest.mark.parametrize("correlation", [0.0, 0.55, 0.9])
+def test_without_the_prior_on_all_terms_each_is_what_least_squares_have(
+    truth: tuple[float, float], correlation: float
+) -> None:
+    """Two terms that go together, both held: what holds the other is no evidence for the one."""
+    L = np.array([[1.0, correlation], [correlation, 1.0]]) / (25.0 * (1.0 - correlation**2))
+    beta = np.linalg.solve(L + np.eye(2) / 4.0, L @ truth)
+    evidence = Evidence(("a", "b"), (1, 1), L[None], np.zeros((1, 2)), np.ones(2), prior_sigma=2.0)
+    assert without_prior(evidence, beta) == pytest.approx(np.array(truth), abs=1e-9)

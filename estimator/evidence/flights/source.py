@@ -176,14 +176,15 @@ class FlightSource(OfFlight):
         return Fit(tuple(terms), values, stds, best.deviance, part, best)
 
     def alone(self, fit: Fit, term: Term) -> FloatArray:
-        """By the derivatives, and where these move it by more than its sigma, by a pass: the fit's own unless that is
-        likelier. A size that no derivative sees is that of the fit.
+        """By the derivatives, and where these move it by more than its sigma, by a pass with all terms as they have
+        them: the fit's own unless that is likelier. A size that no derivative sees is that of the fit.
         """
-        beta, evidence = fit.beta[term], self.evidence(fit, own_terms_only=True)
-        alone = without_prior(evidence, term.key, beta, fit.keys_given(term))
-        if np.all(np.abs(alone - beta) < fit.std[term]):
+        state, mine = _state(fit), self._columns_of(fit, term)
+        vector = without_prior(self.evidence(fit, own_terms_only=True), state.own.vector)
+        alone, beta = vector[mine], fit.beta[term]
+        if np.all(np.abs(alone - beta) <= fit.std[term]):
             return alone
-        return alone if self._deviance_with(fit, term, alone) < fit.deviance else beta
+        return alone if self._passes.deviance_at(state.own.at(vector), state.motion, fit.part) < fit.deviance else beta
 
     # ---- evidence
 
