@@ -248,8 +248,13 @@ class Source(Protocol):
     def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
         """Fit the model with these effects, from `start`, in their exact form."""
 
-    def alone(self, fit: Fit, term: Term) -> FloatArray:
-        """(size,) what the readings alone have for a term of the fit, where a prior has held all of them to zero."""
+    def alone(self, fit: Fit, term: Term, evidence: Evidence) -> FloatArray:
+        """(size,) what the readings alone have for a term of the fit, where a prior has held all of them to zero.
+
+        Parameters
+        ----------
+        evidence : of the fit's own terms
+        """
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""

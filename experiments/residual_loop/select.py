@@ -205,7 +205,8 @@ class _Path:
     def _offer(self) -> Offered:
         """What may be added to the present fit, once it has no effect in it that cannot be as it is now."""
         for term in [f.term for f in self.findings if f.term.in_mean]:
-            if cannot_be(self._source, self._fit, term):
+            evidence = self._source.evidence(self._fit, own_terms_only=True)
+            if cannot_be(self._source, self._fit, term, evidence):
                 self._drop(term, IMPOSSIBLE)
         return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
 

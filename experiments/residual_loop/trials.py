@@ -27,8 +27,8 @@ from sinan.experiments.residual_loop.options import Option, alike_to, blind_spot
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-#: Refits of the shortlist, which cost a pass each, and the share of the best statistic from which on a candidate is on
-#: it: bound of work (`bounds_of_work poses`).
+#: Refits of the shortlist, which cost a pass each, and the share of the first one's statistic from which on a candidate
+#: is on it: bound of work (`bounds_of_work poses`).
 SHORTLIST, SHORTLIST_SHARE = 6, 0.25
 #: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit:
 #: bound of work (`bounds_of_work turns`, `flight`).
@@ -274,7 +274,7 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     beta, std = refit.beta[term], refit.std[term]
     if evidence.spare < LEAST_SPARE:  # nearly as many parameters as readings fit whatever there is
         return None
-    if cannot_be(source, refit, term):
+    if cannot_be(source, refit, term, evidence):
         return None
     is_local = term.interval is not None
     others = refit.keys_given(term)
@@ -294,17 +294,16 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     return refit, Finding(term, beta, std, log_p, log_p_raw, log_odds, gain, information, (), search=option.search_raw)
 
 
-def cannot_be(source: Source, fit: Fit, term: Term) -> bool:
+def cannot_be(source: Source, fit: Fit, term: Term, evidence: Evidence) -> bool:
     """Whether a term of a fit is negative where nothing is, or, of one that lasts or is on the IMU, far outside its
-    plausible size by what the readings alone have for it.
+    plausible size by what the readings alone have for it, by the evidence of the fit's own terms.
     """
     if not term.effect.exists(fit.beta[term]):
         return True
     if term.interval is not None and term.effect.stream not in DRIVERS:
         return False
-    evidence = source.evidence(fit, own_terms_only=True)
     most = IMPLAUSIBLE * evidence.plausible[evidence.columns(term.key)] + 2.0 * fit.std[term]
-    return bool(np.any(np.abs(source.alone(fit, term)) > most))
+    return bool(np.any(np.abs(source.alone(fit, term, evidence)) > most))
 
 
 def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:

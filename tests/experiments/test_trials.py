@@ -13,7 +13,8 @@ from scipy import stats
 from sinan.estimator.evidence.score import Evidence, statistic_of
 from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
 from sinan.estimator.evidence.term import Term
-from sinan.experiments.residual_loop.options import Offered, option_of
+from sinan.experiments.residual_loop import trials
+from sinan.experiments.residual_loop.options import Offered, Option, option_of
 from sinan.experiments.residual_loop.select import _Path
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
@@ -44,7 +45,7 @@ class Line:
         std = 1.0 / np.sqrt(np.diag(information))
         return Fit(tuple(terms), dict.fromkeys(terms, beta), dict.fromkeys(terms, std), float(left @ left), part, left)
 
-    def alone(self, fit: Fit, term: Term) -> FloatArray:
+    def alone(self, fit: Fit, term: Term, evidence: Evidence) -> FloatArray:
         """Without the prior."""
         information = self.W.T @ self.W
         return np.asarray(np.linalg.solve(information, self.W.T @ self.white))
@@ -232,6 +233,44 @@ def test_what_only_a_size_explains_that_does_not_occur_goes_last(prior_sigma: fl
     option = option_of(statistic_of(evidence, "baro.scale"), evidence, fit)
     left = 1.0 if np.isinf(prior_sigma) else 2.0**2 / (2.0**2 + 4.0**2)
     assert option.log_p_held == pytest.approx(float(stats.chi2.logsf(left * option.statistic, 1)), rel=1e-6)
+
+
+def test_of_two_options_the_one_that_sizes_which_occur_explain_is_tried_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other has the better statistic, and no room is left on a shortlist of one."""
+    source = cast(Source, Line(1.0, 0.1))
+    huge = Option(Term("baro.scale"), 120.0, 1, -60.0, -60.0, 0.0, 0.0, np.ones(1), -12.0)
+    late = Option(Term("baro.lag"), 45.0, 1, -22.0, -22.0, 0.0, 0.0, np.ones(1), -21.0)
+    tried: list[str] = []
+    monkeypatch.setattr(trials, "trial", lambda _source, _fit, option: tried.append(option.term.name))
+    assert best_of(source, source.fit(()), [huge, late], -9.0, {}, most=1, rounds=1) is None
+    assert tried == ["baro.lag"]
+
+
+@pytest.mark.parametrize(("gained", "taken"), [(5.0, 2.0), (-5.0, 1.0)])
+def test_a_trial_is_refitted_from_where_it_may_be_likelier(gained: float, taken: float) -> None:
+    """And is what it was where that is none."""
+
+    class Comb(Line):
+        """Its fit stays where it starts; the other tooth is a plausible size away."""
+
+        def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+            found = super().fit(terms, start, part)
+            if not terms:
+                return found
+            beta = dict(start or {})
+            there = float(beta[terms[0]][0]) > 1.5 * self._plausible
+            return replace(found, beta=beta, deviance=found.deviance - gained * there)
+
+        def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
+            return term, np.full(1, 2.0 * self._plausible)
+
+    source, plausible = Comb(1.0, 0.1), effect("baro.scale").parameters[0].plausible
+    plain = source.fit(())
+    evidence = source.evidence(plain)
+    option = option_of(statistic_of(evidence, "baro.scale"), evidence, plain)
+    found = trials.trial(cast(Source, source), plain, replace(option, beta=np.full(1, plausible)))
+    assert found is not None
+    assert found[1].beta[0] == pytest.approx(taken * plausible)
 
 
 def test_what_explains_little_is_not_held_against_what_explains_much() -> None:

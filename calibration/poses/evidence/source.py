@@ -149,7 +149,7 @@ class LeastSquaresSource:
                 beta[term] = np.array([float(np.mean(wrong[self._measured]))])
         return Fit(tuple(terms), beta, std, deviance, part, _State(x, used, wrong))
 
-    def alone(self, fit: Fit, term: Term) -> FloatArray:
+    def alone(self, fit: Fit, term: Term, evidence: Evidence) -> FloatArray:
         """The fit's own: least squares hold nothing."""
         return fit.beta[term]
 

@@ -175,12 +175,12 @@ class FlightSource(OfFlight):
                 values[term], stds[term] = self._outlier_share(term)
         return Fit(tuple(terms), values, stds, best.deviance, part, best)
 
-    def alone(self, fit: Fit, term: Term) -> FloatArray:
+    def alone(self, fit: Fit, term: Term, evidence: Evidence) -> FloatArray:
         """By the derivatives, and where these move it by more than its sigma, by a pass with all terms as they have
         them: the fit's own unless that is likelier. A size that no derivative sees is that of the fit.
         """
         state, mine = _state(fit), self._columns_of(fit, term)
-        vector = without_prior(self.evidence(fit, own_terms_only=True), state.own.vector)
+        vector = without_prior(evidence, state.own.vector)
         alone, beta = vector[mine], fit.beta[term]
         if np.all(np.abs(alone - beta) <= fit.std[term]):
             return alone
@@ -269,22 +269,18 @@ class FlightSource(OfFlight):
         return replace(term, interval=best.interval), fit.beta[term]
 
     def _on_the_best_tooth(self, fit: Fit, term: Term) -> FloatArray:
-        """(1,) the likeliest of the lateness about a fit's, a whole number of steps of the IMU from it."""
+        """(1,) the likeliest lateness, whole steps of the IMU from the fit's, along the motion of the fit."""
+        state, mine = _state(fit), self._columns_of(fit, term)
         (plausible,) = term.effect.plausible_in(self._passes.plain_motion)
 
         def value(x: float) -> float:
+            vector = state.own.vector
+            vector[mine] = x
             held = (x / (self._passes.prior_sigma * plausible)) ** 2
-            return -self._deviance_with(fit, term, x) - held
+            return -0.5 * (self._passes.deviance_at(state.own.at(vector), state.motion, fit.part) + held)
 
         moves = whole_moves(plausible, float(np.median(np.diff(self._passes.table.t))))
         return np.array([best_tooth(value, float(fit.beta[term][0]), moves)])
-
-    def _deviance_with(self, fit: Fit, term: Term, beta: FloatArray | float) -> float:
-        """-2 log likelihood of the fit's part with one of its terms at another beta, along the same motion."""
-        own, motion = _state(fit).own, _state(fit).motion
-        vector = own.vector
-        vector[self._columns_of(fit, term)] = beta
-        return self._passes.deviance_at(own.at(vector), motion, fit.part)
 
     def set_aside(self, fit: Fit) -> bool:
         """Take out readings that are wrong about this fit: a strong effect hides them from the plain model."""
