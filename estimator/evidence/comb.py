@@ -1,7 +1,8 @@
 """The likeliest lateness.
 
 Where readings lie between two samples of the IMU makes log L go up and down by tens, with the IMU's step for a period:
-a comb, in which a slope leads to the next tooth. So steps are compared.
+a comb, in which a slope leads to the next tooth; and readings that are doubted lose weight, of which a slope knows
+nothing. So steps are compared.
 """
 
 from __future__ import annotations

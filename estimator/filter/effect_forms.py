@@ -274,8 +274,9 @@ class Along(OfFlight):
 
     @cached_property
     def added(self) -> Mapping[str, StreamForm]:
-        """By sensor, what the effects of its stream add to its prediction."""
-        return {name: stream_form(self, name) for name in self.model.sensors if self.terms.of_stream(name)}
+        """By sensor, what the effects of its stream add to its prediction, and what a receiver does not follow."""
+        return {name: stream_form(self, name) for name in self.model.sensors
+                if self.terms.of_stream(name) or name == "gps"}  # fmt: skip
 
     @cached_property
     def without_effects(self) -> Recording:
@@ -323,7 +324,8 @@ def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, 
 
 
 def stream_form(along: Along, name: str) -> StreamForm:
-    """What the effects of one stream do to its prediction.
+    """What the effects of one stream do to its prediction; a receiver's is that of a motion without vibration, whose
+    velocity is another a few hundredths of a second later: it would make the likelihood of a lateness rough.
 
     Raises
     ------
@@ -350,6 +352,8 @@ def stream_form(along: Along, name: str) -> StreamForm:
         return total
 
     offset += added(at, pairs)
+    if name == "gps":
+        offset += sensor.predict(along.of_vehicle.at(name)) - sensor.predict(at)
     moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
     if moving:
         of_moving = partial(added, pairs=moving)

@@ -51,8 +51,3 @@ def test_a_lateness_of_a_flight_is_looked_for_from_another_tooth() -> None:
     assert moved == term
     assert start == pytest.approx(fit.beta[term], abs=1e-9)
     assert start == pytest.approx(0.15, abs=4.0 * float(fit.std[term][0]))
-    declared = FlightSource(Flight.of(recording))
-    assert declared.relocated(astray, term) == (
-        term,
-        astray.beta[term],
-    )  # what is known so well is where its slope ends

@@ -20,7 +20,7 @@ from sinan.estimator.filter.error_dynamics import transition
 from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
-from sinan.estimator.filter.inputs import RunInputs, prepare
+from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.layout import DP, DTHETA, DV
 from sinan.estimator.filter.run_filter import run_filter
@@ -119,7 +119,7 @@ def test_fused_pass_is_the_dense_recursion(case: str) -> None:
             G_u[:, rows, columns] = driver_regressors(along, entry.stream, [entry])
         else:
             G_z[entry.stream][:, :, columns] = sensor_regressors(along.of_vehicle, entry.stream, [entry])
-    dense = DenseSensitivity(prepare(Flight(recording, model)), G_u, G_z)
+    dense = DenseSensitivity(along.inputs, G_u, G_z)
     for _ in dense.steps():
         pass
     W = np.concatenate(dense.W)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.flights.passes import FlightPasses
 from sinan.estimator.evidence.score import statistic_of
 from sinan.estimator.evidence.term import Term
+from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.wiener import signal_part, without_vibration
 from sinan.experiments.residual_loop.open_flight import flight_source
 from sinan.experiments.scenarios import load_scenario, parse_effect
+from sinan.sensors.effects import effect
 from sinan.sensors.motion import Motion
 from sinan.sensors.simulate import simulate
+from tests.flights import scenario_at
 
 SIGMA = 0.003
 
@@ -55,13 +61,35 @@ def test_vibration_is_no_acceleration_of_the_vehicle() -> None:
     assert late.beta[term][0] == pytest.approx(0.03, abs=3.0 * late.std[term][0])
 
 
+@pytest.mark.parametrize("sigmas", [-6.0, -3.0, 3.0, 6.0])
+def test_no_receiver_follows_the_vibration(sigmas: float) -> None:
+    """So -2 log L is a parabola of a lateness, as its sigma says: along the shaken velocity it was a quarter lower at
+    six sigma, and rough.
+    """
+    shaken = replace(scenario_at(250.0, "figure_eight"), vibration=load_scenario("vibration").vibration)
+    recording, _ = simulate(shaken, np.random.default_rng(1), [parse_effect("gps.latency=0.1")])
+    flight = flight_source(recording, slow_gps=False).flight
+    passes, late = FlightPasses(flight), effect("gps.latency")
+    fit = passes.fitted(Terms.of([(late, np.array([0.1]))]), "all")
+    there = passes.deviance_at(fit.own.at(fit.own.vector + sigmas * fit.std), fit.motion, "all")
+    assert there - fit.deviance == pytest.approx(sigmas**2, abs=3.0)
+
+
+def test_what_a_gap_cuts_is_two_motions() -> None:
+    """A velocity that is another after it would ring for a tenth of a second on both sides."""
+    t = np.concatenate([np.arange(400) / 200.0, 10.0 + np.arange(400) / 200.0])
+    v_n = np.where(t[:, None] < 5.0, 1.0, 11.0) * np.ones(3)
+    motion = Motion(t=t, v_n=v_n, a_n=np.zeros((800, 3)), w_ib_b=np.zeros((800, 3)))
+    assert without_vibration(motion).v_n == pytest.approx(v_n, abs=1e-9)
+
+
 @pytest.mark.parametrize(("frequency", "stays"), [(0.5, True), (3.0, True), (25.0, False), (80.0, False)])
 def test_the_vehicle_is_slower_than_its_vibration(frequency: float, stays: bool) -> None:
     t = np.arange(4000) / 200.0
     shape = np.sin(2 * np.pi * frequency * t)[:, None] * np.array([1.0, 0.5, 0.2])
-    motion = Motion(t=t, a_n=shape, w_ib_b=shape)
+    motion = Motion(t=t, v_n=shape, a_n=shape, w_ib_b=shape)
     slow = without_vibration(motion)
-    for part in (slow.a_n, slow.w_ib_b):
+    for part in (slow.v_n, slow.a_n, slow.w_ib_b):
         inner = slice(100, -100)
         left = part[inner] - shape[inner] * stays
         assert np.max(np.abs(left)) < 0.02

@@ -311,13 +311,14 @@ class FlightPasses:
         return float(-2.0 * np.sum(journal.log_density[used]))
 
     def deviance_at(self, own: Terms, motion: Motion, part: Part) -> float:
-        """-2 log likelihood of a part with effects as they are, along a motion; infinite where no state or covariance
-        follows.
+        """-2 log likelihood of a part with effects as they are, along a motion; infinite where no state, covariance or
+        number follows.
         """
         try:
-            return self.deviance(self.run([], self.along(own, motion))[0], part)
+            deviance = self.deviance(self.run([], self.along(own, motion))[0], part)
         except InputError:
             return np.inf
+        return np.inf if np.isnan(deviance) else deviance
 
     def _settled(self, motion: Motion) -> Motion:
         """The motion that the plain model finds when its passes start from it: a start far off takes several."""
