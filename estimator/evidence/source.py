@@ -300,6 +300,11 @@ class Source(Protocol):
         whether it does so at all, though it may be by chance.
         """
 
+    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+        """Whether withheld readings are predicted better with an effect, where effects are proved by that, and its odds
+        together with how sure they are of it exceed what is needed.
+        """
+
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the
         residuals of the part that was not fitted.

@@ -7,10 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.flights.prediction import can_be_predicted
 from sinan.estimator.evidence.noise_left import noise_left, slow_streams
-from sinan.estimator.evidence.score import BLOCKS, DETECTABLE_LAMBDA, predicted_lambda, project_out
-from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual
+from sinan.estimator.evidence.score import (
+    BLOCKS,
+    DETECTABLE_LAMBDA,
+    log_bayes_factor,
+    predicted_lambda,
+    project_out,
+)
+from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual, log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.select import Selection
 from sinan.experiments.residual_loop.trials import Finding, fit_without
@@ -311,14 +318,18 @@ def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamRe
     return known
 
 
-def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
+def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> tuple[Term, ...]:
     """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model.
 
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
+
+    Parameters
+    ----------
+    alpha : family-wise error, with which withheld readings of all parts and the odds together bear an effect out
     """
     if source.is_predicting:
-        return _not_predicted(source, selection)
+        return _not_predicted(source, selection, -log_p_needed(source, alpha))
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     fitted = _fitted_on_the_rest(source, selection, known)
@@ -332,13 +343,19 @@ def rolled_back(source: Source, selection: Selection) -> tuple[Term, ...]:
     return tuple(reversed(dropped))
 
 
-def _not_predicted(source: Source, selection: Selection) -> tuple[Term, ...]:
-    """Effects without which withheld readings are predicted as well, the last found asked first."""
+def _not_predicted(source: Source, selection: Selection, needed: float) -> tuple[Term, ...]:
+    """Effects without which withheld readings are predicted as well, or of which they and the odds say too little, the
+    last found asked first.
+    """
     fit, dropped = selection.final, list[Term]()
     for finding in reversed(selection.findings):
         if finding.term.in_mean and can_be_predicted(finding.term):
             without = fit_without(source, fit, finding.term)
-            if not source.predicts(fit, without):
+            evidence = source.evidence(fit, own_terms_only=True)
+            beta, others = fit.beta[finding.term], fit.keys_given(finding.term)
+            gain = without.deviance - fit.deviance
+            log_odds = log_bayes_factor(evidence, finding.term.key, beta, gain, others) - finding.search
+            if not source.bears_out(fit, without, log_odds, needed):
                 dropped.append(finding.term)
                 fit = without
     return tuple(reversed(dropped))

@@ -36,6 +36,7 @@ from sinan.experiments.residual_loop.trials import (
     refitted,
 )
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.errors import InputError
 
 #: Effects beyond this number are not looked for, and what then remains is reported as unexplained: bound of work
 #: (`bounds_of_work poses`).
@@ -151,7 +152,9 @@ def select(
     return path.selection()
 
 
-def select_further(source: Source, alpha: float, start: Selection, barred: frozenset[str]) -> Selection:
+def select_further(
+    source: Source, alpha: float, start: Selection, barred: frozenset[str], besides: Mapping[Term, FloatArray]
+) -> Selection:
     """The selection gone on with, from its final model, without options of some keys and without intervals.
 
     Most intervals are too short to be asked of withheld readings; they must not take the place of what those have
@@ -161,13 +164,21 @@ def select_further(source: Source, alpha: float, start: Selection, barred: froze
     ----------
     alpha : family-wise error over all candidates
     start : a selection on all data, with no term given
-    barred : keys of what is not tried, as the held-out part has spoken against it
+    barred : keys of what is not tried, as the held-out part does not bear it out
+    besides : terms that are in the model while others are chosen, with a first estimate
     """
-    path = _Path(source, start.final, log_p_needed(source, alpha), False, start, barred)
+    final = start.final
+    try:
+        fit = source.fit((*final.terms, *besides), {**final.beta, **besides}, final.part) if besides else final
+    except InputError:  # no model follows from all of them
+        fit, besides = final, {}
+    path = _Path(source, fit, log_p_needed(source, alpha), False, start, barred)
     path.take_on(MOST_EFFECTS, SHORTLIST)
-    path.drop_what_may_be_none(alpha)
+    if not besides:  # given which what is borne out may be none
+        path.drop_what_may_be_none(alpha)
+    found = path.selection()
     return replace(
-        path.selection(),
+        found.with_final(fit_without(source, found.final, *besides)) if besides else found,
         plain=refitted(source, start.plain),
         plain_statistics=start.plain_statistics,
         plain_local=start.plain_local,
@@ -198,6 +209,7 @@ class _Path:
         self._steps: list[Step] = [] if start is None else list(start.steps)
         self._barred = dict.fromkeys(barred, ROLLED_BACK)
         self._refused = dict(self._barred)  # by key what did not stand, and why
+        self._ousted: list[str] = []  # keys of what could not be any longer once something else was in the model
         self._rounds = self._unions = 0
         self._apart: set[frozenset[Term]] = set()  # offsets that one does not explain
         self._first = self._offered = self._offer()
@@ -215,6 +227,8 @@ class _Path:
         self._fit = fit_without(self._source, self._fit, term)
         self.findings = [f for f in self.findings if f.term != term]
         self._refused[term.key] = why
+        if why == IMPOSSIBLE:
+            self._ousted.append(term.key)
 
     def take_on(self, most: int, shortlist: int) -> None:
         """One effect after the other, until nothing earns its place or there are `most`."""
@@ -263,7 +277,7 @@ class _Path:
         self._steps.append(Step(self._fit, finding.term))
         self._fit = fit
         self.findings.append(finding)
-        self._refused = {key: why for key, why in self._refused.items() if why != SCATTERED}
+        self._refused = {key: why for key, why in self._refused.items() if not self._is_open_again(key, why)}
         if unchanged:  # readings that were set aside beforehand now have a name
             self._offered.drop(finding.term)
             return
@@ -272,6 +286,10 @@ class _Path:
         self._fit, self.findings = _prune(self._source, self._fit, self.findings, self._threshold)
         self._tell_as_one()
         self._offered = self._offer()
+
+    def _is_open_again(self, key: str, why: str) -> bool:
+        """Whether an option did not stand by what the model lacked; what has gone from it twice for that stays out."""
+        return why in (SCATTERED, IMPOSSIBLE) and self._ousted.count(key) < 2
 
     def _tell_as_one(self) -> None:
         """Put one offset in the place of two that share an end; not without end, as more may be found again."""

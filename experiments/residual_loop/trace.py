@@ -18,6 +18,7 @@ from sinan.experiments.residual_loop.remaining import patches, remaining, stands
 from sinan.experiments.residual_loop.select import Selection, select, select_further
 from sinan.experiments.residual_loop.trials import GIVEN_ERROR, ROLLED_BACK, Finding, fit_without, refitted
 from sinan.experiments.residual_loop.verdict import Scores, Verdict, settle, twins_of
+from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
 #: Probes that may be in a model at once: bound of work (`bounds_of_work poses`).
@@ -79,23 +80,33 @@ def _borne_out(
     """The selection without what the held-out data speak against, the probes needed besides, and what has fallen.
 
     What falls may have stood in the place of something else. Where noise is found and not declared, and withheld
-    readings can be asked of any model, the selection goes on without it.
+    readings can be asked of any model, the selection goes on without it. But where it has predicted them better, only
+    not surely, what comes in its place has to be called for besides it.
     """
     fallen: tuple[Term, ...] = ()
+    besides: dict[Term, FloatArray] = {}
     for round_ in range(_MOST_FALLS + 1):
-        dropped = rolled_back(source, selection) if selection.findings else ()
+        dropped = rolled_back(source, selection, alpha) if selection.findings else ()
         if not dropped:
             break
         fallen += dropped
+        final = selection.final
+        besides |= {t: final.beta[t] for t in dropped if source.is_predicting and _is_predicted(source, final, t)}
         selection = _without(source, selection, dropped, ROLLED_BACK)
         if not source.is_predicting:
             break
         if round_ < _MOST_FALLS:
-            further = select_further(source, alpha, selection, frozenset(term.key for term in fallen))
+            barred = frozenset(term.key for term in fallen)
+            further = select_further(source, alpha, selection, barred, besides)
             if further.names != selection.names:
                 selection = further
                 suspects = [one for one in suspects if _is_needed(source, further.final, *one)]
     return selection, suspects, fallen
+
+
+def _is_predicted(source: Source, fit: Fit, term: Term) -> bool:
+    """Whether withheld readings are predicted better with a term of a fit than without it, be it by chance."""
+    return source.predicts(fit, fit_without(source, fit, term), surely=False)
 
 
 def _is_confirmed(

@@ -260,7 +260,7 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
         moved, start = source.relocated(refit, term)
         if moved == term and np.array_equal(start, refit.beta[term]):
             break
-        again = source.fit((*fit.terms, moved), {**fit.beta, moved: start}, fit.part)
+        again = source.fit((*fit.terms, moved), {**refit.beta, moved: start}, fit.part)
         if again.deviance >= refit.deviance:
             break
         refit, term = again, moved

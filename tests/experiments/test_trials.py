@@ -219,6 +219,29 @@ def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float
     assert found.refused == ({} if stays else {name: IMPOSSIBLE})
 
 
+@pytest.mark.parametrize(("gone", "refused"), [(1, {}), (2, {"baro.lag": IMPOSSIBLE})])
+def test_what_could_not_be_is_tried_again_with_another_effect_in_the_model(gone: int, refused: dict[str, str]) -> None:
+    """What was not in the model may be why; but what has had to go from it twice stays out, so that this ends."""
+
+    class One(Line):
+        candidates = (effect("baro.scale"),)
+        is_predicting = True
+
+        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
+            return ()
+
+        def set_aside(self, fit: Fit) -> bool:
+            return False
+
+    source, term = cast(Source, One(2.0, 0.1)), Term("baro.scale")
+    path = _Path(source, source.fit(()), -9.0, intervals=False)
+    path._refused = {"baro.lag": IMPOSSIBLE}
+    path._ousted = ["baro.lag"] * gone
+    fit = source.fit((term,))
+    path.add(fit, Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ()))
+    assert path._refused == refused
+
+
 @pytest.mark.parametrize("prior_sigma", [np.inf, 2.0])
 def test_what_only_a_size_explains_that_does_not_occur_goes_last(prior_sigma: float) -> None:
     """40 plausible sizes known to 4, ten sigma: held to zero with two, a fifth of that evidence is left."""

@@ -419,6 +419,10 @@ class LeastSquaresSource:
         """Never."""
         return False
 
+    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+        """Never."""
+        return False
+
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """The rows that no fitting part has."""
         return held_out(self.residuals(fit))

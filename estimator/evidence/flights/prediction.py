@@ -70,6 +70,31 @@ class Share:
         return float(np.sqrt(np.sum(left**2) * n / (n - 1)) / np.sum(self.squares))
 
     @property
+    def scatter(self) -> float:
+        """Variance of it over that of a model whose errors of seconds are as large as it believes, at least 1."""
+        return max(1.0, self.std**2 * float(np.sum(self.squares)))
+
+    def bears_out(self, log_odds: float, needed: float) -> bool:
+        """Whether withheld readings are predicted better with the effect, and what they say, together with what the
+        readings say one step ahead, is enough.
+
+            log_odds / scatter + (value - 1/2) / variance > needed
+
+        The share is normal about 1 with the effect and about 0 without. Where the errors of seconds are larger than
+        the model believes, what it makes of the errors of one step counts for less.
+
+        Parameters
+        ----------
+        log_odds : of the effect, by the likelihood of the log
+        needed : of what may have been found by chance
+        """
+        scatter = self.scatter
+        if not np.isfinite(scatter):
+            return False
+        ratio = (self.value - 0.5) * float(np.sum(self.squares))
+        return self.value > 0.5 and (log_odds + ratio) / scatter > needed
+
+    @property
     def is_there(self) -> bool:
         """Whether withheld readings are predicted better with the effect, and part of it is there by no chance of the
         windows: a share of 0, not of one half, is what chance has to be ruled out of.

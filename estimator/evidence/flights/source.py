@@ -248,15 +248,14 @@ class FlightSource(OfFlight):
         return best_onsets(stamps, *self._span_of(fit), partial(self._step_rows, fit), readings, worth)
 
     def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
-        """The term with the ends of its interval where the innovations about this very fit want them; a lateness, where
-        the noise is found and not declared, on the likeliest tooth of its comb.
+        """The term with the ends of its interval where the innovations about this very fit want them; a lateness on the
+        likeliest tooth of its comb.
 
         About the plain model a strong step is found where its first-order effect fits best, which need not be where it
         is. White + W_I beta are the innovations with the offset not taken off, linear about the motion with it.
         """
         if term.interval is None:
-            on_a_comb = is_lateness(term.effect) and self._logged is not None
-            return term, self._on_the_best_tooth(fit, term) if on_a_comb else fit.beta[term]
+            return term, self._on_the_best_tooth(fit, term) if is_lateness(term.effect) else fit.beta[term]
         mine = self._columns_of(fit, term)
 
         def rows_of(steps: Sequence[Step]) -> Rows:
@@ -482,6 +481,10 @@ class FlightSource(OfFlight):
         """Whether the withheld readings of all streams are predicted better."""
         share = self._prediction.share(fit, without)
         return share.is_there if surely else share.value > 0.5
+
+    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+        """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
+        return self._prediction.share(fit, without).bears_out(log_odds, needed)
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings in every part of the log, or the residuals of its last third."""

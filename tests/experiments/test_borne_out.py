@@ -1,0 +1,143 @@
+"""What withheld readings do not bear out, and what may come in its place: on a linear problem whose answer is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sinan.estimator.evidence.flights.prediction import Share
+from sinan.estimator.evidence.score import Evidence
+from sinan.estimator.evidence.source import Fit, LocalFinding, Part, Source
+from sinan.estimator.evidence.term import Term
+from sinan.experiments.residual_loop.select import select
+from sinan.experiments.residual_loop.trace import _borne_out
+from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect
+
+TRUE, IMPOSTOR = "baro.scale", "baro.temperature"
+ALPHA = 0.01
+
+
+class Two:
+    """White noise, an effect that is there, and one whose signature goes with it by 0.6.
+
+    Parameters
+    ----------
+    better : whether withheld readings are predicted better with the true effect; surely they never are
+    """
+
+    noise_known = is_predicting = True
+    alike: Sequence[frozenset[str]] = ()
+    candidates = (effect(TRUE), effect(IMPOSTOR))
+    families = 2
+
+    def __init__(self, better: bool) -> None:
+        self._better = better
+        self._plausible = np.array([entry.parameters[0].plausible for entry in self.candidates])
+        Q = np.linalg.qr(np.random.default_rng(1).standard_normal((400, 3)))[0]
+        self._W = 10.0 * np.stack([Q[:, 0], 0.6 * Q[:, 0] + 0.8 * Q[:, 1]], axis=1) / self._plausible
+        self._white = self._W[:, 0] * 2.0 * self._plausible[0] + 10.0 * Q[:, 2]
+
+    def _columns(self, terms: Sequence[Term]) -> list[int]:
+        return [(TRUE, IMPOSTOR).index(term.name) for term in terms]
+
+    def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+        """Least squares."""
+        W = self._W[:, self._columns(terms)]
+        beta = np.linalg.lstsq(W, self._white, rcond=None)[0]
+        std = np.sqrt(np.diag(np.linalg.inv(W.T @ W)))
+        left = self._white - W @ beta
+        of = [{t: v[k : k + 1] for k, t in enumerate(terms)} for v in (beta, std)]
+        return Fit(tuple(terms), of[0], of[1], float(left @ left), part, left)
+
+    def alone(self, fit: Fit, term: Term, evidence: Evidence) -> FloatArray:
+        """Nothing holds it."""
+        return fit.beta[term]
+
+    def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
+        """In ten blocks."""
+        own = self._columns(fit.terms)
+        which = own if own_terms_only else [*own, *(k for k in (0, 1) if k not in own)]
+        W = self._W[:, which]
+        parts = list(zip(np.array_split(W, 10), np.array_split(cast(FloatArray, fit.detail), 10), strict=True))
+        information, score = np.stack([w.T @ w for w, _ in parts]), np.stack([w.T @ left for w, left in parts])
+        names = tuple((TRUE, IMPOSTOR)[k] for k in which)
+        return Evidence(names, (1,) * len(which), information, score, self._plausible[which])
+
+    def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
+        """None."""
+        return ()
+
+    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
+        """It is where it is."""
+        return term, fit.beta[term]
+
+    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
+        """Nothing is out of sight."""
+        return {}
+
+    def residuals(self, fit: Fit) -> Sequence[Any]:
+        """Nothing slow."""
+        return ()
+
+    def set_aside(self, fit: Fit) -> bool:
+        """No reading is wrong."""
+        return False
+
+    def set_aside_within(self, fit: Fit, term: Term) -> bool:
+        """No reading is wrong."""
+        return False
+
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
+        """The impostor surely; the true one perhaps."""
+        return IMPOSTOR in fit.keys or (self._better and not surely)
+
+    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+        """The impostor's odds are enough."""
+        return IMPOSTOR in fit.keys and log_odds > needed
+
+
+@pytest.mark.parametrize(("better", "names"), [(True, ()), (False, (IMPOSTOR,))])
+def test_nothing_comes_in_the_place_of_what_withheld_readings_are_not_sure_of(
+    better: bool, names: tuple[str, ...]
+) -> None:
+    """The impostor would explain 36 % of what the true effect does; where that predicts nothing, it was none."""
+    source = cast(Source, Two(better))
+    selection = select(source, ALPHA)
+    assert selection.names == (TRUE,)
+    found, _, fallen = _borne_out(source, selection, [], ALPHA)
+    assert [term.name for term in fallen] == [TRUE]
+    assert found.names == names
+    assert {term.name for term in found.final.terms} == set(names)
+
+
+def share_of(value: float, squares: Sequence[float], off: Sequence[float]) -> Share:
+    """A share of which each window's products are off by so much."""
+    each = np.array(squares)
+    return Share(value * each + np.array(off), each)
+
+
+def test_what_withheld_readings_say_is_the_ratio_of_two_normal_laws() -> None:
+    share = share_of(0.8, [4.0] * 4, [3.0, -3.0, 3.0, -3.0])
+    assert share.std**2 == pytest.approx(36.0 * 4.0 / 3.0 / 16.0**2)  # cluster-robust, of four windows
+    assert share.scatter == pytest.approx(48.0 / 16.0)
+    log_ratio = float(stats.norm.logpdf(0.8, 1.0, share.std) - stats.norm.logpdf(0.8, 0.0, share.std))
+    told = 12.0 / share.scatter + log_ratio
+    assert share.bears_out(12.0, told - 1e-9)
+    assert not share.bears_out(12.0, told + 1e-9)
+
+
+def test_errors_of_seconds_that_the_model_knows_leave_the_odds_as_they_are() -> None:
+    share = share_of(0.6, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
+    assert share.scatter == 1.0
+    assert share.bears_out(10.0, 10.0 + 0.1 * 4.0 - 1e-9)
+    assert not share.bears_out(10.0, 10.0 + 0.1 * 4.0 + 1e-9)
+
+
+@pytest.mark.parametrize("share", [share_of(0.4, [1.0] * 4, [0.0] * 4), Share(np.ones(1), np.ones(1))])
+def test_what_does_not_predict_better_or_in_one_window_alone_is_not_borne_out(share: Share) -> None:
+    assert not share.bears_out(1e4, 1.0)
