@@ -345,7 +345,7 @@ def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> t
 
 def _not_predicted(source: Source, selection: Selection, needed: float) -> tuple[Term, ...]:
     """Effects without which withheld readings are predicted as well, or of which they and the odds say too little, the
-    last found asked first.
+    last found asked first. Odds are those in the model in which it was found or in the final one, whichever are less.
     """
     fit, dropped = selection.final, list[Term]()
     for finding in reversed(selection.findings):
@@ -355,7 +355,7 @@ def _not_predicted(source: Source, selection: Selection, needed: float) -> tuple
             beta, others = fit.beta[finding.term], fit.keys_given(finding.term)
             gain = without.deviance - fit.deviance
             log_odds = log_bayes_factor(evidence, finding.term.key, beta, gain, others) - finding.search
-            if not source.bears_out(fit, without, log_odds, needed):
+            if not source.bears_out(fit, without, min(log_odds, finding.log_odds), needed):
                 dropped.append(finding.term)
                 fit = without
     return tuple(reversed(dropped))
