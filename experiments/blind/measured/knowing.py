@@ -25,6 +25,9 @@ def gain(minute: Minute, hidden: Hidden) -> float | None:
     recording = put(replace(minute, recording=minute.ready.recording), hidden, np.random.default_rng(0))
     model = minute.ready.model.replace(gate_level=None, robust_level=None)
     entry = effect(hidden.name)
-    known = {entry if hidden.interval is None else entry.over(*hidden.interval): hidden.beta}
-    plain, knowing = (run_filter(Flight(recording, model), betas, engine="numba", stride=0) for betas in ({}, known))
+    term = entry if hidden.interval is None else entry.over(*hidden.interval)
+    plain, knowing = (
+        run_filter(Flight(recording, model), {term: share * hidden.beta}, engine="numba", stride=0)
+        for share in (0.0, 1.0)
+    )
     return 2.0 * (knowing.log_likelihood - plain.log_likelihood)
