@@ -90,12 +90,11 @@ def _borne_out(
         if not dropped:
             break
         fallen += dropped
-        final = selection.final
-        besides |= {t: final.beta[t] for t in dropped if source.is_predicting and _is_predicted(source, final, t)}
-        selection = _without(source, selection, dropped, ROLLED_BACK)
+        final, selection = selection.final, _without(source, selection, dropped, ROLLED_BACK)
         if not source.is_predicting:
             break
         if round_ < _MOST_FALLS:
+            besides |= {term: final.beta[term] for term in dropped if _is_predicted(source, final, term)}
             barred = frozenset(term.key for term in fallen)
             further = select_further(source, alpha, selection, barred, besides)
             if further.names != selection.names:

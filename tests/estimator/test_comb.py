@@ -41,10 +41,11 @@ def test_steps_end_where_a_sigma_is_no_shorter() -> None:
     assert min(abs(a - b) for a in asked for b in asked if a != b) == 1.0
 
 
-def test_a_lateness_of_a_flight_is_looked_for_from_another_tooth() -> None:
+@pytest.mark.parametrize("declared", [False, True])
+def test_a_lateness_of_a_flight_is_looked_for_from_another_tooth(declared: bool) -> None:
     scenario = scenario_at(50.0, "figure_eight")
     recording, _ = simulate(scenario, np.random.default_rng(3), [parse_effect("gps.latency=0.15")])
-    source, term = FlightSource(Flight.of(recording), recording), Term("gps.latency")
+    source, term = FlightSource(Flight.of(recording), None if declared else recording), Term("gps.latency")
     fit = source.fit((term,))
     astray = replace(fit, beta={term: fit.beta[term] - 3.0 * STEP})
     moved, start = source.relocated(astray, term)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,18 +11,19 @@ from scipy import stats
 
 from sinan.estimator.evidence.flights.prediction import Share
 from sinan.estimator.evidence.score import Evidence
-from sinan.estimator.evidence.source import Fit, LocalFinding, Part, Source
+from sinan.estimator.evidence.source import Fit, Part, Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.trace import _borne_out
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
+from tests.linear_source import Linear, in_blocks
 
 TRUE, IMPOSTOR = "baro.scale", "baro.temperature"
 ALPHA = 0.01
 
 
-class Two:
+class Two(Linear):
     """White noise, an effect that is there, and one whose signature goes with it by 0.6.
 
     Parameters
@@ -30,8 +31,7 @@ class Two:
     better : whether withheld readings are predicted better with the true effect; surely they never are
     """
 
-    noise_known = is_predicting = True
-    alike: Sequence[frozenset[str]] = ()
+    is_predicting = True
     candidates = (effect(TRUE), effect(IMPOSTOR))
     families = 2
 
@@ -63,34 +63,9 @@ class Two:
         own = self._columns(fit.terms)
         which = own if own_terms_only else [*own, *(k for k in (0, 1) if k not in own)]
         W = self._W[:, which]
-        parts = list(zip(np.array_split(W, 10), np.array_split(cast(FloatArray, fit.detail), 10), strict=True))
-        information, score = np.stack([w.T @ w for w, _ in parts]), np.stack([w.T @ left for w, left in parts])
+        information, score = in_blocks(W, cast(FloatArray, fit.detail))
         names = tuple((TRUE, IMPOSTOR)[k] for k in which)
         return Evidence(names, (1,) * len(which), information, score, self._plausible[which])
-
-    def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
-        """None."""
-        return ()
-
-    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
-        """It is where it is."""
-        return term, fit.beta[term]
-
-    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
-        """Nothing is out of sight."""
-        return {}
-
-    def residuals(self, fit: Fit) -> Sequence[Any]:
-        """Nothing slow."""
-        return ()
-
-    def set_aside(self, fit: Fit) -> bool:
-        """No reading is wrong."""
-        return False
-
-    def set_aside_within(self, fit: Fit, term: Term) -> bool:
-        """No reading is wrong."""
-        return False
 
     def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
         """The impostor surely; the true one perhaps."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,13 +19,11 @@ from sinan.experiments.residual_loop.select import _Path
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
+from tests.linear_source import Linear, in_blocks
 
 
-class Line:
+class Line(Linear):
     """White noise and one candidate; size and sigma in plausible sizes, held to zero as in a flight."""
-
-    noise_known = True
-    alike: Sequence[frozenset[str]] = ()
 
     def __init__(self, size: float, sigma: float, name: str = "baro.scale", n: int = 400) -> None:
         rng = np.random.default_rng(1)
@@ -52,21 +50,8 @@ class Line:
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """In ten blocks."""
-        parts = list(zip(np.array_split(self.W, 10), np.array_split(cast(FloatArray, fit.detail), 10), strict=True))
-        information, score = np.stack([W.T @ W for W, _ in parts]), np.stack([W.T @ left for W, left in parts])
+        information, score = in_blocks(self.W, cast(FloatArray, fit.detail))
         return Evidence((self._name,), (1,), information, score, np.full(1, self._plausible))
-
-    def relocated(self, fit: Fit, term: Term) -> tuple[Term, FloatArray]:
-        """It is where it is."""
-        return term, fit.beta[term]
-
-    def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
-        """Nothing is out of sight."""
-        return {}
-
-    def residuals(self, fit: Fit) -> Sequence[Any]:
-        """Nothing slow."""
-        return ()
 
 
 def tried(size: float, sigma: float, name: str = "baro.scale") -> tuple[float | None, dict[str, str]]:
@@ -163,9 +148,6 @@ def test_what_no_log_tells_from_an_effect_of_the_model_is_not_offered() -> None:
         def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
             return Evidence(("baro.scale", "baro.lag"), (1, 1), np.eye(2)[None], np.ones((1, 2)), np.ones(2))
 
-        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
-            return ()
-
     for alike, offered in (([], ["baro.lag"]), ([frozenset({"baro.lag", "baro.scale"})], [])):
         source = Pair(1.0, 0.1)
         source.alike = alike
@@ -181,9 +163,6 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
     class One(Line):
         candidates = (effect("baro.scale"),)
         is_predicting = True
-
-        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
-            return ()
 
     source, term = cast(Source, One(sigmas, 1.0)), Term("baro.scale")
     fit = source.fit((term,))
@@ -206,9 +185,6 @@ def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float
         candidates = (effect(name),)
         is_predicting = True
 
-        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
-            return ()
-
     source, term = cast(Source, One(size, sigma, name)), Term(name)
     fit = source.fit((term,))
     path = _Path(source, fit, -9.0, intervals=False)
@@ -226,12 +202,6 @@ def test_what_could_not_be_is_tried_again_with_another_effect_in_the_model(gone:
     class One(Line):
         candidates = (effect("baro.scale"),)
         is_predicting = True
-
-        def local_findings(self, fit: Fit, intervals: bool = True) -> tuple[()]:
-            return ()
-
-        def set_aside(self, fit: Fit) -> bool:
-            return False
 
     source, term = cast(Source, One(2.0, 0.1)), Term("baro.scale")
     path = _Path(source, source.fit(()), -9.0, intervals=False)
