@@ -387,7 +387,9 @@ def predicted_lambda(evidence: Evidence, name: str, beta: FloatArray, others: Se
 _PRIOR_DOF = 3.0
 
 
-def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: float, others: Sequence[str] = ()) -> float:
+def log_bayes_factor(
+    evidence: Evidence, name: str, beta: FloatArray, gain: float, others: Sequence[str] = (), scatter: float = 1.0
+) -> float:
     """Logarithm of the odds for an effect against none, where both were as likely beforehand.
 
     gain / 2 - log det(1 + L) / 2 + k / 2 log(2 pi) + log t(z),   in units of the plausible sizes
@@ -404,16 +406,17 @@ def log_bayes_factor(evidence: Evidence, name: str, beta: FloatArray, gain: floa
     beta : (size,) its estimate
     gain : drop of -2 log L that it brought
     others : names of the effects in the model besides, projected out
+    scatter : how many times the variance that the evidence takes noise for is what it has: gain and L are less by it
     """
     plausible = evidence.plausible[evidence.columns(name)]
     information, _ = project_out(evidence, name, others)
-    L = information.sum(axis=0) * np.outer(plausible, plausible)
+    L = information.sum(axis=0) * np.outer(plausible, plausible) / scatter
     A = np.eye(len(L)) + L
     z = np.linalg.solve(A, L @ (beta / plausible))
     occam = 0.5 * float(np.linalg.slogdet(A)[1])
     nu, k = _PRIOR_DOF, float(np.trace(np.linalg.solve(A, L)))
     at_zero = float(special.gammaln(0.5 * (nu + k)) - special.gammaln(0.5 * nu)) - 0.5 * k * float(np.log(0.5 * nu))
-    return 0.5 * gain - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
+    return 0.5 * gain / scatter - occam + at_zero - 0.5 * (nu + k) * float(np.log1p(z @ z / nu))
 
 
 def without_prior(evidence: Evidence, beta: FloatArray) -> FloatArray:

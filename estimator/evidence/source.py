@@ -6,7 +6,7 @@ knows none of them; it sees fits, evidence and residuals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -300,9 +300,10 @@ class Source(Protocol):
         whether it does so at all, though it may be by chance.
         """
 
-    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
-        """Whether withheld readings are predicted better with an effect, where effects are proved by that, and its odds
-        together with how sure they are of it exceed what is needed.
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
+        """Whether withheld readings are predicted better with an effect, where effects are proved by that, and how sure
+        they are of it, together with its odds by how many times as large as in the model noise is, exceeds what is
+        needed.
         """
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:

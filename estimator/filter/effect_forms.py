@@ -324,14 +324,16 @@ def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, 
 
 
 def stream_form(along: Along, name: str) -> StreamForm:
-    """What the effects of one stream do to its prediction; a receiver's is that of a motion without vibration, whose
-    velocity is another a few hundredths of a second later: it would make the likelihood of a lateness rough.
+    """What the effects of one stream do to its prediction; a receiver's, its antenna's arm with it, is that of a motion
+    without vibration, whose velocity is another a few hundredths of a second later: it would make the likelihood of a
+    lateness rough.
 
     Raises
     ------
     InputError : an effect needs a covariate that the recording lacks
     """
     at, sensor, pairs = along.at(name), along.model.sensors[name], []
+    seen = along.of_vehicle.at(name) if name == "gps" else at
     offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
     for entry, beta in along.terms.of_stream(name):
         lacking = entry.missing(at)
@@ -351,17 +353,17 @@ def stream_form(along: Along, name: str) -> StreamForm:
             total += change if entry.exact else at_its_instant(sensor, change)
         return total
 
-    offset += added(at, pairs)
-    if name == "gps":
-        offset += sensor.predict(along.of_vehicle.at(name)) - sensor.predict(at)
+    offset += added(seen, pairs)
+    if seen is not at:
+        offset += sensor.predict(seen) - sensor.predict(at)
     moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
     if moving:
         of_moving = partial(added, pairs=moving)
-        probe = at.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+        probe = seen.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
         slopes = _slopes(of_moving, probe, range(9))
         states = [k for k in range(9) if np.any(np.abs(slopes[k]) > 1e-12)]
         if states:
-            D[:, :, states] = np.moveaxis(_slopes(of_moving, at, states), 0, -1)
+            D[:, :, states] = np.moveaxis(_slopes(of_moving, seen, states), 0, -1)
     return StreamForm(
         zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
     )

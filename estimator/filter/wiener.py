@@ -28,6 +28,9 @@ from sinan.sensors.motion import Motion
 #: Above this a rate or an acceleration is vibration, no motion of the vehicle [Hz]: a choice, half and twice of which
 #: move the lateness of a shaken receiver by 0.8 % of its sigma (`bounds_of_work shaken`).
 VEHICLE_BANDWIDTH = 10.0
+#: Periods of that bandwidth after which the low pass has settled, by which a stretch goes on beyond its ends, turned
+#: about them: its slowest poles, of damping sin(pi / 8), have then decayed to exp(-2 pi 4 sin(pi / 8)) = 7e-5.
+SETTLED = 4.0
 #: Frequencies over which power is averaged: it is known to sqrt(2 / 65), a sixth.
 NEIGHBOURS = 65
 #: k above: the mean of so many frequencies of noise exceeds twice its own with chi2.sf(2 * 65, 65) = 1 in 320,000.
@@ -59,13 +62,13 @@ def without_vibration(motion: Motion) -> Motion:
 
     step = np.diff(motion.t)
     usual = float(np.median(step))
-    shortest = max(15.0, 4.0 / (VEHICLE_BANDWIDTH * usual))
-    if usual * VEHICLE_BANDWIDTH >= 0.5 or len(motion) <= shortest:
+    settled = max(15, round(SETTLED / (VEHICLE_BANDWIDTH * usual)))
+    if usual * VEHICLE_BANDWIDTH >= 0.5 or len(motion) <= settled:
         return motion
     slow = np.hstack([motion.v_n, motion.acceleration_n(), motion.w_ib_b])
     for rows in np.split(np.arange(len(motion)), np.flatnonzero(step > GAP * usual) + 1):
-        if len(rows) > shortest:
-            slow[rows] = sosfiltfilt(_low_pass(VEHICLE_BANDWIDTH, 1.0 / usual), slow[rows], axis=0)
+        if len(rows) > settled:
+            slow[rows] = sosfiltfilt(_low_pass(VEHICLE_BANDWIDTH, 1.0 / usual), slow[rows], axis=0, padlen=settled)
     v_n, a_n, w_ib_b = np.split(slow, 3, axis=1)
     return replace(motion, v_n=v_n, a_n=a_n, w_ib_b=w_ib_b)
 

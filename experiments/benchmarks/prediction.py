@@ -145,8 +145,10 @@ def withheld_in_turn(
 def compare(
     log: str, ready: Prepared, stream: str, length: float, betas: Mapping[str, FloatArray], rng: np.random.Generator
 ) -> Comparison | None:
-    """Predictions of a stream without effects and with them; None where there is nothing to predict."""
-    plain, window = withheld_in_turn(ready, stream, length, {})
+    """Predictions of a stream without effects, each being zero in the model, and with them; None where there is nothing
+    to predict.
+    """
+    plain, window = withheld_in_turn(ready, stream, length, {name: np.zeros_like(b) for name, b in betas.items()})
     after, _ = withheld_in_turn(ready, stream, length, betas)
     _, rows, same = np.intersect1d(plain.t, after.t, return_indices=True)  # a lateness moves some beyond the IMU's time
     if not len(rows):

@@ -114,7 +114,8 @@ def references_of(
                 first, last = (float(np.rad2deg(errors[key])) for errors in (before, after))
                 found.append((f"{name} against {whose}, {words}", first, last, "deg"))
     if "gps" in source.recording.streams:
-        before_by_age, after_by_age = (withheld_errors(source, fit, held_out=True) for fit in result.verdict.proof.fits)
+        fits = result.verdict.proof.fits
+        before_by_age, after_by_age = (withheld_errors(source, fit, True, fits[-1]) for fit in fits)
         found += [(f"position, {age:g} s after the last fix, last third", miss, after_by_age[age], "m")
                   for age, miss in before_by_age.items() if age in after_by_age]  # fmt: skip
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -318,8 +319,9 @@ def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamRe
     return known
 
 
-def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> tuple[Term, ...]:
-    """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model.
+def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> dict[Term, bool]:
+    """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model,
+    and of each whether withheld readings are predicted better with it all the same, if by what may be chance.
 
     The last found is asked first: two effects that hide each other need each other. Readings in an interval of which
     the fitting part knows nothing are not counted.
@@ -340,25 +342,34 @@ def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> t
         if not _is_borne_out(source, fitted, without, term, unknown):
             dropped.append(term)
             fitted = without
-    return tuple(reversed(dropped))
+    return dict.fromkeys(reversed(dropped), False)
 
 
-def _not_predicted(source: Source, selection: Selection, needed: float) -> tuple[Term, ...]:
-    """Effects without which withheld readings are predicted as well, or of which they and the odds say too little, the
-    last found asked first. Odds are those in the model in which it was found or in the final one, whichever are less.
+def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[Term, bool]:
+    """See `rolled_back`: effects without which withheld readings are predicted as well, or of which they and the odds
+    together say too little.
+
+    What an effect gains is what it did when it was found, or does in the final model without what has fallen before,
+    whichever is less.
     """
-    fit, dropped = selection.final, list[Term]()
+    fit, fallen = selection.final, dict[Term, bool]()
     for finding in reversed(selection.findings):
-        if finding.term.in_mean and can_be_predicted(finding.term):
-            without = fit_without(source, fit, finding.term)
-            evidence = source.evidence(fit, own_terms_only=True)
-            beta, others = fit.beta[finding.term], fit.keys_given(finding.term)
-            gain = without.deviance - fit.deviance
-            log_odds = log_bayes_factor(evidence, finding.term.key, beta, gain, others) - finding.search
-            if not source.bears_out(fit, without, min(log_odds, finding.log_odds), needed):
-                dropped.append(finding.term)
-                fit = without
-    return tuple(reversed(dropped))
+        term = finding.term
+        if not (term.in_mean and can_be_predicted(term)):
+            continue
+        without = fit_without(source, fit, term)
+        gain = min(without.deviance - fit.deviance, finding.gain)
+        if not source.bears_out(fit, without, partial(_log_odds, source, fit, finding, gain), needed):
+            fallen[term] = source.predicts(fit, without, surely=False)
+            fit = without
+    return dict(reversed(fallen.items()))
+
+
+def _log_odds(source: Source, fit: Fit, finding: Finding, gain: float, scatter: float) -> float:
+    """Of what was found in a fit, of what it gains there, where noise is so many times as large as the model has it."""
+    evidence, term = source.evidence(fit, own_terms_only=True), finding.term
+    factor = log_bayes_factor(evidence, term.key, fit.beta[term], gain, fit.keys_given(term), scatter)
+    return factor - finding.search
 
 
 def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown: Sequence[Term]) -> bool:

@@ -172,13 +172,15 @@ def select_further(
         fit = source.fit((*final.terms, *besides), {**final.beta, **besides}, final.part) if besides else final
     except InputError:  # no model follows from all of them
         fit, besides = final, {}
-    path = _Path(source, fit, log_p_needed(source, alpha), False, start, barred)
+    threshold = log_p_needed(source, alpha)
+    path = _Path(source, fit, threshold, False, start, barred)
     path.take_on(MOST_EFFECTS, SHORTLIST)
-    if not besides:  # given which what is borne out may be none
-        path.drop_what_may_be_none(alpha)
-    found = path.selection()
+    if besides:  # what is said is said of the model without them
+        found = path.selection()
+        path = _Path(source, fit_without(source, found.final, *besides), threshold, False, found, barred)
+    path.drop_what_may_be_none(alpha)
     return replace(
-        found.with_final(fit_without(source, found.final, *besides)) if besides else found,
+        path.selection(),
         plain=refitted(source, start.plain),
         plain_statistics=start.plain_statistics,
         plain_local=start.plain_local,

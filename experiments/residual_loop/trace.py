@@ -86,26 +86,21 @@ def _borne_out(
     fallen: tuple[Term, ...] = ()
     besides: dict[Term, FloatArray] = {}
     for round_ in range(_MOST_FALLS + 1):
-        dropped = rolled_back(source, selection, alpha) if selection.findings else ()
+        dropped = rolled_back(source, selection, alpha) if selection.findings else {}
         if not dropped:
             break
-        fallen += dropped
-        final, selection = selection.final, _without(source, selection, dropped, ROLLED_BACK)
+        fallen += tuple(dropped)
+        final, selection = selection.final, _without(source, selection, tuple(dropped), ROLLED_BACK)
         if not source.is_predicting:
             break
         if round_ < _MOST_FALLS:
-            besides |= {term: final.beta[term] for term in dropped if _is_predicted(source, final, term)}
+            besides |= {term: final.beta[term] for term, better in dropped.items() if better}
             barred = frozenset(term.key for term in fallen)
             further = select_further(source, alpha, selection, barred, besides)
             if further.names != selection.names:
                 selection = further
                 suspects = [one for one in suspects if _is_needed(source, further.final, *one)]
     return selection, suspects, fallen
-
-
-def _is_predicted(source: Source, fit: Fit, term: Term) -> bool:
-    """Whether withheld readings are predicted better with a term of a fit than without it, be it by chance."""
-    return source.predicts(fit, fit_without(source, fit, term), surely=False)
 
 
 def _is_confirmed(

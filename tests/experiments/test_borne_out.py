@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -71,9 +71,9 @@ class Two(Linear):
         """The impostor surely; the true one perhaps."""
         return IMPOSTOR in fit.keys or (self._better and not surely)
 
-    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """The impostor's odds are enough."""
-        return IMPOSTOR in fit.keys and log_odds > needed
+        return IMPOSTOR in fit.keys and log_odds(1.0) > needed
 
 
 @pytest.mark.parametrize(("better", "names"), [(True, ()), (False, (IMPOSTOR,))])
@@ -96,23 +96,41 @@ def share_of(value: float, squares: Sequence[float], off: Sequence[float]) -> Sh
     return Share(value * each + np.array(off), each)
 
 
+def odds_of(gain: float) -> Callable[[float], float]:
+    """Odds of what gains so much where noise is as in the model, against an Occam's factor that is none of noise."""
+    return lambda scatter: 0.5 * gain / scatter - 2.0
+
+
 def test_what_withheld_readings_say_is_the_ratio_of_two_normal_laws() -> None:
     share = share_of(0.8, [4.0] * 4, [3.0, -3.0, 3.0, -3.0])
     assert share.std**2 == pytest.approx(36.0 * 4.0 / 3.0 / 16.0**2)  # cluster-robust, of four windows
     assert share.scatter == pytest.approx(48.0 / 16.0)
     log_ratio = float(stats.norm.logpdf(0.8, 1.0, share.std) - stats.norm.logpdf(0.8, 0.0, share.std))
-    told = 12.0 / share.scatter + log_ratio
-    assert share.bears_out(12.0, told - 1e-9)
-    assert not share.bears_out(12.0, told + 1e-9)
+    told = 12.0 / share.scatter - 2.0 + log_ratio
+    assert share.bears_out(odds_of(24.0), told - 1e-9)
+    assert not share.bears_out(odds_of(24.0), told + 1e-9)
 
 
 def test_errors_of_seconds_that_the_model_knows_leave_the_odds_as_they_are() -> None:
     share = share_of(0.6, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
     assert share.scatter == 1.0
-    assert share.bears_out(10.0, 10.0 + 0.1 * 4.0 - 1e-9)
-    assert not share.bears_out(10.0, 10.0 + 0.1 * 4.0 + 1e-9)
+    assert share.bears_out(odds_of(20.0), 8.0 + 0.1 * 4.0 - 1e-9)
+    assert not share.bears_out(odds_of(20.0), 8.0 + 0.1 * 4.0 + 1e-9)
 
 
-@pytest.mark.parametrize("share", [share_of(0.4, [1.0] * 4, [0.0] * 4), Share(np.ones(1), np.ones(1))])
+def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
+    """A share of 3 is none of an effect of that size either."""
+    told = [
+        [share_of(value, [4.0] * 4, [3.0, -3.0, 3.0, -3.0]).bears_out(odds_of(24.0), needed) for needed in range(20)]
+        for value in (1.0, 3.0)
+    ]
+    assert told[0] == told[1]
+    assert set(told[0]) == {False, True}
+
+
+@pytest.mark.parametrize(
+    "share",
+    [share_of(0.4, [1.0] * 4, [0.0] * 4), Share(np.ones(1), np.ones(1)), Share(np.zeros(0), np.zeros(0))],
+)
 def test_what_does_not_predict_better_or_in_one_window_alone_is_not_borne_out(share: Share) -> None:
-    assert not share.bears_out(1e4, 1.0)
+    assert not share.bears_out(odds_of(1e4), 1.0)

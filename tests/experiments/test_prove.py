@@ -33,7 +33,7 @@ def test_a_disturbance_of_the_fitting_part_stays_in_the_model() -> None:
     source = FlightSource(Flight.of(recording))
     selection = select(source)
     assert set(selection.names) == {"mag.temperature", "mag.transient"}
-    assert rolled_back(source, selection) == ()
+    assert rolled_back(source, selection) == {}
 
 
 def test_another_seed_moves_the_ends_of_an_interval_by_what_its_draws_say() -> None:

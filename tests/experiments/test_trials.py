@@ -205,8 +205,8 @@ def test_what_could_not_be_is_tried_again_with_another_effect_in_the_model(gone:
 
     source, term = cast(Source, One(2.0, 0.1)), Term("baro.scale")
     path = _Path(source, source.fit(()), -9.0, intervals=False)
-    path._refused = {"baro.lag": IMPOSSIBLE}
-    path._ousted = ["baro.lag"] * gone
+    for _ in range(gone):
+        path._drop(Term("baro.lag"), IMPOSSIBLE)
     fit = source.fit((term,))
     path.add(fit, Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ()))
     assert path._refused == refused

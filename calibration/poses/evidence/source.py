@@ -6,7 +6,7 @@ of the information and the score, and searches the intervals of localised effect
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -419,7 +419,7 @@ class LeastSquaresSource:
         """Never."""
         return False
 
-    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """Never."""
         return False
 

@@ -9,7 +9,7 @@ out); K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986) 13 (the scatter of clusters
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,28 +71,29 @@ class Share:
 
     @property
     def scatter(self) -> float:
-        """Variance of it over that of a model whose errors of seconds are as large as it believes, at least 1."""
+        """Variance of it over that of withheld readings which err each by itself, as much as the model believes, at
+        least 1.
+        """
         return max(1.0, self.std**2 * float(np.sum(self.squares)))
 
-    def bears_out(self, log_odds: float, needed: float) -> bool:
+    def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
         """Whether withheld readings are predicted better with the effect, and what they say, together with what the
         readings say one step ahead, is enough.
 
-            log_odds / scatter + (value - 1/2) / variance > needed
+            log_odds(scatter) + (min(value, 1) - 1/2) / std^2 > needed
 
         The share is normal about 1 with the effect and about 0 without. Where the errors of seconds are larger than
         the model believes, what it makes of the errors of one step counts for less.
 
         Parameters
         ----------
-        log_odds : of the effect, by the likelihood of the log
+        log_odds : of the effect by the likelihood of the log, where noise has so many times the variance of the model
         needed : of what may have been found by chance
         """
-        scatter = self.scatter
-        if not np.isfinite(scatter):
+        if not (np.isfinite(self.std) and self.value > 0.5):
             return False
-        ratio = (self.value - 0.5) * float(np.sum(self.squares))
-        return self.value > 0.5 and (log_odds + ratio) / scatter > needed
+        ratio = (min(self.value, 1.0) - 0.5) * float(np.sum(self.squares)) / self.scatter
+        return log_odds(self.scatter) + ratio > needed
 
     @property
     def is_there(self) -> bool:

@@ -6,7 +6,7 @@ being the sensitivity pass: a linear problem with nothing left to project out, s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -482,7 +482,7 @@ class FlightSource(OfFlight):
         share = self._prediction.share(fit, without)
         return share.is_there if surely else share.value > 0.5
 
-    def bears_out(self, fit: Fit, without: Fit, log_odds: float, needed: float) -> bool:
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
         return self._prediction.share(fit, without).bears_out(log_odds, needed)
 
