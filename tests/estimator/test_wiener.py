@@ -84,7 +84,9 @@ def test_what_a_gap_cuts_is_two_motions_up_to_their_ends(rate: float) -> None:
     t = np.concatenate([once, 10.0 + once])
     v_n = np.stack([np.where(t < 5.0, 1.0, 11.0), 5.0 * t, 2.0 * np.sin(np.pi * t)], axis=1)
     motion = Motion(t=t, v_n=v_n, a_n=np.zeros_like(v_n), w_ib_b=np.zeros_like(v_n))
-    assert np.max(np.abs(without_vibration(motion).v_n - v_n), axis=0) == pytest.approx(np.zeros(3), abs=2e-3)
+    off = np.max(np.abs(without_vibration(motion).v_n - v_n), axis=0)
+    assert off[0] < 1e-9
+    assert np.all(off < 2e-3)
 
 
 @pytest.mark.parametrize(("frequency", "stays"), [(0.5, True), (3.0, True), (25.0, False), (80.0, False)])

@@ -80,7 +80,7 @@ class Share:
         """Whether withheld readings are predicted better with the effect, and what they say, together with what the
         readings say one step ahead, is enough.
 
-            log_odds(scatter) + (min(value, 1) - 1/2) / std^2 > needed
+            log_odds(scatter) + (min(value, 1) - 1/2) / variance > needed,   variance = scatter / sum of squares
 
         The share is normal about 1 with the effect and about 0 without. Where the errors of seconds are larger than
         the model believes, what it makes of the errors of one step counts for less.
@@ -92,8 +92,9 @@ class Share:
         """
         if not (np.isfinite(self.std) and self.value > 0.5):
             return False
-        ratio = (min(self.value, 1.0) - 0.5) * float(np.sum(self.squares)) / self.scatter
-        return log_odds(self.scatter) + ratio > needed
+        scatter = self.scatter
+        ratio = (min(self.value, 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
+        return log_odds(scatter) + ratio > needed
 
     @property
     def is_there(self) -> bool:
