@@ -25,7 +25,7 @@ from sinan.experiments.blind.maker.measure import DELAYS, Plan, clean_reading
 from sinan.experiments.blind.maker.scene import Scene
 from sinan.experiments.blind.measured import benchmark, command
 from sinan.experiments.blind.measured.command import named
-from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, Order, draw, sized
+from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, UNDONE, Order, draw, sized
 from sinan.experiments.blind.measured.grade import grade
 from sinan.experiments.blind.measured.knowing import gain
 from sinan.experiments.blind.measured.minute import (
@@ -347,6 +347,14 @@ def test_a_lasting_effect_is_as_large_as_the_control_finds_detectable(minute: Mi
 )
 def test_what_cannot_be_put_in_says_why(minute: Minute, name: str, control: dict[str, Any], status: str) -> None:
     assert sized(order_of(name, 1.0, [0.6, 0.0, 0.8]), minute, control) == (None, status)
+
+
+@pytest.mark.parametrize(("named", "status"), [(-0.009, UNDONE), (0.009, PUT), (-0.005, PUT), (None, PUT)])
+def test_what_undoes_an_effect_of_the_log_is_not_put_in(minute: Minute, named: float | None, status: str) -> None:
+    """0.012 put in where 0.006 would be found: with -0.009 of the log's own there are 0.003 left, with -0.005 0.007."""
+    own = [] if named is None else [{"name": "mag.time_offset", "beta": [named]}]
+    control = report_of(*own, mag__time_offset=[0.006])
+    assert sized(order_of("mag.time_offset", 2.0, [1.0]), minute, control)[1] == status
 
 
 def test_a_magnetic_size_goes_with_the_field(minute: Minute) -> None:

@@ -31,8 +31,8 @@ LASTING = 0.6
 OCCURS = 3.0
 #: What became of a draw: an effect was put in; the control's report says that no size of it is visible, or does not ask
 #: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`), or
-#: of an offset that occurs.
-PUT, NOT_VISIBLE, BEYOND = "put", "not visible", "beyond what occurs"
+#: of an offset that occurs; with what the control names of the same effect it adds up to less than would be found.
+PUT, NOT_VISIBLE, BEYOND, UNDONE = "put", "not visible", "beyond what occurs", "undoing what the control names"
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hid
 
     Lasting: beta = size u min_i(d_i / |u_i|) with d_i from what size on the control's report says that component i
     would be found: of the component that is seen best it is `size` times that. Steps and transients: 10 size w_i u_i,
-    w_i the wander of component i over the length. Outliers: their share, as it was drawn.
+    w_i the wander of component i over the length. Outliers: their share, as it was drawn. A lasting effect that the
+    control names too, and that what is put in undoes, is none to be named, and is not put in.
 
     Parameters
     ----------
@@ -99,7 +100,15 @@ def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hid
     of_field = CATALOGUE[order.name].of_field if order.is_lasting else stream == "mag"
     if np.linalg.norm(beta) > largest * (float(np.linalg.norm(minute.around.field_n)) if of_field else 1.0):
         return None, BEYOND
+    if order.is_lasting and _undoes(order.name, beta, control):
+        return None, UNDONE
     return Hidden(order.name, beta, order.interval), PUT
+
+
+def _undoes(name: str, beta: FloatArray, control: Mapping[str, Any]) -> bool:
+    """Whether no component of what is put in and what the control names of that effect together would be found."""
+    own = [np.array(effect["beta"]) for effect in control["effects"] if effect["name"] == name]
+    return bool(own) and bool(np.all(np.abs(beta + own[0]) < detectable(control)[name]))
 
 
 def lasting_unit(order: Order, control: Mapping[str, Any]) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sinan.estimator.evidence.score import DETECTABLE_LAMBDA
 from sinan.experiments.blind.grade import REFUSED, SIGMAS
-from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, detectable
+from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, OF_WANDER, PUT, SIZES, UNDONE, detectable
 from sinan.experiments.blind.rates import count, shown
 from sinan.experiments.report.words import number
 from sinan.sensors.arrays import FloatArray
@@ -43,7 +43,8 @@ nothing declared. The untouched minute is the control, and what a log has that i
 - Log, effect, direction, interval and size are drawn whatever the tracer says. A lasting effect comes in sizes of
   {OF_CONTROL} times what the control's report says would be found, of the component that is seen best; in none
   that the report calls invisible, nor larger than a bad or badly mounted instrument has it
-  (`experiments/blind/maker/catalogue.py`).
+  (`experiments/blind/maker/catalogue.py`), nor where it undoes what the control names of the same effect: what is left
+  of both would not be found.
 - A step or transient comes in {SIGMAS_OF_WANDER} times the wander of its stream: the RMS distance of an error's
   mean over the length of the interval (at most a third of the minute) from that over as long before and after, of the
   readings about the motion that the log itself shows. None is larger than three plausible sizes
@@ -118,7 +119,7 @@ def against(controls: Sequence[Mapping[str, Any]], reference: Sizes) -> FloatArr
 def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]]) -> str:
     """The whole page."""
     reference: Sizes = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.is_file() else {}
-    states = {word: sum(r["status"] == word for r in runs) for word in (PUT, NOT_VISIBLE, BEYOND, REFUSED)}
+    states = {word: sum(r["status"] == word for r in runs) for word in (PUT, NOT_VISIBLE, BEYOND, UNDONE, REFUSED)}
     drawn = ", ".join(f"{n} {word}" for word, n in states.items() if n)
     seeds = ", ".join(sorted({str(r["seed"]) for r in runs}))
     lines = [HEAD, f"{len(runs)} draws of seed {seeds} from {len({r['log'] for r in runs})} logs: {drawn}.", ""]
