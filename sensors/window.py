@@ -139,6 +139,6 @@ def _rows(stream: Stream, begin: float, end: float) -> Stream:
 
 def _after(spec: SensorSpec, elapsed: float) -> SensorSpec:
     """What is declared of an instrument, some time later."""
-    if not spec.bias_std or not spec.bias_walk:
+    if spec.bias_std is None or not spec.bias_walk:
         return spec
     return replace(spec, bias_std=float(np.hypot(spec.bias_std, spec.bias_walk * np.sqrt(elapsed))))

@@ -91,10 +91,19 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
         part = parts[number]
         _backward(part.inputs, number, int(inputs.events.row[first_reading[number]]), r, G, found)
         if part.begins:  # later readings say nothing of what was before
+            _add_walked(part.inputs, float(part.inputs.imu.t[0] - inputs.imu.t[0]), G, found.bias_of_part[number])
             found.start[:] += G[:n, :n]
             found.start_x[:] = r[:n]
             r[:], G[:] = 0.0, 0.0
     return found
+
+
+def _add_walked(inputs: RunInputs, elapsed: float, G: FloatArray, bias: FloatArray) -> None:
+    """What a first covariance has of the walks since the log began (`FlightModel.after`): walk^2 elapsed in each bias."""
+    for process in inputs.model.processes:
+        if np.isinf(process.tau):
+            block = inputs.model.layout.slice(process.block)
+            bias[block] += process.walk**2 * elapsed * np.diag(G)[block]
 
 
 def _backward(part: RunInputs, number: int, row0: int, r: FloatArray, G: FloatArray, found: LevelScores) -> None:

@@ -108,7 +108,14 @@ def _north_of_first_heading(q_nb: FloatArray, P: FloatArray, model: FlightModel)
 
 
 def _of_what_is_there(flight: Flight) -> Flight:
-    """The flight without sensors that have no reading here: a stretch may lack a stream that others have."""
+    """The flight without readings from before the first IMU sample, which say where the body was then; and without
+    sensors that have no reading here: a stretch may lack a stream that others have.
+    """
+    recording, start = flight.recording, flight.recording.streams["imu"].t[0]
+    early = {name for name in flight.model.sensors if name in recording.streams and recording.streams[name].t[0] < start}
+    if early:
+        later = {name: one.rows(one.t >= start) if name in early else one for name, one in recording.streams.items()}
+        flight = flight.reading(recording.replace(streams={name: one for name, one in later.items() if len(one)}))
     streams, sensors = flight.recording.streams, flight.model.sensors
     there = {
         name: model_of
@@ -287,7 +294,7 @@ def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, Float
     model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors:
         stream, gps = streams["gps"], model.sensors["gps"]
-        waited = np.maximum(0.0, stream.t - streams["imu"].t[0])
+        waited = stream.t - streams["imu"].t[0]
         white = np.sqrt(np.diag(gps.R)[:3] * white_shares(flight, "gps")[:, :3])
         spread = np.hypot(white, 0.0 if gps.bias is None else gps.bias.std)
         fixes = stream.array(POSITION)
@@ -324,7 +331,7 @@ def _first_velocity(flight: Flight) -> tuple[FloatArray, FloatArray]:
     model, streams = flight.model, flight.recording.streams
     if "gps" in model.sensors and streams["gps"].has(VELOCITY):
         stream, gps = streams["gps"], model.sensors["gps"]
-        waited = max(0.0, float(stream.t[0] - streams["imu"].t[0]))
+        waited = float(stream.t[0] - streams["imu"].t[0])
         spread = np.sqrt(gps.R[3, 3] * white_shares(flight, "gps")[0, 3])
         return stream.array(VELOCITY)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * min(waited, 1.0))
     return np.zeros(3), np.full(3, UNKNOWN_VELOCITY)

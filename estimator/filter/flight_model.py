@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as default
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -171,6 +171,18 @@ class FlightModel:
     def replace(self, **changes: object) -> FlightModel:
         """A copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+    def after(self, elapsed: float) -> FlightModel:
+        """The model so many seconds later, of biases that have walked on and that nothing has been read of meanwhile."""
+
+        def later(instrument: Any) -> Any:
+            if not getattr(instrument, "bias_walk", 0.0):
+                return instrument
+            std = float(np.hypot(instrument.bias_std, instrument.bias_walk * np.sqrt(elapsed)))
+            return replace(instrument, bias_std=std)
+
+        sensors = {name: later(model) for name, model in self.sensors.items()}
+        return self.replace(accel=later(self.accel), gyro=later(self.gyro), sensors=sensors)
 
     @property
     def turn(self) -> BiasProcess | None:

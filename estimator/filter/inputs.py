@@ -99,7 +99,8 @@ def prepare(
     first: tuple[FloatArray, FloatArray] | None = None,
     aligned: Recording | None = None,
 ) -> RunInputs:
-    """Everything an engine needs of a flight. What begins after a gap that nothing bridges has the north of before.
+    """Everything an engine needs of a flight. What begins after a gap that nothing bridges has the north of before, and biases that
+    have walked since the log began.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def prepare(
         status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
         stretch = between(from_first.recording, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf)))
         own = flight.model.own_north and float(imu.t[i0]) in from_first.recording.breaks
-        later.append(first_state(flight.believing(own_north=own).reading(stretch)))
+        model = flight.model.after(float(imu.t[i0] - imu.t[0])).replace(own_north=own)
+        later.append(first_state(Flight(stretch, model)))
     return RunInputs(flight, imu, replace(events, status=status), x, P, tuple(later))
 
 

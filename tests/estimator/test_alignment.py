@@ -103,6 +103,17 @@ def test_a_compass_that_begins_later_tells_the_heading_of_its_first_reading() ->
         assert np.linalg.norm(error) < 0.4
 
 
+def test_fixes_from_before_the_imu_say_nothing_of_where_it_starts() -> None:
+    """A receiver that is on 5 s before the IMU; the body is elsewhere by then."""
+    whole, _ = fly(3, duration=15.0)
+    imu, (then, there) = whole.streams["imu"], analytic_motion(np.array([0.0, 5.0])).p_n
+    late = whole.replace(streams={**whole.streams, "imu": imu.rows(imu.t >= 5.0)}, initial=Initial())
+    x, P = first_state(Flight.of(late))
+    assert np.linalg.norm(then - there) > 5.0
+    assert np.linalg.norm(x[:3] - there) < 3.0
+    assert np.all(np.abs(x[:3] - there) < 3.0 * np.sqrt(np.diag(P)[:3]))
+
+
 def test_without_a_declared_start_the_filter_finds_its_way() -> None:
     recording, truth = fly(2, duration=30.0)
     recording = recording.replace(initial=Initial())

@@ -71,15 +71,27 @@ def test_a_disturbance_of_neighbours_is_none() -> None:
     assert len(found.row) < 3
 
 
-def test_readings_that_are_held_are_counted_once() -> None:
-    """A stream logged four times as fast as it is measured: its wrong readings come four in a row."""
-    rng = np.random.default_rng(5)
-    error = rng.standard_normal((N, 1))
-    wrong = rng.choice(N, 30, replace=False)
-    error[wrong] += 20.0
-    found = wrong_among(np.repeat(error, 4, axis=0))
-    assert found is not None
-    assert len(np.intersect1d(found.row, 4 * wrong)) > 25
+@pytest.mark.parametrize("rows", [4, 10])
+def test_a_fix_that_is_held_is_counted_once(rows: int) -> None:
+    """Each fix of a moving receiver in several rows, whose errors differ as the body moves on: none is wrong by that,
+    and of ten that are each counts once.
+    """
+    recording, _ = fly(21, duration=60.0)
+    gps = recording.streams["gps"]
+    wrong = np.arange(17, len(gps), 60)
+    north = gps["north"].copy()
+    north[wrong] += 15.0
+    step = float(np.median(np.diff(gps.t))) / rows
+    for column in (gps["north"], north):
+        columns = {name: np.repeat(values, rows) for name, values in {**gps.columns, "north": column}.items()}
+        slow = Stream((gps.t[:, None] + step * np.arange(rows)).ravel(), columns)
+        logged = recording.replace(streams={**recording.streams, "gps": slow})
+        found = FlightSource(Flight.of(recording), logged=logged)._wrong_among_logged["gps"]
+        assert found.readings <= len(gps)
+        if column is north:
+            assert np.array_equal(found.row, wrong)
+        else:
+            assert found.log_p > NEEDED
 
 
 @pytest.mark.parametrize("error", [np.zeros((200, 1)), np.arange(20.0)[:, None]])

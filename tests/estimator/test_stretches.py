@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from sinan.estimator.evidence.sensitivity import sensitivity_pass
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
-from sinan.estimator.filter.inputs import prepare
+from sinan.estimator.filter.inputs import RunInputs, prepare
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.pieces import journal_pieces
 from sinan.estimator.filter.run_filter import run_filter
@@ -39,7 +41,12 @@ def log() -> tuple[Recording, FlightModel]:
 
 
 def alone(recording: Recording, model: FlightModel, part: tuple[float, float], stride: int = 1) -> Journal:
-    return run(prepare(Flight(between(recording, *part), model)), "numba", stride)
+    return run(prepare(since_the_start(recording, model, part)), "numba", stride)
+
+
+def since_the_start(recording: Recording, model: FlightModel, part: tuple[float, float]) -> Flight:
+    """A part of the log, whose biases have walked since the log began."""
+    return Flight(between(recording, *part), model.after(part[0]))
 
 
 def test_each_stretch_is_a_run_of_its_own(log: tuple[Recording, FlightModel]) -> None:
@@ -82,18 +89,45 @@ def test_nothing_later_is_smoothed_into_what_was_before(log: tuple[Recording, Fl
 def test_levels_are_of_both(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
     both = level_scores(prepare(Flight(recording, model)))
-    first, second = (level_scores(prepare(Flight(between(recording, *part), model))) for part in (FIRST, SECOND))
+    first, second = (level_scores(prepare(since_the_start(recording, model, part))) for part in (FIRST, SECOND))
     assert np.allclose(both.start, first.start + second.start, rtol=1e-9)
-    assert np.allclose(both.bias, first.bias + second.bias, rtol=1e-9)
+    walked = np.zeros(model.layout.n)
+    for process in model.processes:
+        block = model.layout.slice(process.block)
+        walked[block] = process.walk**2 * SECOND[0] * np.diag(second.start)[block]
+    assert np.allclose(both.bias, first.bias + second.bias + walked, rtol=1e-9)
     assert float(np.sum(both.q_gyro)) == pytest.approx(float(np.sum(first.q_gyro) + np.sum(second.q_gyro)))
     assert float(np.sum(both.loglik)) == pytest.approx(float(np.sum(first.loglik) + np.sum(second.loglik)))
+
+
+def test_a_bias_walks_on_while_nothing_is_read() -> None:
+    """A receiver's error of 0.1 m that walks by 0.3 m/sqrt(s) is one of 1.9 m after 40 s."""
+    recording, _ = a_log()
+    walking = replace(recording.spec("gps"), bias_std=0.1, bias_walk=0.3)
+    recording = recording.replace(sensors={**recording.sensors, "gps": walking})
+    inputs = prepare(Flight.of(recording))
+    ((_, P),) = inputs.later
+    assert np.diag(P)[inputs.model.layout.slice("b_gps")] == pytest.approx(0.1**2 + 0.3**2 * SECOND[0], rel=1e-3)
+
+
+def test_the_score_of_a_walk_counts_what_it_has_done_between_two_stretches() -> None:
+    """By the logarithm of walk^2, against differences of log L."""
+    recording, _ = a_log()
+
+    def inputs(share: float) -> RunInputs:
+        walking = replace(recording.spec("baro"), bias_std=0.1, bias_walk=0.3 * np.sqrt(share))
+        return prepare(Flight.of(recording.replace(sensors={**recording.sensors, "baro": walking}), gate_level=None))
+
+    higher, lower = (float(np.sum(level_scores(inputs(np.exp(step))).loglik)) for step in (0.01, -0.01))
+    found = level_scores(inputs(1.0)).bias[inputs(1.0).model.layout.slice("b_baro")]
+    assert float(np.sum(found)) == pytest.approx((higher - lower) / 0.02, rel=1e-3)
 
 
 def test_information_of_an_effect_adds(log: tuple[Recording, FlightModel]) -> None:
     recording, model = log
     effects = ("accel.scale", "gps.latency", "mag.scale")
     _, both = sensitivity_pass(Flight(recording, model), effects)
-    parts = [sensitivity_pass(Flight(between(recording, *part), model), effects)[1] for part in (FIRST, SECOND)]
+    parts = [sensitivity_pass(since_the_start(recording, model, part), effects)[1] for part in (FIRST, SECOND)]
     together = sum(one.information.sum(axis=0) for one in parts)
     assert np.allclose(both.information.sum(axis=0), together, rtol=1e-3, atol=1e-3 * np.max(np.abs(together)))
 

@@ -271,6 +271,13 @@ def test_probes_are_uniform_without_an_effect(n: int) -> None:
     assert stats.kstest(p, "uniform").pvalue > 1e-3
 
 
+@pytest.mark.parametrize(("length", "wrong"), [(1, 1), (2, 2), (3, 0), (6, 0)])
+def test_a_disturbance_of_three_readings_is_no_wrong_reading(length: int, wrong: int) -> None:
+    residual = np.random.default_rng(1).standard_normal(400)
+    residual[200 : 200 + length] += 30.0
+    assert np.count_nonzero(isolated_outliers(residual, 1.0)) == wrong
+
+
 def test_isolated_outliers_and_heavy_tails() -> None:
     rng = np.random.default_rng(16)
     residual = rng.standard_normal(500)

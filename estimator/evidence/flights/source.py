@@ -57,6 +57,7 @@ from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.held import held
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording, tells_height
 from sinan.sensors.window import told_from
@@ -377,7 +378,7 @@ class FlightSource(OfFlight):
         for name, sensor in self.model.sensors.items():
             if name in self.wrong and name in self._logged.streams:
                 z, t = readings(self.flight.reading(self._logged), name)
-                inside = (t >= self._passes.start) & (t <= self._passes.end)
+                inside = (t >= self._passes.start) & (t <= self._passes.end) & ~held(z)
                 error = z[inside] - sensor.predict(self._passes.plain_motion.at(t[inside]))
                 if name == "gps" and not np.all(tells_height(self._logged.streams[name])[inside]):
                     error = np.delete(error, 2, axis=1)

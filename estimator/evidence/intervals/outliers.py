@@ -69,13 +69,11 @@ def wrong_among(error: FloatArray) -> WrongReadings | None:
 
     Parameters
     ----------
-    error : (n, m) readings less what the motion says, in time order
+    error : (n, m) readings less what the motion says, in time order, each reading once
     """
-    fresh = np.concatenate([[True], np.any(np.diff(error, axis=0) != 0.0, axis=1)])  # one that is held tells nothing
-    rows = np.flatnonzero(fresh)
-    if len(rows) < _LEAST:
+    if len(error) < _LEAST:
         return None
-    distances = _distances(error[rows])
+    distances = _distances(error)
     if distances is None:
         return None
     both, either = distances
@@ -86,7 +84,7 @@ def wrong_among(error: FloatArray) -> WrongReadings | None:
     mixed = _fit(distance, m, mixed=True, first=plain[1])
     gain = 2.0 * (mixed[0] - plain[0])
     wrong = _is_wrong(distance, m, mixed[1]) & is_alone
-    return WrongReadings(rows[wrong], len(error), gain, log_p_value(gain, ADDED))
+    return WrongReadings(np.flatnonzero(wrong), len(error), gain, log_p_value(gain, ADDED))
 
 
 def _distances(error: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -10,7 +10,7 @@ from scipy import stats
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
-from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray, runs_of
 from sinan.sensors.recording import Recording
 
 #: A reading is called wrong when it leaves its neighbours by this many sigma, as 2 norm.sf(6) = 1 in 5e8 Gaussian
@@ -42,8 +42,9 @@ def isolated_outliers(residual: FloatArray, sigma: float | None, threshold: floa
     scale = max(scale, float(np.quantile(np.abs(away), 0.9)) / float(stats.norm.isf(0.05)))
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     wrong = np.abs(away) > max(threshold * scale, _OUTLIER_SPREAD * spread)
-    runs = np.convolve(wrong.astype(int), np.ones(3, dtype=int), mode="same")
-    return np.asarray(wrong & (runs <= 2))
+    for start, stop in runs_of(wrong):
+        wrong[start:stop] &= stop - start < SHORTEST
+    return wrong
 
 
 def wrong_rows(journal: Journal, sensor: str) -> IntArray:
