@@ -99,7 +99,7 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
 
 
 def _add_walked(inputs: RunInputs, elapsed: float, G: FloatArray, bias: FloatArray) -> None:
-    """What a first covariance has of the walks since the log began (`FlightModel.after`): walk^2 elapsed in each bias."""
+    """What a first covariance has of walks since the log began (`FlightModel.after`): walk^2 elapsed in each bias."""
     for process in inputs.model.processes:
         if np.isinf(process.tau):
             block = inputs.model.layout.slice(process.block)

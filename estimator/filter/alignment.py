@@ -111,12 +111,12 @@ def _of_what_is_there(flight: Flight) -> Flight:
     """The flight without readings from before the first IMU sample, which say where the body was then; and without
     sensors that have no reading here: a stretch may lack a stream that others have.
     """
-    recording, start = flight.recording, flight.recording.streams["imu"].t[0]
-    early = {name for name in flight.model.sensors if name in recording.streams and recording.streams[name].t[0] < start}
+    streams, sensors, start = flight.recording.streams, flight.model.sensors, flight.recording.streams["imu"].t[0]
+    early = {name for name in sensors if name in streams and streams[name].t[0] < start}
     if early:
-        later = {name: one.rows(one.t >= start) if name in early else one for name, one in recording.streams.items()}
-        flight = flight.reading(recording.replace(streams={name: one for name, one in later.items() if len(one)}))
-    streams, sensors = flight.recording.streams, flight.model.sensors
+        later = {name: one.rows(one.t >= start) if name in early else one for name, one in streams.items()}
+        streams = {name: one for name, one in later.items() if len(one)}
+        flight = flight.reading(flight.recording.replace(streams=streams))
     there = {
         name: model_of
         for name, model_of in sensors.items()

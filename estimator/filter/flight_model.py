@@ -173,7 +173,7 @@ class FlightModel:
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def after(self, elapsed: float) -> FlightModel:
-        """The model so many seconds later, of biases that have walked on and that nothing has been read of meanwhile."""
+        """The model so many seconds later: biases have walked on, and nothing was read of them meanwhile."""
 
         def later(instrument: Any) -> Any:
             if not getattr(instrument, "bias_walk", 0.0):

@@ -99,8 +99,8 @@ def prepare(
     first: tuple[FloatArray, FloatArray] | None = None,
     aligned: Recording | None = None,
 ) -> RunInputs:
-    """Everything an engine needs of a flight. What begins after a gap that nothing bridges has the north of before, and biases that
-    have walked since the log began.
+    """Everything an engine needs of a flight. What begins after a gap that nothing bridges has the north of before, and
+    biases that have walked since the log began.
 
     Parameters
     ----------
