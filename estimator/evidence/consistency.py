@@ -15,10 +15,14 @@ from sinan.estimator.filter.layout import StateLayout, size_of
 from sinan.sensors.arrays import FloatArray
 
 LEVEL = 0.99  # probability of the intervals: a stated risk of 1 % each, the `alpha` of a trace
+#: What the blocks of states are called in reports, all of `layout.blocks`.
 BLOCK_NAMES = {
     "position": "position", "velocity": "velocity", "attitude": "attitude",
     "b_accel": "accel bias", "b_gyro": "gyro bias",
     "b_mag": "mag bias", "b_gps": "gps bias", "b_baro": "baro bias", "b_sonar": "sonar bias", "b_laser": "laser bias",
+    "c_mag": "mag colour", "c_gps": "gps colour", "c_gps_velocity": "gps velocity colour", "c_baro": "baro colour",
+    "c_sonar": "sonar colour", "c_laser": "laser colour", "c_zero_rate": "zero rate colour",
+    "s_gyro": "gyro axes", "s_mag": "mag axes", "field": "field",
 }  # fmt: skip
 
 

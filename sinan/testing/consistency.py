@@ -68,14 +68,14 @@ def assert_consistent(
 
 
 def _innovations(flights: list[Estimate]) -> dict[str, tuple[float, int]]:
-    """Sum of NIS and of degrees of freedom by sensor, over the readings that were used."""
+    """Sum of NIS and of the components that tell something by sensor, over the readings that were used."""
     sums: dict[str, tuple[float, int]] = {}
     for flight in flights:
         journal = flight.journal
         for s, name in enumerate(journal.sensors):
             mine = journal.accepted & (journal.sensor == s)
             total, dof = sums.get(name, (0.0, 0))
-            sums[name] = total + float(np.sum(journal.nis[mine])), dof + int(np.sum(journal.dof[mine]))
+            sums[name] = total + float(np.sum(journal.nis[mine])), dof + int(np.sum(journal.freedom[mine]))
     return sums
 
 
@@ -83,8 +83,9 @@ def _errors(flights: list[Estimate]) -> dict[str, tuple[float, int]]:
     """Sum of NEES at the last stamp of the truth and of degrees of freedom by block of states."""
     sums: dict[str, tuple[float, int]] = {}
     for flight in flights:
+        found = _nees(flight)
         dofs = block_dof(flight.model.layout, flight.model.translation)
-        for name, value in _nees(flight).items():
+        for name, value in found.items():
             total, dof = sums.get(name, (0.0, 0))
             sums[name] = total + value, dof + dofs[name]
     return sums

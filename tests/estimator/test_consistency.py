@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sinan.estimator.evidence.consistency import chi_square, nees
+from sinan.estimator.evidence.consistency import BLOCK_NAMES, chi_square, nees
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
-from sinan.estimator.filter.layout import DP, DTHETA, DV, V_N
+from sinan.estimator.filter.layout import DP, DTHETA, DV, V_N, blocks
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import estimated_motion, joint_covariance, smooth
 from sinan.sensors.arrays import FloatArray
@@ -33,6 +33,11 @@ def flights() -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, Floa
         error = model.layout.difference(truth[-1:], journal.x_end[None])[0]
         results.append((error, journal.P_end, journal.nis, journal.dof, ratio))
     return results
+
+
+def test_every_block_of_states_has_a_name() -> None:
+    assert set(BLOCK_NAMES) == set(blocks())
+    assert len(set(BLOCK_NAMES.values())) == len(BLOCK_NAMES)
 
 
 def test_nees_of_all_states(flights) -> None:

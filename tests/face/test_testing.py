@@ -9,11 +9,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sinan
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.motion import Motion
+from sinan.sensors.recording import NO_HEIGHT, Stream
 from sinan.testing import Bounds, assert_consistent, assert_jacobian, assert_journal_equal, journal_text
 from sinan.testing.journals import changes
 
@@ -64,6 +66,26 @@ def test_a_filter_that_believes_too_much_is_not() -> None:
     with pytest.raises(AssertionError, match=r"NIS of baro: .* larger than the filter expects") as raised:
         assert_consistent(sinan.estimate(doubtful))
     assert "NIS of gps" not in str(raised.value)
+
+
+def test_a_height_that_a_fix_does_not_tell_is_no_degree_of_freedom() -> None:
+    """Every second fix is two-dimensional."""
+    found = []
+    for seed in range(2):
+        flight = sinan.simulate("square", seed=seed)
+        gps = flight.streams["gps"]
+        epv = np.where(np.arange(len(gps)) % 2 == 0, NO_HEIGHT, 0.5)
+        fixes = Stream(gps.t, {**gps.columns, "epv": epv})
+        found.append(sinan.estimate(flight.replace(streams={**flight.streams, "gps": fixes})))
+    assert_consistent(found)
+
+
+def test_a_truth_that_does_not_know_a_state_is_named() -> None:
+    flight = sinan.simulate("square", seed=1)
+    coloured = replace(flight.sensors["gps"], colour_std=0.5, colour_time=20.0)
+    estimate = sinan.estimate(flight.replace(sensors={**flight.sensors, "gps": coloured}))
+    with pytest.raises(ValueError, match="the truth does not know c_gps"):
+        assert_consistent(estimate)
 
 
 def test_consistency_needs_a_truth() -> None:
