@@ -57,5 +57,7 @@ class KnownColumns:
 
 
 def _key(entry: Effect) -> Hashable:
-    """What tells an effect from others: its declaration; over an interval it is declared anew each time."""
-    return entry if entry.interval is None else (entry.name, entry.interval)
+    """What tells an effect from others about one fit: probes, and effects over an interval, are declared anew each
+    time.
+    """
+    return entry.name, entry.interval

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from weakref import ReferenceType, ref
 
 import numpy as np
 
@@ -121,7 +122,7 @@ class _Withheld:
 
 
 class Prediction:
-    """What fits of one flight predict of withheld readings; each is asked once.
+    """What fits of one flight predict of withheld readings; each is asked once, as long as anybody has it.
 
     Parameters
     ----------
@@ -131,7 +132,8 @@ class Prediction:
 
     def __init__(self, passes: FlightPasses, streams: Sequence[tuple[str, str]]) -> None:
         self._passes, self._streams = passes, tuple(streams)
-        self._known: dict[int, tuple[Fitted, Sequence[_Withheld]]] = {}
+        # a fit is whole passes, so that here none outlives those that `KnownFits` keeps and its callers hold
+        self._known: list[tuple[ReferenceType[Fitted], Sequence[_Withheld]]] = []
         t = passes.table.t
         self._edges = t[np.round(np.linspace(0, len(t) - 1, FOLDS + 1)).astype(np.int64)]
         begins = np.arange(passes.start + WINDOW, passes.end - WINDOW, EVERY)
@@ -181,9 +183,9 @@ class Prediction:
         """The same whitened by the covariance of the prediction."""
         state = fit.detail
         assert isinstance(state, Fitted)
-        known = self._known.get(id(state))
-        if known is not None and known[0] is state:
-            return known[1]
+        for known, withheld in self._known:
+            if known() is state:
+                return withheld
         asked = [(state.along, self._windows)]
         if fit.part == "all" and fit.in_mean:
             asked = []
@@ -197,7 +199,7 @@ class Prediction:
                 self._passes.run_withheld(name, windows, along).stream(name) for along, windows in asked if windows
             ]
             found += self._residual(name, unit, parts)
-        self._known[id(state)] = state, found
+        self._known = [(ref(state), found), *(one for one in self._known if one[0]() is not None)]
         return found
 
     def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:
