@@ -101,6 +101,16 @@ def test_withheld_fixes_are_in_no_pass_of_a_coarse_start(flight: Recording) -> N
     assert np.max(np.abs(here.model.layout.difference(here.x_end, there.x_end)) / sigma) < SETTLED
 
 
+def test_an_age_counts_from_the_last_fix_that_was_used(flight: Recording) -> None:
+    """The gate refuses those that are far off."""
+    gps = flight.streams["gps"]
+    begin = WINDOWS[0][0]
+    far = (gps.t >= begin - 0.5) & (gps.t < begin)
+    off = Stream(gps.t, {**gps.columns, "north": gps["north"] + 1e4 * far})
+    found = predicted(Flight.of(flight.replace(streams={**flight.streams, "gps": off})), "gps", WINDOWS)
+    assert found.age[0] == pytest.approx(found.t[0] - gps.t[~far & (gps.t < begin)][-1])
+
+
 def test_what_stands_in_the_place_of_a_height_is_no_error() -> None:
     """Of fixes in two dimensions, 500 m off: in no residual, no prediction and no budget; others count as they did."""
     recording, _ = fly(2, duration=16.0, sensors=("gps", "mag", "baro"))

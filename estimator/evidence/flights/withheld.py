@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.estimator.filter.events import WITHHELD
+from sinan.estimator.filter.events import ACCEPTED, WITHHELD
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -23,7 +23,7 @@ class Predicted:
     Attributes
     ----------
     t : (k,) stamps [s]
-    age : (k,) s since the last reading of the stream that it was given
+    age : (k,) s since the last reading of the stream that it used
     nu : (k, m) reading less prediction
     log_density : (k,) of the reading under the prediction
     """
@@ -63,7 +63,7 @@ def predicted(
     journal = run_filter(flight.believing(withheld={stream: held}), betas, engine="numba", stride=0)
     one, stamps = journal.stream(stream), flight.recording.streams[stream].t
     rows = (one.status == WITHHELD) & np.isfinite(one.nis)
-    given = np.sort(stamps[one.index[one.status != WITHHELD]])
+    given = np.sort(stamps[one.index[one.status == ACCEPTED]])
     t = stamps[one.index[rows]]
     before = np.searchsorted(given, t) - 1
     age = np.where(before >= 0, t - given[np.maximum(before, 0)], np.inf)
