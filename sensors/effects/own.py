@@ -36,7 +36,7 @@ KNOWN = (
 KINDS = ("flight", "poses")
 
 _OWN: dict[str, Effect] = {}
-_READ: dict[Path, str] = {}  # files, and what they held
+_READ: dict[Path, tuple[str, tuple[str, ...]]] = {}  # files, what they held, and the names that they declared
 
 
 def effect(
@@ -182,22 +182,21 @@ def read_file(path: Path) -> tuple[str, ...]:
     InputError : no such file; an error in it; no effect in it
     """
     whole = resolved(path)
-    before = set(_OWN)
-    _read(whole)
+    names = _read(whole)
     known = os.environ.get(VARIABLE, "")
     if str(whole) not in known.split(os.pathsep):
         os.environ[VARIABLE] = os.pathsep.join(filter(None, [known, str(whole)]))
-    return tuple(sorted(set(_OWN) - before))
+    return names
 
 
-def _read(path: Path) -> None:
-    """Run a file once, and again when it has changed."""
+def _read(path: Path) -> tuple[str, ...]:
+    """Run a file once, and again when it has changed; the names that it declares."""
     try:
         content = sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(path, error.strerror or "not readable", "a Python file that declares effects") from None
-    if _READ.get(path) == content:
-        return
+    if path in _READ and _READ[path][0] == content:
+        return _READ[path][1]
     name = f"sinan_effects_{path.stem}"
     spec = spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -215,9 +214,11 @@ def _read(path: Path) -> None:
         raise InputError(path, f"{error}", "effects that can be declared") from None
     except (Exception, SystemExit) as error:
         raise InputError(path, f"{type(error).__name__}: {error}", "a file that runs to its end") from error
-    if known == _OWN:
+    names = tuple(sorted(name for name, entry in _OWN.items() if known.get(name) is not entry))
+    if not names:
         raise InputError(path, "no effect", "at least one call of `sinan.effect`, or an `Effect`")
-    _READ[path] = content
+    _READ[path] = content, names
+    return names
 
 
 _packages_read = False

@@ -119,6 +119,14 @@ def test_workers_know_the_effects_of_a_file(tmp_path: Path) -> None:
     assert found == [1, 1]
 
 
+def test_a_file_has_the_same_names_when_it_is_read_again(tmp_path: Path) -> None:
+    file = tmp_path / "lead.py"
+    file.write_text(FILE)
+    found = [own.read_file(file), own.read_file(file)]
+    file.write_text(FILE + "\n")
+    assert [*found, own.read_file(file)] == 3 * [("mag.supply",)]
+
+
 @pytest.mark.parametrize(
     ("text", "said"), [("x = 1", "no effect"), ("1 / 0", "ZeroDivisionError"), (None, "No such file")]
 )
