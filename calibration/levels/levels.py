@@ -144,7 +144,7 @@ def first_levels(
             specs[name] = replace(specs[name], bias_std=std if std > SAME_ZERO else 0.0, bias_walk=walk)
     if "mag" in recording.streams and specs["mag"].bias_walk is None:
         specs["mag"] = replace(specs["mag"], bias_walk=0.0)
-    bounds = Bounds(1.0, 1.0, height={"baro", "sonar", "laser"}.isdisjoint(recording.streams))
+    bounds = Bounds(1.0, 1.0, height=recording.streams.keys().isdisjoint(height_sensors()))
     is_open = bool(sizes) and has_open_gyro(recording)
     still = zero_rate_of(recording) if is_open else None
     stray = stray_answers(recording, undeclared) | ({} if still is None else {still[0].name: still[1]})

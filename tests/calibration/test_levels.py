@@ -19,6 +19,7 @@ from sinan.calibration.levels.sizes import Size, sizes_of
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DP, P_N
+from sinan.sensors import registry
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
@@ -212,6 +213,19 @@ def test_bounds_are_as_wide_as_the_motion_needs() -> None:
     held = replace(levels, bounds=Bounds(0.05, 0.1))
     journals = [run(prepare(one.flight(bare)), "numba", 0) for one in (levels, held)]
     assert journals[0].nis_per_dof()["place"] < 2.0 < journals[1].nis_per_dof()["place"]
+
+
+def test_any_sensor_of_height_bounds_the_height(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that was registered does, as a barometer does."""
+    recording = fly(23, duration=5.0, sensors=("mag", "baro"), rates=SLOW_IMU)[0].replace(sensors={})
+    other = replace(registry.sensor("baro"), name="depth")
+    monkeypatch.setitem(registry._SENSORS, "depth", other)
+    streams = {"depth" if name == "baro" else name: one for name, one in recording.streams.items()}
+    field = recording.environment.magnetic_field
+    for log in (recording, recording.replace(streams=streams)):
+        bounds = first_levels(log, (), field, None).bounds
+        assert bounds is not None
+        assert not bounds.height
 
 
 def test_sigmas_are_those_of_the_curvature(bare: Recording, found: Levels) -> None:
