@@ -1,8 +1,9 @@
 """White noise and random walks: density <-> sample standard deviation, and how to draw them.
 
-Conventions (one-sided in the sense of data sheets): density N [unit/sqrt(Hz)] means that a sample taken at rate f has
-the standard deviation N sqrt(f), so that its Allan deviation is N / sqrt(tau); a walk w means that the variance grows
-by w^2 t.
+Conventions: density N [unit/sqrt(Hz)] is two-sided, so that a sample taken at rate f, noise in the band from -f/2 to
+f/2, has the standard deviation N sqrt(f), and its Allan deviation is N / sqrt(tau); a walk w means that the variance
+grows by w^2 t. The density of a data sheet is most often one-sided, sqrt(2) N: noise in a band from 0 to f/2 has the
+variance (sqrt(2) N)^2 f/2. Source: IEEE Std 952-1997, annex C.
 """
 
 from __future__ import annotations

@@ -75,7 +75,9 @@ class ChannelNoise:
 
     @property
     def one_sided(self) -> float:
-        """The density of data sheets, sqrt(2) N: noise in a band from 0 to F has the variance density^2 F."""
+        """The density of data sheets, sqrt(2) N: noise in a band from 0 to F has the variance density^2 F. N itself is
+        two-sided (`sensors.noise`).
+        """
         return float(np.sqrt(2.0) * self.fit.noise_density)
 
     def seen(self, term: int) -> bool:

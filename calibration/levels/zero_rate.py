@@ -30,8 +30,9 @@ from sinan.sensors.zero_rate import ZeroRate
 WINDOW, MEAN = 1.0, 0.1
 #: White noise of consumer gyroscopes [rad/s/sqrt(Hz)] and accelerometers [m/s^2/sqrt(Hz)], and the spread of its
 #: logarithm: a choice within their data sheets, 0.005 (MPU-6050), 0.01 (MPU-9250), 0.014 (BMI088) and 0.03
-#: deg/s/sqrt(Hz) (L3GD20), 400, 300 and 175 ug/sqrt(Hz) (the first three). Half and twice of the first two find the
-#: same rest (`test_zero_rate`), twice of the spread takes two of twenty shaken seconds for it.
+#: deg/s/sqrt(Hz) (L3GD20), 400, 300 and 175 ug/sqrt(Hz) (the first three). Neglects that these are one-sided, and the
+#: scatter of means is that of the two-sided N, 0.71 of them: a third of `SPREAD`. Half and twice of the first two find
+#: the same rest (`test_zero_rate`), twice of the spread takes two of twenty shaken seconds for it.
 GYRO_NOISE, ACCEL_NOISE, SPREAD = 1.7e-4, 2e-3, 1.0
 #: Over how much of its natural logarithm the scatter of what moves is uniform, as a density: log(1e5), from 1e-4 to
 #: 10 rad/s/sqrt(Hz), 1e-3 to 100 m/s^2/sqrt(Hz).
