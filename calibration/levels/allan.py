@@ -90,7 +90,10 @@ def fit_allan(values: FloatArray, rate: float, ramp: bool = False, floor: float 
     ramp : whether there may be a steady drift
     floor : relative error of the deviation that is allowed to the form of the curve; zero: all times take part
 
-    Neglects quantisation, sinusoids and temperature drift. Source: IEEE Std 952-1997, annex C.
+    Neglects quantisation, sinusoids and temperature drift; and in the stated sigmas that overlapping deviations at
+    different times share readings, and that where a walk rules they have fewer degrees of freedom than with white
+    noise. In 200 logs of 200,000 readings without a `floor` N scatters by 1.4 of its sigma, a walk that is seen by 2.7
+    (`test_allan`); with a `floor` of 2 % N of 60,000 by 0.7. Source: IEEE Std 952-1997, annex C.
     """
     tau, deviation, error = allan_deviation(values, rate)
     error = np.hypot(error, floor * deviation)
