@@ -14,8 +14,8 @@ A filter whose state is augmented by beta has the same answer: with a prior P_be
 beta = (Lambda + P_beta^-1)^-1 b and the state x + V beta.
 
 Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed): on the IMU
-along what of it is signal, on the other sensors along what of it is no vibration. Where a beta is not zero, they are
-the slope of the exact form there.
+along what of it is signal, on another sensor along what of it that sensor follows, whatever else is asked. Where a beta
+is not zero, they are the slope of the exact form there.
 """
 
 from __future__ import annotations
@@ -270,13 +270,11 @@ def _of_readings(along: Along, of: Mapping[str, _Packed], rates: FloatArray) -> 
     rates : (N, 3, p) of the gyroscope's effects at the samples of the IMU
     """
     events = along.inputs.events
-    effects = [entry for name in events.sensors if name != "zero_rate" for entry in of[name].effects]
-    vehicle = along.of_vehicle if any({"f_b", "w_ib_b"} & set(entry.needs) for entry in effects) else along
     base, parts, start = 0, [], np.zeros(max(len(events), 1), dtype=np.int64)
     for s, name in enumerate(events.sensors):
         if not of[name].effects:
             continue
-        G = along.at_zero_rate(rates) if name == "zero_rate" else sensor_regressors(vehicle, name, of[name].effects)
+        G = along.at_zero_rate(rates) if name == "zero_rate" else sensor_regressors(along, name, of[name].effects)
         of_sensor = events.sensor == s
         start[of_sensor] = base + events.index[of_sensor] * (G.shape[1] * G.shape[2])
         parts.append(G.ravel())
@@ -345,6 +343,7 @@ def _with(motion: Motion, name: str, value: FloatArray) -> Motion:
 
 def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> FloatArray:
     """(k, m, p) d z / d beta of effects on one sensor at its readings; none where the motion predicts no reading."""
+    along = along.seen_by(name)
     at, sensor = along.at(name), along.model.sensors[name]
     plain = sensor.predict(at)
     parts = []

@@ -307,6 +307,14 @@ class Along(OfFlight):
             w_ib_b=signal_part(self.motion.w_ib_b, self.model.gyro.sigma),
         )
 
+    def seen_by(self, name: str) -> Along:
+        """The same along the motion that a sensor follows: its form and the slopes of its effects are of that one.
+
+        A receiver's is without vibration, whose velocity is another a few hundredths of a second later: it would make
+        the likelihood of a lateness rough. The others read place and attitude, which vibration hardly moves.
+        """
+        return self.of_vehicle if name == "gps" else self
+
     @cached_property
     def of_vehicle(self) -> Along:
         """The same along the motion without its vibration."""
@@ -324,16 +332,14 @@ def _without_effects(recording: Recording, table: ImuTable, forms: Mapping[str, 
 
 
 def stream_form(along: Along, name: str) -> StreamForm:
-    """What the effects of one stream do to its prediction; a receiver's, its antenna's arm with it, is that of a motion
-    without vibration, whose velocity is another a few hundredths of a second later: it would make the likelihood of a
-    lateness rough.
+    """What the effects of one stream do to its prediction, and what of the motion the sensor does not follow.
 
     Raises
     ------
     InputError : an effect needs a covariate that the recording lacks
     """
     at, sensor, pairs = along.at(name), along.model.sensors[name], []
-    seen = along.of_vehicle.at(name) if name == "gps" else at
+    seen = along.seen_by(name).at(name)
     offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
     for entry, beta in along.terms.of_stream(name):
         lacking = entry.missing(at)

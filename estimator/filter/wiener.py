@@ -8,8 +8,8 @@ which the filter integrates that same noise. So regressors on the IMU are taken 
 with P the power of the reading averaged over neighbouring frequencies and N the declared noise's: Wiener's filter, with
 k > 1 so that bins of noise alone, whose estimate of P scatters, are shut.
 
-What a sensor other than the IMU follows is slower still: some hundredths of a second later a vibration has
-another phase, and no receiver's velocity follows it. Its effects are taken along the motion without it.
+What a receiver follows is slower still: some hundredths of a second later a vibration has another phase, and no
+receiver's velocity follows it. Its effects are taken along the motion without it.
 
 Source: S. F. Boll, IEEE Trans. Acoustics, Speech, Signal Processing 27(2), 1979 (subtraction of the noise's spectrum).
 """

@@ -147,7 +147,7 @@ def test_an_antenna_on_an_arm_moves_while_the_position_is_awaited() -> None:
     without = np.einsum("nij,j->ni", matrix_from_quaternion(at.q_nb), r)
     left, before = (np.sqrt(np.mean((one - wanted) ** 2)) for one in (found, without))
     assert left < 0.2 * before
-    rows = sensor_regressors(along.of_vehicle, "gps", [effect("gps.lever_arm")])
+    rows = sensor_regressors(along, "gps", [effect("gps.lever_arm")])
     unshaken = Along(flight, Terms(), there).added["gps"].offset  # of a receiver that does not follow vibration
     assert np.allclose(rows @ r, along.added["gps"].offset - unshaken, atol=1e-6)
 

@@ -118,7 +118,7 @@ def test_fused_pass_is_the_dense_recursion(case: str) -> None:
             rows = slice(0, 3) if entry.stream == "accel" else slice(3, 6)
             G_u[:, rows, columns] = driver_regressors(along, entry.stream, [entry])
         else:
-            G_z[entry.stream][:, :, columns] = sensor_regressors(along.of_vehicle, entry.stream, [entry])
+            G_z[entry.stream][:, :, columns] = sensor_regressors(along, entry.stream, [entry])
     dense = DenseSensitivity(along.inputs, G_u, G_z)
     for _ in dense.steps():
         pass
@@ -135,6 +135,17 @@ def test_a_chunk_that_ends_between_two_readings_hands_on_the_whole_V() -> None:
     assert not np.any(np.isin(many.edges[1:-1], inner))
     for a, b in ((one.rows, many.rows), (one.V, many.V)):
         assert np.all(np.abs(a - b) <= ROUNDING * np.linalg.norm(a, axis=0))
+
+
+def test_a_column_is_the_same_in_any_company() -> None:
+    """It is kept for whoever asks next, with others."""
+    recording, model, _, motion = flown("all aiding")
+    names = ("baro.time_offset", "baro.lag", "gps.lever_arm", "mag.time_offset", "accel.scale", "gps.latency")
+    _, together = sensitivity_pass(Flight(recording, model), names, motion=motion, keep_rows=1)
+    for name in names:
+        _, alone = sensitivity_pass(Flight(recording, model), [name], motion=motion, keep_rows=1)
+        one, other = alone.rows, together.rows[:, together.of(name)]
+        assert np.all(np.abs(one - other) <= ROUNDING * np.linalg.norm(one, axis=0)), name
 
 
 def test_inverse_by_cofactors() -> None:
