@@ -15,13 +15,14 @@ beta = (Lambda + P_beta^-1)^-1 b and the state x + V beta.
 
 Regressors are those of the catalogue, taken along the reference motion (that of the pass before, smoothed): on the IMU
 along what of it is signal, on another sensor along what of it that sensor follows, whatever else is asked. Where a beta
-is not zero, they are the slope of the exact form there.
+is not zero, they are the slope of the exact form there; that of a lateness is of all that is in its stream's model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -34,6 +35,7 @@ from sinan.estimator.filter.effect_forms import (
     Terms,
     at_its_instant,
     declared_terms,
+    effects_on,
     is_lateness,
     over_time,
     reference_motion,
@@ -350,22 +352,38 @@ def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> Flo
     for entry in effects:
         _missing(along.recording, entry, at)
         beta = along.terms.beta(entry)
-        if is_lateness(entry) or entry.exact is None or not np.any(beta):
+        if is_lateness(entry):
+            G = at_its_instant(sensor, entry.rows(at, sensor.size))
+            parts.append(G + _slope_of_the_others(along, name, entry, beta))
+        elif entry.exact is None or not np.any(beta):
             parts.append(at_its_instant(sensor, entry.rows(at, sensor.size)))
         elif entry.other_instants:
-            parts.append(_slope_over_time(along, name, entry, beta))
+            parts.append(_differences(partial(over_time, along, name, entry), entry, beta))
         else:
             parts.append(entry.slope(plain, beta, at, sensor))
     return zero_unless_finite(np.concatenate(parts, axis=2))
 
 
-def _slope_over_time(along: Along, name: str, entry: Effect, beta: FloatArray) -> FloatArray:
+def _slope_of_the_others(along: Along, name: str, entry: Effect, beta: FloatArray) -> FloatArray | float:
+    """(k, m, 1) what a lateness does to what the other effects of its stream add, which is of the same instant."""
+    # what needs nothing of the motion has no slope, but that of a step is infinite at its edge
+    others = tuple((e, b) for e, b in along.terms.of_stream(name) if e.needs)
+    if not others:
+        return 0.0
+
+    def added(late: FloatArray) -> FloatArray:
+        return effects_on(replace(along, terms=Terms(((entry, late), *others))), name)
+
+    return _differences(added, entry, beta)
+
+
+def _differences(function: Callable[[FloatArray], FloatArray], entry: Effect, beta: FloatArray) -> FloatArray:
+    """(k, m, size) derivative of what goes with an effect, (k, m), by its parameters."""
     columns = []
     for k in range(entry.size):
         step = np.zeros(entry.size)
         step[k] = 1e-4 * entry.plausible[k]
-        ends = [over_time(along, name, entry, beta + sign * step) for sign in (1.0, -1.0)]
-        columns.append((ends[0] - ends[1]) / (2.0 * step[k]))
+        columns.append((function(beta + step) - function(beta - step)) / (2.0 * step[k]))
     return np.stack(columns, axis=-1)
 
 

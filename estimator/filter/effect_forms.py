@@ -338,41 +338,51 @@ def stream_form(along: Along, name: str) -> StreamForm:
     ------
     InputError : an effect needs a covariate that the recording lacks
     """
-    at, sensor, pairs = along.at(name), along.model.sensors[name], []
-    seen = along.seen_by(name).at(name)
-    offset, D = np.zeros((len(at), sensor.size)), np.zeros((len(at), sensor.size, 9))
-    for entry, beta in along.terms.of_stream(name):
+    seen, sensor, pairs = along.seen_by(name), along.model.sensors[name], along.terms.of_stream(name)
+    at, there = along.at(name), seen.at(name)
+    for entry, _ in pairs:
         lacking = entry.missing(at)
         if lacking:
             found = f"no {', '.join(lacking)} for {entry.name}"
             raise InputError(along.recording.where, found, "it among the streams", name)
-        if entry.other_instants:
-            offset += over_time(along, name, entry, beta)
-        else:
-            pairs.append((entry, beta))
-
-    def added(m: Motion, pairs: Sequence[tuple[Effect, FloatArray]]) -> FloatArray:
-        plain = sensor.predict(m)
-        total = np.zeros_like(plain)
-        for entry, beta in pairs:
-            change = entry.change(plain, beta, m, sensor)
-            total += change if entry.exact else at_its_instant(sensor, change)
-        return total
-
-    offset += added(seen, pairs)
-    if seen is not at:
-        offset += sensor.predict(seen) - sensor.predict(at)
-    moving = [(e, b) for e, b in pairs if e.exact is not None or not OF_STATE.isdisjoint(e.needs)]
+    offset, D = effects_on(seen, name), np.zeros((len(at), sensor.size, 9))
+    if seen is not along:
+        offset = offset + sensor.predict(there) - sensor.predict(at)
+    moving = [(e, b) for e, b in pairs
+              if not e.other_instants and (e.exact is not None or not OF_STATE.isdisjoint(e.needs))]  # fmt: skip
     if moving:
-        of_moving = partial(added, pairs=moving)
-        probe = seen.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
+        of_moving = partial(_at_one_instant, sensor, moving)
+        probe = there.rows(np.unique(np.linspace(0, len(at) - 1, PROBES).astype(int)))
         slopes = _slopes(of_moving, probe, range(9))
         states = [k for k in range(9) if np.any(np.abs(slopes[k]) > 1e-12)]
         if states:
-            D[:, :, states] = np.moveaxis(_slopes(of_moving, seen, states), 0, -1)
+            D[:, :, states] = np.moveaxis(_slopes(of_moving, there, states), 0, -1)
     return StreamForm(
         zero_unless_finite(offset), zero_unless_finite(D), np.concatenate([at.p_n, at.v_n, at.q_nb], axis=1)
     )
+
+
+def effects_on(along: Along, name: str) -> FloatArray:
+    """(k, m) what the effects of one stream add to its readings, of the instants that its lateness gives.
+
+    Parameters
+    ----------
+    along : the motion that the sensor follows: see `Along.seen_by`
+    """
+    pairs = along.terms.of_stream(name)
+    now = [(entry, beta) for entry, beta in pairs if not entry.other_instants]
+    total = _at_one_instant(along.model.sensors[name], now, along.at(name))
+    return sum((over_time(along, name, entry, beta) for entry, beta in pairs if entry.other_instants), total)
+
+
+def _at_one_instant(sensor: SensorModel, pairs: Sequence[tuple[Effect, FloatArray]], motion: Motion) -> FloatArray:
+    """(n, m) what effects without a memory add to a sensor's readings along a motion."""
+    plain = sensor.predict(motion)
+    total = np.zeros_like(plain)
+    for entry, beta in pairs:
+        change = entry.change(plain, beta, motion, sensor)
+        total += change if entry.exact else at_its_instant(sensor, change)
+    return total
 
 
 def _slopes(function: Callable[[Motion], FloatArray], motion: Motion, states: Sequence[int]) -> FloatArray:

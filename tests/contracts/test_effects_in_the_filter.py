@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sinan.estimator.evidence.sensitivity import sensitivity_pass
-from sinan.estimator.filter.effect_forms import with_covariates
+from sinan.estimator.filter.effect_forms import is_lateness, with_covariates
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import FlightModel, flight_model
 from sinan.estimator.filter.journal import Journal
@@ -43,6 +43,11 @@ DRAG = 0.25  # 1/s, of the scenarios' vehicle
 NAMES = [
     n for n, e in CATALOGUE.items() if "flight" in e.kinds and e.stream != "camera" and not n.endswith(".outliers")
 ]
+#: A lateness, and what else of its stream depends on the instant.
+PAIRS = [
+    (late, n) for late in NAMES if is_lateness(CATALOGUE[late])
+    for n in NAMES if n != late and CATALOGUE[n].stream == CATALOGUE[late].stream and CATALOGUE[n].needs
+]  # fmt: skip
 
 
 def quiet(scenario: Scenario) -> Scenario:
@@ -57,11 +62,18 @@ def quiet(scenario: Scenario) -> Scenario:
 
 
 @cache
-def flown(scenario: str, drag_declared: bool) -> tuple[Recording, FlightModel, Motion]:
-    """The beginning of a flight with nothing missing, its model and its estimated motion."""
-    recording, _ = simulate(quiet(load_scenario(scenario)), np.random.default_rng(7))
+def flown(scenario: str, drag_declared: bool, other: str = "") -> tuple[Recording, FlightModel, Motion]:
+    """The beginning of a flight with nothing missing, its model and its estimated motion.
+
+    Parameters
+    ----------
+    other : an effect that it has, and declares
+    """
+    present = {other: CATALOGUE[other].plausible} if other else {}
+    recording, _ = simulate(quiet(load_scenario(scenario)), np.random.default_rng(7), present, declare=True)
     streams = {name: stream.rows(stream.t <= DURATION) for name, stream in recording.streams.items()}
-    recording = recording.replace(streams=streams, effects={"motion.rotor_drag": (DRAG,)} if drag_declared else {})
+    drag = {"motion.rotor_drag": (DRAG,)} if drag_declared else {}
+    recording = recording.replace(streams=streams, effects={**recording.effects, **drag})
     model = flight_model(recording, gate_level=None)
     return recording, model, estimated_motion(run_filter(Flight(recording, model), engine="numba"))
 
@@ -83,11 +95,24 @@ def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
     """Central differences of whole runs, projected on S^-1/2 S_beta, against it: what the score works with."""
     entry = acting(name)
     scenario = IN_FLIGHT.get(entry.scenario, entry.scenario)
-    recording, model, motion = flown(scenario, "rotor_drag" in entry.needs)
+    assert answers(entry, *flown(scenario, "rotor_drag" in entry.needs)) == pytest.approx(1.0, abs=ONE_PER_CENT)
+
+
+@pytest.mark.parametrize(("late", "other"), PAIRS)
+def test_a_lateness_is_that_of_other_effects_too(late: str, other: str) -> None:
+    """What they add is of the same instant: an antenna's arm turns, a compass's misalignment turns with the field."""
+    entry = CATALOGUE[late]
+    scenario = IN_FLIGHT.get(entry.scenario, entry.scenario)
+    assert answers(entry, *flown(scenario, False, other)) == pytest.approx(1.0, abs=ONE_PER_CENT)
+
+
+def answers(entry: Effect, recording: Recording, model: FlightModel, motion: Motion) -> FloatArray:
+    """(p,) how much the innovations answer to each component, of what their sensitivity says: one."""
     assert not entry.missing(with_covariates(recording, entry.stream, motion))
     journal, found = sensitivity_pass(Flight(recording, model), [entry], motion=motion, keep_rows=1)
     assert np.all(journal.accepted)
     W = by_reading(journal, found.rows)
+    parts = []
     for k in range(entry.size):
         size = min(STEP * entry.plausible_in(motion)[k], RESPONSE / np.linalg.norm(W[:, k]))
         h = size * np.eye(entry.size)[k]
@@ -95,7 +120,8 @@ def test_innovations_answer_as_the_sensitivity_says(name: str) -> None:
             run_filter(Flight(recording, model), [(entry, sign * h)], engine="numba", stride=0) for sign in (1.0, -1.0)
         )
         change = -(by_reading(ahead, ahead.white) - by_reading(behind, behind.white)) / (2.0 * size)
-        assert change @ W[:, k] / (W[:, k] @ W[:, k]) == pytest.approx(1.0, abs=ONE_PER_CENT), f"component {k}"
+        parts.append(change @ W[:, k] / (W[:, k] @ W[:, k]))
+    return np.array(parts)
 
 
 def test_outliers_leave_the_mean_alone() -> None:

@@ -148,6 +148,16 @@ def test_a_column_is_the_same_in_any_company() -> None:
         assert np.all(np.abs(one - other) <= ROUNDING * np.linalg.norm(one, axis=0)), name
 
 
+def test_a_lateness_does_not_move_the_edge_of_a_step() -> None:
+    """Its slope is infinite where a reading is at the edge, as one is that an onset was found at."""
+    recording, model, _, motion = flown("all aiding")
+    late, flight = effect("gps.latency"), Flight(recording, model)
+    bare = Along(flight, Terms(), motion)
+    step = effect("gps.step").over(float(bare.at("gps").t[5]), np.inf)
+    stepped = Along(flight, Terms.of([(step, step.plausible)]), motion)
+    np.testing.assert_array_equal(sensor_regressors(stepped, "gps", [late]), sensor_regressors(bare, "gps", [late]))
+
+
 def test_inverse_by_cofactors() -> None:
     """And one where an instrument shows nothing of a change."""
     M = np.eye(3) + 0.3 * np.random.default_rng(31).standard_normal((50, 3, 3))
