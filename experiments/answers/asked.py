@@ -39,7 +39,9 @@ class Asked:
         return self.input or recording.source or recording.name
 
     def call_of(self, recording: Recording, sensor: str | None = None) -> str:
-        """The command that looks for what a model lacks."""
+        """The command that looks for what a model lacks; of what no file has the line of a script."""
+        if not (self.input or recording.source):
+            return "sinan.trace(recording)"
         from sinan.experiments.report.words import trace_call
 
         return trace_call(self.input_of(recording), self.map_file, sensor, self.span, self.choice)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from pathlib import Path
 
 from sinan.experiments.datasets import resolve
 from sinan.experiments.scenarios import Effects, simulated
+from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.recording import Recording
 from sinan.sensors.scenario import Scenario
@@ -73,7 +75,7 @@ def simulate(
 
     Raises
     ------
-    InputError : no such scenario or effect, or one that does not fit
+    InputError : no such scenario or effect, or one that does not fit; a seed that is none
 
     Examples
     --------
@@ -82,7 +84,9 @@ def simulate(
     >>> recording.streams["imu"]["accel_z"].mean().round(1).item()
     -9.8
     """
-    return simulated(scenario, effects, seed, declare)[0]
+    if not isinstance(seed, Integral) or seed < 0:
+        raise InputError("seed", f"{seed}", "a whole number from 0 on")
+    return simulated(scenario, effects, int(seed), declare)[0]
 
 
 def cut(recording: Recording, start: float | None = None, stop: float | None = None) -> Recording:

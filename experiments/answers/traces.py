@@ -19,6 +19,7 @@ from sinan.experiments.refused import doubted_shares
 from sinan.experiments.report.refused_words import refused
 from sinan.experiments.report.verdict_words import Log, next_with_parameters, trace_summary, worded
 from sinan.experiments.report.words import trace_call
+from sinan.experiments.residual_loop.open_source import require_recording
 from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.residual_loop.traced import Traced
@@ -185,7 +186,10 @@ def trace(
     >>> after < 0.5 * before
     True
     """
-    one = recording if isinstance(recording, Recording) else joined(list(recording))
+    several = [recording] if isinstance(recording, (Recording, str, Path)) else list(recording)
+    for log in several:
+        require_recording(log)
+    one = joined(several)
     traced = trace_recording(one, sensor, alpha, gravity)
     return Trace(one, traced, document_of(one, traced, asked))
 

@@ -118,8 +118,15 @@ def of_each_sensor(
     return done, why
 
 
+def require_recording(recording: object) -> None:
+    """Raise unless something is a recording: a script may give the name of one."""
+    if not isinstance(recording, Recording):
+        raise InputError("recording", repr(recording), "a `Recording`, of `sinan.read` or `sinan.simulate`")
+
+
 def require_kind(recording: Recording, kind: str, command: str, instead: str) -> None:
-    """Raise unless the recording is of a kind, naming the command that fits."""
+    """Raise unless the recording is one, and of a kind, naming the command that fits."""
+    require_recording(recording)
     if recording.kind != kind:
         raise InputError(recording.where, f'kind = "{recording.kind}"', f'"{kind}" for {command}; {instead} fits')
 

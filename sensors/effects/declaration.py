@@ -205,8 +205,15 @@ class Effect:
         ----------
         motion : (n) at the instants of the readings, with what the effect needs
         size : components of a reading
+
+        Raises
+        ------
+        InputError : the regressor has another shape
         """
         G = self.regressor(motion)
+        if np.ndim(G) != 3 or (len(G), G.shape[2]) != (len(motion), self.size):
+            expected = f"({len(motion)}, 1 or {size}, {self.size}): instants, components of a reading, parameters"
+            raise InputError(self.name, f"a regressor of shape {np.shape(G)}", expected)
         if G.shape[1] == 1:
             return np.broadcast_to(G, (len(motion), size, self.size))
         missing = max(0, size - G.shape[1])

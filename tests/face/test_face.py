@@ -8,7 +8,7 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -167,6 +167,23 @@ def test_the_face_and_the_command_line_give_the_same_numbers(desk: Path) -> None
     text = run("flight", "auto", None, None, desk / "estimate.json", None)
     result = sinan.estimate(sinan.read("flight"))
     assert str(result).splitlines()[1:] == text.splitlines()[1:]
+
+
+@pytest.mark.parametrize("ask", [sinan.estimate, sinan.trace], ids=["estimate", "trace"])
+def test_the_name_of_a_recording_is_none(ask: Callable[[object], object]) -> None:
+    with pytest.raises(InputError, match=r"'flight'; expected a `Recording`, of `sinan\.read`"):
+        ask("flight")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5])
+def test_a_seed_is_a_whole_number(seed: float) -> None:
+    with pytest.raises(InputError, match=r"seed: .*; expected a whole number from 0 on"):
+        sinan.simulate("hover", seed=seed)  # type: ignore[arg-type]
+
+
+def test_what_no_file_has_is_traced_by_a_line_of_a_script() -> None:
+    result = sinan.estimate(window(sinan.simulate("hover", seed=1), (0.0, 5.0)))
+    assert "`sinan.trace(recording)`" in str(result)
 
 
 def test_an_estimate_refuses_what_only_the_compiled_filter_does() -> None:

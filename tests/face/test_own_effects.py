@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from sinan.sensors.effects import own
 from sinan.sensors.effects.declaration import Effect
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
+from tests.estimator.analytic_flight import analytic_motion
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = '''
@@ -75,6 +77,13 @@ WRONG: dict[str, tuple[str, dict[str, object], str]] = {
 def test_what_cannot_be_declared_is_said(name: str, options: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         declared(name, **options)
+
+
+def test_a_regressor_of_another_shape_is_said() -> None:
+    flat = replace(declared("baro.offset"), regressor=lambda motion: np.ones(len(motion)))
+    motion = analytic_motion(np.array([1.0, 2.0]))
+    with pytest.raises(InputError, match=r"shape \(2,\); expected \(2, 1 or 1, 1\)"):
+        flat.rows(motion, 1)
 
 
 def test_parameters_have_a_unit_and_a_size() -> None:
