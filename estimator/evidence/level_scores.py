@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.estimator.filter.events import ACCEPTED
-from sinan.estimator.filter.inputs import RunInputs
+from sinan.estimator.filter.inputs import RunInputs, time_in_log
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.estimator.filter.pieces import parts_of, recorded
 from sinan.sensors.arrays import FloatArray, IntArray
@@ -91,7 +91,8 @@ def level_scores(inputs: RunInputs, length: int | None = None) -> LevelScores:
         part = parts[number]
         _backward(part.inputs, number, int(inputs.events.row[first_reading[number]]), r, G, found)
         if part.begins:  # later readings say nothing of what was before
-            _add_walked(part.inputs, float(part.inputs.imu.t[0] - inputs.imu.t[0]), G, found.bias_of_part[number])
+            elapsed = time_in_log(inputs.recording, inputs.imu.t[0], part.inputs.imu.t[0])
+            _add_walked(part.inputs, elapsed, G, found.bias_of_part[number])
             found.start[:] += G[:n, :n]
             found.start_x[:] = r[:n]
             r[:], G[:] = 0.0, 0.0

@@ -118,9 +118,14 @@ def prepare(
         status[(events.t > imu.t[end]) & (events.t < imu.t[i0])] = OUTSIDE
         stretch = between(from_first.recording, float(imu.t[i0]), float(np.nextafter(imu.t[i1], np.inf)))
         own = flight.model.own_north and float(imu.t[i0]) in from_first.recording.breaks
-        model = flight.model.after(float(imu.t[i0] - imu.t[0])).replace(own_north=own)
+        model = flight.model.after(time_in_log(flight.recording, imu.t[0], imu.t[i0])).replace(own_north=own)
         later.append(first_state(Flight(stretch, model)))
     return RunInputs(flight, imu, replace(events, status=status), x, P, tuple(later))
+
+
+def time_in_log(recording: Recording, first: float, t: float) -> float:
+    """Seconds from the first sample of the log that an instant is in; of logs that are joined each has its own."""
+    return float(t - max([first, *(begin for begin in recording.breaks if begin <= t)]))
 
 
 def outputs_for(inputs: RunInputs, stride: int = 1) -> RunOutputs:
