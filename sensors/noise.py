@@ -57,6 +57,11 @@ def sample_std(density: float, rate: float) -> float:
     return float(density * np.sqrt(rate))
 
 
+def walked(std: float, walk: float, elapsed: float) -> float:
+    """1-sigma of a random walk so many seconds later: its variance has grown by walk^2 t."""
+    return float(np.hypot(std, walk * np.sqrt(elapsed)))
+
+
 def random_walk(t: FloatArray, process: BiasProcess, rng: np.random.Generator) -> FloatArray:
     """Draw the bias at the instants t.
 

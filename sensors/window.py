@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sinan.sensors.errors import InputError
+from sinan.sensors.noise import walked
 from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
 
 #: A stream with fewer rows in a part is not in it.
@@ -141,4 +142,4 @@ def _after(spec: SensorSpec, elapsed: float) -> SensorSpec:
     """What is declared of an instrument, some time later."""
     if spec.bias_std is None or not spec.bias_walk:
         return spec
-    return replace(spec, bias_std=float(np.hypot(spec.bias_std, spec.bias_walk * np.sqrt(elapsed))))
+    return replace(spec, bias_std=walked(spec.bias_std, spec.bias_walk, elapsed))

@@ -20,7 +20,7 @@ is not zero, they are the slope of the exact form there; that of a lateness is o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -358,7 +358,7 @@ def sensor_regressors(along: Along, name: str, effects: Sequence[Effect]) -> Flo
         elif entry.exact is None or not np.any(beta):
             parts.append(at_its_instant(sensor, entry.rows(at, sensor.size)))
         elif entry.other_instants:
-            parts.append(_differences(partial(over_time, along, name, entry), entry, beta))
+            parts.append(entry.differences(partial(over_time, along, name, entry), beta))
         else:
             parts.append(entry.slope(plain, beta, at, sensor))
     return zero_unless_finite(np.concatenate(parts, axis=2))
@@ -374,17 +374,7 @@ def _slope_of_the_others(along: Along, name: str, entry: Effect, beta: FloatArra
     def added(late: FloatArray) -> FloatArray:
         return effects_on(replace(along, terms=Terms(((entry, late), *others))), name)
 
-    return _differences(added, entry, beta)
-
-
-def _differences(function: Callable[[FloatArray], FloatArray], entry: Effect, beta: FloatArray) -> FloatArray:
-    """(k, m, size) derivative of what goes with an effect, (k, m), by its parameters."""
-    columns = []
-    for k in range(entry.size):
-        step = np.zeros(entry.size)
-        step[k] = 1e-4 * entry.plausible[k]
-        columns.append((function(beta + step) - function(beta - step)) / (2.0 * step[k]))
-    return np.stack(columns, axis=-1)
+    return entry.differences(added, beta)
 
 
 def candidate_streams(model: FlightModel) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from sinan.sensors.gyroscope import Gyroscope
 from sinan.sensors.level import Level
 from sinan.sensors.magnetometer import Magnetometer
 from sinan.sensors.model import SensorModel
-from sinan.sensors.noise import BiasProcess
+from sinan.sensors.noise import BiasProcess, walked
 from sinan.sensors.noise import colour as coloured
 from sinan.sensors.recording import VELOCITY, Recording, SensorSpec, Stream
 from sinan.sensors.registry import height_sensors, is_sensor, sensor
@@ -178,8 +178,7 @@ class FlightModel:
         def later(instrument: Any) -> Any:
             if not getattr(instrument, "bias_walk", 0.0):
                 return instrument
-            std = float(np.hypot(instrument.bias_std, instrument.bias_walk * np.sqrt(elapsed)))
-            return replace(instrument, bias_std=std)
+            return replace(instrument, bias_std=walked(instrument.bias_std, instrument.bias_walk, elapsed))
 
         sensors = {name: later(model) for name, model in self.sensors.items()}
         return self.replace(accel=later(self.accel), gyro=later(self.gyro), sensors=sensors)

@@ -230,13 +230,23 @@ class Effect:
         """
         if self.exact is None:
             return self.rows(motion, plain.shape[1])
+        return self.differences(lambda at: self.apply(plain, at, motion, model), beta)
+
+    def differences(self, function: Callable[[FloatArray], FloatArray], beta: FloatArray) -> FloatArray:
+        """(n, size, parameters) derivative by the parameters of what goes with the effect, by central differences.
+
+        Parameters
+        ----------
+        function : beta -> (n, size)
+        beta : (parameters,) where
+        """
         columns = []
         for k, step in enumerate(_DIFFERENCE * self.plausible):
             ahead, behind = np.array(beta, dtype=np.float64), np.array(beta, dtype=np.float64)
             ahead[k] += step
             behind[k] -= step
             with np.errstate(invalid="ignore"):  # a beam above the horizon: no reading, which nothing changes
-                change = self.apply(plain, ahead, motion, model) - self.apply(plain, behind, motion, model)
+                change = function(ahead) - function(behind)
             columns.append(zero_unless_finite(change) / (2.0 * step))
         return np.stack(columns, axis=-1)
 

@@ -64,7 +64,7 @@ _LINEAR_HEADING = 0.1
 _SECOND_ORDER = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fitted:
     """A pass with effects at their estimate.
 

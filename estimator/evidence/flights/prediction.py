@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from weakref import ReferenceType, ref
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -133,7 +133,7 @@ class Prediction:
     def __init__(self, passes: FlightPasses, streams: Sequence[tuple[str, str]]) -> None:
         self._passes, self._streams = passes, tuple(streams)
         # a fit is whole passes, so that here none outlives those that `KnownFits` keeps and its callers hold
-        self._known: list[tuple[ReferenceType[Fitted], Sequence[_Withheld]]] = []
+        self._known: WeakKeyDictionary[Fitted, Sequence[_Withheld]] = WeakKeyDictionary()
         t = passes.table.t
         self._edges = t[np.round(np.linspace(0, len(t) - 1, FOLDS + 1)).astype(np.int64)]
         begins = np.arange(passes.start + WINDOW, passes.end - WINDOW, EVERY)
@@ -183,9 +183,9 @@ class Prediction:
         """The same whitened by the covariance of the prediction."""
         state = fit.detail
         assert isinstance(state, Fitted)
-        for known, withheld in self._known:
-            if known() is state:
-                return withheld
+        known = self._known.get(state)
+        if known is not None:
+            return known
         asked = [(state.along, self._windows)]
         if fit.part == "all" and fit.in_mean:
             asked = []
@@ -199,7 +199,7 @@ class Prediction:
                 self._passes.run_withheld(name, windows, along).stream(name) for along, windows in asked if windows
             ]
             found += self._residual(name, unit, parts)
-        self._known = [(ref(state), found), *(one for one in self._known if one[0]() is not None)]
+        self._known[state] = found
         return found
 
     def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:
