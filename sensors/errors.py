@@ -30,6 +30,11 @@ class InputError(ValueError):
         return type(self), (self.where, self.found, self.expected, self.place)
 
 
+def with_extra(name: str) -> str:
+    """How to install what an optional part needs: as the rest is, since a plain installation would hide the clone."""
+    return f"pip install -e '.[{name}]' in the clone"
+
+
 def printable(text: str, keep: str = "") -> str:
     """A text of a file as a terminal may see it: one line, control characters escaped as Python writes them.
 

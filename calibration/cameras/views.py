@@ -14,7 +14,7 @@ from types import ModuleType
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.files import write_text
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm")
@@ -112,7 +112,7 @@ def opencv() -> ModuleType:
     try:
         import cv2
     except ImportError:
-        raise InputError("pictures", "no OpenCV", "pip install 'sinan-nav[camera]', or a table of corners") from None
+        raise InputError("pictures", "no OpenCV", f"a table of corners, or {with_extra('camera')}") from None
     return cv2
 
 

@@ -4,7 +4,7 @@
 
 One setting for all logs: VQF has its authors', this project finds its sizes in the log. All get the same readings. The
 error is that of the whole log where its reference counts; one constant heading is taken off for all alike, since the
-norths of cameras, robots and compasses differ. Needs `vqf`: pip install '.[benchmark]' in the clone.
+norths of cameras, robots and compasses differ. Needs `vqf`: pip install -e '.[benchmark]' in the clone.
 """
 
 from __future__ import annotations

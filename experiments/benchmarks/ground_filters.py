@@ -4,7 +4,7 @@
 
 Every scene is scanned once. Its points are placed by the true trajectory and mounting, by the filter's with the one
 that the strips show, and by the filter's with the one that is declared, which is wrong. Prints a table: ground
-called object / objects called ground, %. Needs `cloth-simulation-filter`: pip install '.[benchmark]' in the clone.
+called object / objects called ground, %. Needs `cloth-simulation-filter`: pip install -e '.[benchmark]' in the clone.
 """
 
 from __future__ import annotations

@@ -7,10 +7,9 @@ import time
 from abc import ABC, abstractmethod
 from typing import Any
 
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 
 FORMS = "udp:HOST:PORT (listens), udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]"
-_SERIAL = "pip install '.[mavlink]' in the clone"
 _BAUD = 57600
 #: The largest datagram, and so many bytes of a stream at once.
 _MOST = 65536
@@ -215,7 +214,7 @@ class SerialLink(_Connected):
         try:
             import serial
         except ImportError:
-            raise InputError("--link", f"{name}, which `pyserial` reads", _SERIAL) from None
+            raise InputError("--link", f"{name}, which `pyserial` reads", with_extra("mavlink")) from None
         self._serial, self._device, self._baud = serial, device, baud
 
     def _connect(self) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.constants import WGS84_A
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.files import write_bytes
 from sinan.sensors.motion import Motion
 from sinan.sensors.ranging import scan_beams
@@ -156,7 +156,7 @@ def write_las(path: Path, cloud: Cloud, ground: BoolArray, origin: tuple[float, 
         import laspy
         from laspy.vlrs.known import WktCoordinateSystemVlr
     except ImportError:
-        raise InputError("laspy", "not installed", "`pip install 'sinan-nav[map]'`") from None
+        raise InputError("laspy", "not installed", with_extra("map")) from None
     points = east_north_up(cloud.p_n, origin)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.offsets, header.scales = np.floor(points.min(axis=0)), np.full(3, MILLIMETRE)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def cluster(address: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("--dask", "distributed is not installed", "pip install '.[dask]' in the clone") from None
+        raise InputError("--dask", "distributed is not installed", with_extra("dask")) from None
     try:
         client = Client(address, timeout="5s", set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

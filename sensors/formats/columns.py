@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.formats import dataflash, dataflash_messages, matlab, mavlink_frames, mwlog, ubx, ulog_messages
 from sinan.sensors.formats.column_names import INERTIAL, meanings
 from sinan.sensors.formats.named_columns import describes_itself
@@ -323,7 +323,7 @@ def read_parquet(path: Path) -> dict[str, FloatArray]:
         import pyarrow as pa
         import pyarrow.parquet as parquet
     except ImportError:
-        raise InputError(path, "a Parquet file", "pip install '.[parquet]' in the clone") from None
+        raise InputError(path, "a Parquet file", with_extra("parquet")) from None
     try:
         with parquet.ParquetFile(path) as file:
             fields = [field for field in file.schema_arrow

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.formats.packed import read_plain, require_numbers
 
 _V2, _V1 = 0xFD, 0xFE
@@ -28,7 +28,7 @@ _TIME, _HEADS, _CHECKSUM, _SIGNATURE = 8, {_V2: 10, _V1: 6}, 2, 13
 _YEARS = (b"\x00\x03", b"\x00\x0f")
 _LETTERS = {"c": "S", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
             "f": "<f4", "d": "<f8"}  # fmt: skip
-PIP = "pip install '.[mavlink]' in the clone"
+PIP = with_extra("mavlink")
 #: Systems that send: the vehicle of a ground station is one of 1 to 254; 255 is the ground station.
 _GROUND = 255
 

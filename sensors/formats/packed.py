@@ -12,7 +12,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 
 #: The most that a file may hold, unfolded where it is packed [bytes]: 10 h at 200 Hz are about 500 MB of text.
 LARGEST = 2**30
@@ -170,9 +170,7 @@ def _uncompress(where: Path, raw: bytes) -> bytes:
     try:
         from ncompress import decompress
     except ImportError:
-        raise InputError(
-            where, "a file packed by compress (.Z)", "pip install '.[gnss]' in the clone, or gzip"
-        ) from None
+        raise InputError(where, "a file packed by compress (.Z)", f"gzip, or {with_extra('gnss')}") from None
     unfolded = Bounded(where)
     decompress(raw, unfolded)
     return unfolded.getvalue()

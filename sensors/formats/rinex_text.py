@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.formats.packed import Bounded, read_packed
 
 ByteArray = npt.NDArray[np.uint8]
@@ -113,7 +113,7 @@ def expand(where: Path, raw: bytes) -> tuple[bytes, str]:
         import hatanaka.bin as programs
     except ImportError:
         found = "compact RINEX"
-        raise InputError(where, found, "plain RINEX, or pip install '.[gnss]' in the clone") from None
+        raise InputError(where, found, f"plain RINEX, or {with_extra('gnss')}") from None
     program = Path(next(iter(programs.__path__))) / f"crx2rnx{'.exe' if sys.platform == 'win32' else ''}"
     text = Bounded(where)
     with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as complaints:

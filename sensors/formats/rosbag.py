@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.errors import InputError
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.formats.choice import FIRST, Choice, not_there
 from sinan.sensors.formats.facts import Facts, Table
 from sinan.sensors.formats.logged import FRD_OF_FLU, NED_OF_ENU, numbered, recording_of, turned
@@ -53,7 +53,7 @@ _OWN = ("mavros", "fmu", "local_position", "odom")
 #: Part of the fixes that a velocity has to cover to be theirs.
 _COVERED = 0.9
 _WHOLE = "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` or `mcap recover` may mend it"
-_PIP = "pip install '.[ros]' in the clone"
+_PIP = with_extra("ros")
 
 
 def _imu(m: Any) -> Sequence[float]:

@@ -360,6 +360,6 @@ def test_a_picture_without_a_board_is_named(tmp_path: Path) -> None:
 
 def test_without_opencv_a_table_still_serves(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    with pytest.raises(InputError, match=r"no OpenCV; expected pip install 'sinan-nav\[camera\]'"):
+    with pytest.raises(InputError, match=r"no OpenCV; expected a table of corners, or pip install -e '\.\[camera\]'"):
         views_of(PICTURES, Board(9, 6, 0.025))
     assert isinstance(fit(left().views[:3], Form("k1", "brown", ("k1",)), SIZE), CameraFit)

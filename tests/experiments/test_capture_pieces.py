@@ -263,10 +263,10 @@ def test_a_serial_line_is_read_and_one_that_is_gone_is_waited_for(tmp_path: Path
 
 def test_libraries_that_are_missing_are_named(without_library: Callable[[str], None]) -> None:
     without_library("serial")
-    with pytest.raises(InputError, match=r"pip install '\.\[mavlink\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[mavlink\]'"):
         open_link("serial:/dev/ttyACM0")
     without_library("pymavlink")
-    with pytest.raises(InputError, match=r"pip install '\.\[mavlink\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[mavlink\]'"):
         Vehicle({})
 
 

@@ -119,7 +119,7 @@ def test_what_is_missing_is_named(tmp_path: Path, without_library: Callable[[str
     with pytest.raises(InputError, match="damaged Parquet"):
         open_log(tmp_path / "log")
     without_library("pyarrow")
-    with pytest.raises(InputError, match=r"pip install '\.\[parquet\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[parquet\]'"):
         open_log(tmp_path / "log")
 
 

@@ -284,7 +284,7 @@ def test_a_bag_without_an_imu(maker: Maker, tmp_path: Path) -> None:
 def test_what_is_missing_is_named(tmp_path: Path, without_library: Callable[[str], None]) -> None:
     path = Maker("ros1").write(tmp_path / "a.bag", at_rest())
     without_library("rosbags")
-    with pytest.raises(InputError, match=r"pip install '\.\[ros\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[ros\]'"):
         open_log(path)
 
 

@@ -240,7 +240,7 @@ def test_damage_costs_the_frames_that_it_hits(tmp_path: Path) -> None:
 
 def test_what_is_missing_is_named(log: Path, without_library: Callable[[str], None]) -> None:
     without_library("pymavlink")
-    with pytest.raises(InputError, match=r"pip install '\.\[mavlink\]'"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[mavlink\]'"):
         open_log(log)
 
 
