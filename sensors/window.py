@@ -69,6 +69,11 @@ def second_words(t: float, zero: float = 0.0) -> str:
     return f"{round(after, 3) + 0.0:.4g}" if abs(after) < _LONG else f"{after:.0f}"
 
 
+def time_in_log(recording: Recording, first: float, t: float) -> float:
+    """Seconds from the first sample of the log that an instant is in; of logs that are joined each has its own."""
+    return float(t - max([first, *(begin for begin in recording.breaks if begin <= t)]))
+
+
 def between(recording: Recording, begin: float, end: float) -> Recording:
     """The rows with begin <= t < end [s] of every stream and of the truth.
 
@@ -91,7 +96,8 @@ def between(recording: Recording, begin: float, end: float) -> Recording:
         truth = replace(truth, stream=seen) if len(seen) else None
     if begin <= start:
         return recording.replace(streams=streams, truth=truth)
-    sensors = {name: _after(spec, begin - start) for name, spec in recording.sensors.items()}
+    elapsed = time_in_log(recording, start, begin)
+    sensors = {name: _after(spec, elapsed) for name, spec in recording.sensors.items()}
     return recording.replace(streams=streams, truth=truth, sensors=sensors, initial=Initial())
 
 

@@ -27,10 +27,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinan.estimator.filter.events import ACCEPTED
-from sinan.estimator.filter.inputs import RunInputs, time_in_log
+from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.layout import CAPACITY
 from sinan.estimator.filter.pieces import parts_of, recorded
 from sinan.sensors.arrays import FloatArray, IntArray
+from sinan.sensors.window import time_in_log
 
 PART = 4000  # IMU samples whose gains are in memory at one time: bound of work (`test_level_scores`)
 

@@ -16,7 +16,7 @@ from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording
 from sinan.sensors.registry import is_sensor, sensor
-from sinan.sensors.window import between
+from sinan.sensors.window import between, time_in_log
 
 #: The kernels' codes of the equations of a sensor, those of `engine_numba`, GPS = 0 and on; where all of a reading is a
 #: form they predict nothing.
@@ -121,11 +121,6 @@ def prepare(
         model = flight.model.after(time_in_log(flight.recording, imu.t[0], imu.t[i0])).replace(own_north=own)
         later.append(first_state(Flight(stretch, model)))
     return RunInputs(flight, imu, replace(events, status=status), x, P, tuple(later))
-
-
-def time_in_log(recording: Recording, first: float, t: float) -> float:
-    """Seconds from the first sample of the log that an instant is in; of logs that are joined each has its own."""
-    return float(t - max([first, *(begin for begin in recording.breaks if begin <= t)]))
 
 
 def outputs_for(inputs: RunInputs, stride: int = 1) -> RunOutputs:

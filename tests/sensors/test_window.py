@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sinan.sensors.errors import InputError
+from sinan.sensors.joining import joined
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Initial, Recording, SensorSpec, Stream, Truth
 from sinan.sensors.window import WHOLE, between, second_words, span_words, told_from, told_from_note, window
 
@@ -58,6 +59,14 @@ def test_a_first_state_is_that_of_the_beginning() -> None:
     assert later.initial == Initial()
     assert later.spec("accel").bias_std == pytest.approx(np.sqrt(0.1**2 + 0.02**2 * 25.0))
     assert later.spec("gps") == log().spec("gps")
+
+
+def test_a_bias_of_logs_that_are_joined_wanders_from_the_first_sample_of_its_own() -> None:
+    both = joined([log(), log()])
+    (second,) = both.breaks
+    for begin, since in ((second, 0.0), (second + 16.0, 16.0), (START + 25.0, 25.0)):
+        part = between(both, begin, np.inf)
+        assert part.spec("accel").bias_std == pytest.approx(np.sqrt(0.1**2 + 0.02**2 * since))
 
 
 def test_the_whole_is_the_recording_itself() -> None:
