@@ -83,10 +83,12 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
                 one.set_visible(False)
                 continue
             value, band = course.value[:, k], 3.0 * course.sigma[:, k]
-            one.fill_between(course.t, value - band, value + band, color=AFTER, alpha=0.18, lw=0)
-            one.plot(course.t, value, color=AFTER, lw=1.1)
+            one.fill_between(
+                course.t, value - band, value + band, color=AFTER, alpha=0.18, lw=0, label="± 3 sigma"
+            )
+            one.plot(course.t, value, color=AFTER, lw=1.1, label="estimate")
             if course.truth.size:
-                one.plot(course.t, course.truth[:, k], color="black", lw=0.9)
+                one.plot(course.t, course.truth[:, k], color="black", lw=0.9, label="truth")
             settled = slice(len(band) // 10, None)  # the first tenth, where the band is wide, would hide the rest
             shown = [value[settled] - 1.6 * band[settled], value[settled] + 1.6 * band[settled]]
             shown += [course.truth[:, k]] if course.truth.size else []
@@ -101,6 +103,13 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
         lowest = [one for one in column if one.get_visible()][-1]
         lowest.tick_params(labelbottom=True)
         lowest.set_xlabel("time / s", fontsize=8)
+    named = {
+        label: handle for one in axes.ravel() for handle, label in zip(*one.get_legend_handles_labels(), strict=True)
+    }
+    if named:
+        figure.legend(
+            named.values(), named.keys(), loc="outside upper right", frameon=False, fontsize=9, ncols=len(named)
+        )
     return figure
 
 
