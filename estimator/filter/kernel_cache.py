@@ -34,7 +34,7 @@ def kernel_cache() -> tuple[bool, str]:
                 f"compiled kernels are kept in {folder}: no folder of the installation or of HOME can be written",
             )
     return False, (
-        "the filter is compiled anew in every run, 10 to 20 s: no folder of the installation or of HOME can be "
+        "the filter is compiled anew in every run, up to a minute: no folder of the installation or of HOME can be "
         f"written; {VARIABLE}=FOLDER names another"
     )
 

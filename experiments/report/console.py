@@ -34,7 +34,7 @@ def first_run_note() -> str:
     """What a first run waits for: a remark where the filter's kernels are not compiled yet, else nothing."""
     from sinan.estimator.filter.compiled import is_compiled
 
-    return "" if is_compiled() else " (first run: compiling, once, 10 to 20 s)"
+    return "" if is_compiled() else " (first run: compiling, once, up to a minute)"
 
 
 @cache
