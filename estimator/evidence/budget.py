@@ -19,7 +19,8 @@ class Budget:
     Attributes
     ----------
     stream, unit : of the innovations
-    rms : of the plain model, doubtful readings with their weight
+    rms : of the plain model's one-step innovations of position where the stream has one, doubtful readings with their
+        weight, each in the weight of what is predicted of it: the first, from which a zero is found, hardly counts
     effects : what the effects found have taken off
     white, colour : what the model predicts of the readings' noise, and of its colour after the reading before
     motion : what it predicts of the states that it has at that moment: position, attitude, biases
@@ -69,7 +70,10 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     total, left = max(total, 1e-300), max(left, 1e-300)
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     share = min(left, 1.0) / total
-    rms = float(np.sqrt(np.mean(before.weight[had][:, None] * before.nu[had] ** 2, where=before.tells[had])))
+    first = slice(0, 3)  # of a fix the position
+    sure, known = 1.0 / np.diagonal(after.S[has][there], axis1=1, axis2=2)[:, first], tells[there][:, first]
+    squares = weight[:, None] * sure * before.nu[had][same][:, first] ** 2
+    rms = float(np.sqrt(np.sum(squares, where=known) / np.sum(sure, where=known)))
     return Budget(
         stream, unit, rms, effects=1.0 - left / total, white=share * white, colour=share * colour,
         motion=share * (1.0 - white - colour), unnamed=max(left - 1.0, 0.0) / total, predicted=1.0 / left,

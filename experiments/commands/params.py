@@ -48,7 +48,10 @@ def run(
     if out is None:
         return text.rstrip("\n")
     write_text(out, text)
-    return "\n".join([f"{document['called']}: {document['verdict']}", *(f"  {line}" for line in lines_of(params))])
+    lines = (
+        lines_of(params) if params.settings else ["nothing to set: the file changes no parameter", *lines_of(params)]
+    )
+    return "\n".join([f"{document['called']}: {document['verdict']}", *(f"  {line}" for line in lines)])
 
 
 def _report(path: Path, name: str) -> dict[str, Any]:

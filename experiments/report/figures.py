@@ -83,9 +83,7 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
                 one.set_visible(False)
                 continue
             value, band = course.value[:, k], 3.0 * course.sigma[:, k]
-            one.fill_between(
-                course.t, value - band, value + band, color=AFTER, alpha=0.18, lw=0, label="± 3 sigma"
-            )
+            one.fill_between(course.t, value - band, value + band, color=AFTER, alpha=0.18, lw=0, label="± 3 sigma")
             one.plot(course.t, value, color=AFTER, lw=1.1, label="estimate")
             if course.truth.size:
                 one.plot(course.t, course.truth[:, k], color="black", lw=0.9, label="truth")

@@ -416,8 +416,9 @@ def _budget_table(page: Page, document: Mapping[str, Any]) -> None:
         return
     page.heading("Parts of the plain model's error")
     page.text(
-        "Shares of the mean square of the plain model's residual: removed by the effects that were found; white noise "
-        "of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained rest. The last column "
+        "Shares of the mean square of the plain model's residual, one step ahead: removed by the effects that were "
+        "found; white noise of the sensor; its slow noise; uncertainty of the estimated motion; and the unexplained "
+        "rest. Each reading has the weight that its predicted variance gives it. The last column "
         "is the mean square that noise and motion predict, over the one that is left: far above 1, the noise was "
         "taken for larger than it is."
     )

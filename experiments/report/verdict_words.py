@@ -101,8 +101,9 @@ def title(document: Mapping[str, Any]) -> str:
         also = "".join(f", and {one}" for one in rest)
         return f"{first}: {size_words(effects[0])}{also}; {headline_error(document)}"
     parts = [_part(document, effect) for effect in effects[:_MOST_IN_TITLE]]
-    more = len(effects) - _MOST_IN_TITLE
-    parts += [f"{more} more {'effects' if more > 1 else 'effect'}"] if more > 0 else []
+    unsure = [bool(effect["confused_with"]) for effect in effects[_MOST_IN_TITLE:]]
+    for count, which in ((unsure.count(False), ""), (unsure.count(True), " that these data cannot tell from others")):
+        parts += [f"{count} more {'effects' if count > 1 else 'effect'}{which}"] if count else []
     parts += rest
     text = ", ".join(parts[:-1]) + ", and " + parts[-1]
     return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
@@ -157,8 +158,10 @@ def says(document: Mapping[str, Any]) -> str:
 def _later_rivals(document: Mapping[str, Any]) -> str:
     """An effect after the first is not to be told from others."""
     effect = next(effect for effect in document["effects"] if effect["confused_with"])
+    sure = [one["name"] for one in document["effects"] if not one["confused_with"]]
+    there = f"{', '.join(sure[:-1])} and {sure[-1]} are" if len(sure) > 1 else f"{sure[0]} is"
     others = " or ".join(effect["confused_with"])
-    return f"{document['effects'][0]['name']} is there; these data cannot tell whether {effect['name']} is, or {others}"
+    return f"{there} there; these data cannot tell whether {effect['name']} is, or {others}"
 
 
 def what_next(document: Mapping[str, Any], log: Log) -> str:

@@ -12,7 +12,7 @@ from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
 from sinan.experiments.scenarios import load_scenario, parse_effect
-from sinan.sensors.recording import Recording
+from sinan.sensors.recording import Recording, Stream
 from sinan.sensors.simulate import simulate
 
 CURRENT = "mag.current=0.006,0,0.002"
@@ -50,7 +50,7 @@ def test_noise_believed_too_large_is_said_and_its_parts_share_what_is_there() ->
     spec = recording.spec("mag")
     assert spec.noise_std is not None
     louder = recording.replace(sensors={**recording.sensors, "mag": replace(spec, noise_std=3.0 * spec.noise_std)})
-    found, plain = _budget_of_mag(louder), _budget_of_mag(recording)
+    found, plain = _budget_of(louder, "mag"), _budget_of(recording, "mag")
     assert found.predicted == pytest.approx(9.0, rel=0.15)
     assert plain.predicted == pytest.approx(1.0, rel=0.1)
     assert found.unnamed == 0.0
@@ -58,7 +58,21 @@ def test_noise_believed_too_large_is_said_and_its_parts_share_what_is_there() ->
     assert found.rms == pytest.approx(plain.rms, rel=0.1)
 
 
-def _budget_of_mag(recording: Recording) -> Budget:
+def test_the_first_reading_from_which_a_zero_is_found_counts_as_little_as_it_is_known() -> None:
+    """A barometer's zero of 180 m is in its first innovation alone."""
+    recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(31))
+    baro = recording.streams["baro"]
+    far = Stream(baro.t, {**baro.columns, "height": baro["height"] + 180.0})
+    spec = replace(recording.spec("baro"), bias_std=200.0)
+    open_zero = recording.replace(sensors={**recording.sensors, "baro": spec})
+    near, off = (
+        _budget_of(one, "baro").rms
+        for one in (open_zero, open_zero.replace(streams={**recording.streams, "baro": far}))
+    )
+    assert off == pytest.approx(near, rel=0.05)
+
+
+def _budget_of(recording: Recording, stream: str) -> Budget:
     source = FlightSource(Flight.of(recording))
     fit = source.fit(())
-    return next(one for one in source.budget(fit, fit) if one.stream == "mag")
+    return next(one for one in source.budget(fit, fit) if one.stream == stream)

@@ -70,4 +70,7 @@ def test_the_sentence_names_the_later_effect_and_its_rival() -> None:
     document: dict[str, Any] = a_document(verdict="ambiguous")
     one = document["effects"][0]
     document["effects"] = [one, {**one, "name": "gps.lever_arm", "confused_with": ["accel.lever_arm"]}]
-    assert says(document).endswith("these data cannot tell whether gps.lever_arm is, or accel.lever_arm")
+    rest = "these data cannot tell whether gps.lever_arm is, or accel.lever_arm"
+    assert says(document) == f"sonar.mount_offset is there; {rest}"
+    document["effects"].insert(1, {**one, "name": "gps.latency"})
+    assert says(document) == f"sonar.mount_offset and gps.latency are there; {rest}"

@@ -587,6 +587,14 @@ def test_a_report_of_another_log_is_refused(tmp_path: Path) -> None:
     assert "a report of another" in str(result.exception) + result.output
 
 
+def test_of_nothing_found_the_terminal_says_that_the_file_changes_nothing(tmp_path: Path) -> None:
+    log, report = ulog(tmp_path / "log"), tmp_path / "report.json"
+    report.write_text(json.dumps({"verdict": "unexplained", "effects": [], "choice": {}, "recording": "log",
+                                  "called": "log", "headline": "none"}))  # fmt: skip
+    said = invoke("params", str(log), "--trace", str(report), "--out", str(tmp_path / "file"))
+    assert "nothing to set: the file changes no parameter" in said
+
+
 @pytest.mark.measured
 def test_the_log_of_a_data_set_is_asked_as_its_path_is(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SINAN_DATA", str(measured_data))

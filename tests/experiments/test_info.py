@@ -107,7 +107,7 @@ def test_an_effect_of_the_current_needs_one_that_varies(
     effects = document_of(tmp_path / "a")["effects"]
     assert ("mag.current" in effects["could_see"]) == seen
     assert ("mag.current" in effects["missing"].get("a supply or motors that vary", [])) != seen
-    assert "mag.declination" in effects["missing"]["the field of the place, from [origin] or a GPS"]
+    assert "mag.declination" in effects["missing"]["a declared magnetic field"]
 
 
 def test_a_log_that_is_no_recording_is_told_as_far_as_it_goes(tmp_path: Path) -> None:

@@ -497,6 +497,13 @@ def test_title_of_what_cannot_be_told_apart_names_every_candidate() -> None:
     assert "several heights" in what_next(document, Log())
 
 
+def test_title_counts_what_is_there_apart_from_what_may_be_another() -> None:
+    (one,) = a_document()["effects"]
+    unsure = {**one, "confused_with": ["laser.mount_offset"]}
+    text = title(a_document(verdict="ambiguous", effects=[one, one, one, unsure]))
+    assert ", 1 more effect, and 1 more effect that these data cannot tell from others: residual" in text
+
+
 def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:
     document = a_document()
     assert "with caution" not in lead(document)

@@ -20,7 +20,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
 
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
-_OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
+OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
 
 
 def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
@@ -29,7 +29,7 @@ def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     guessed = recording.environment.magnetic_field is None
     plain, found = Along(flight, Terms(), motion), []
     for entry in effects_for("flight", candidate_streams(model)):
-        if entry.name in declared or (guessed and entry.name in _OF_THE_DECLARED_FIELD):
+        if entry.name in declared or (guessed and entry.name in OF_THE_DECLARED_FIELD):
             continue
         if entry.stream == "level" and "gps" not in model.sensors:  # nothing sees the velocity it goes with
             continue
