@@ -71,7 +71,7 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     share = min(left, 1.0) / total
     first = slice(0, 3)  # of a fix the position
-    sure, known = 1.0 / np.diagonal(after.S[has][there], axis1=1, axis2=2)[:, first], tells[there][:, first]
+    sure, known = 1.0 / predicted[there][:, first], tells[there][:, first]
     squares = weight[:, None] * sure * before.nu[had][same][:, first] ** 2
     rms = float(np.sqrt(np.sum(squares, where=known) / np.sum(sure, where=known)))
     return Budget(

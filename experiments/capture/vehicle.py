@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.sensors.errors import InputError
-from sinan.sensors.formats.mavlink_frames import PIP
+from sinan.sensors.errors import InputError, with_extra
 from sinan.sensors.formats.mavlink_streams import AUTOPILOTS
 
 #: This side: a ground station's numbers, whose heartbeat keeps a vehicle sending.
@@ -85,7 +84,7 @@ class Vehicle:
         try:
             from pymavlink.dialects.v20 import ardupilotmega
         except ImportError:
-            raise InputError(Path("--link"), "MAVLink, which `pymavlink` speaks", PIP) from None
+            raise InputError(Path("--link"), "MAVLink, which `pymavlink` speaks", with_extra("mavlink")) from None
         self._mav = ardupilotmega.MAVLink(None, srcSystem=_SYSTEM, srcComponent=_COMPONENT)
         self._mav.robust_parsing = True
         self._ids = {kind.msgname: number for number, kind in ardupilotmega.mavlink_map.items()}

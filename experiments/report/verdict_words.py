@@ -103,7 +103,7 @@ def title(document: Mapping[str, Any]) -> str:
     parts = [_part(document, effect) for effect in effects[:_MOST_IN_TITLE]]
     unsure = [bool(effect["confused_with"]) for effect in effects[_MOST_IN_TITLE:]]
     for count, which in ((unsure.count(False), ""), (unsure.count(True), " that these data cannot tell from others")):
-        parts += [f"{count} more {'effects' if count > 1 else 'effect'}{which}"] if count else []
+        parts += [counted(count, "more effect") + which] if count else []
     parts += rest
     text = ", ".join(parts[:-1]) + ", and " + parts[-1]
     return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"

@@ -27,11 +27,10 @@ def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
 
     Steps, transients and outliers are looked for in every sensor; whether the motion shows an effect is not asked.
     """
-    from sinan.estimator.evidence.flights.candidates import OF_THE_DECLARED_FIELD
+    from sinan.estimator.evidence.flights.candidates import lacks_declared_field
     from sinan.sensors.effects import effects_for
 
     streams = recording.streams
-    guessed = recording.kind == "flight" and recording.environment.magnetic_field is None
     sensors: set[str] = set(streams) - {"imu", "poses", "power", "motors", "air"}
     inertial = streams.get("imu") or streams.get("poses")
     for sensor in ("accel", "gyro", "mag"):
@@ -43,7 +42,7 @@ def could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
     missing: dict[str, list[str]] = {}
     known = {sensor: _covariates(recording, sensor) for sensor in sensors}
     for entry in effects_for(recording.kind, sensors):
-        if guessed and entry.name in OF_THE_DECLARED_FIELD:
+        if recording.kind == "flight" and lacks_declared_field(recording, entry.name):
             missing.setdefault("a declared magnetic field", []).append(entry.name)
             continue
         have = known.get(entry.stream, set())

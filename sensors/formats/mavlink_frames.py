@@ -28,7 +28,6 @@ _TIME, _HEADS, _CHECKSUM, _SIGNATURE = 8, {_V2: 10, _V1: 6}, 2, 13
 _YEARS = (b"\x00\x03", b"\x00\x0f")
 _LETTERS = {"c": "S", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
             "f": "<f4", "d": "<f8"}  # fmt: skip
-PIP = with_extra("mavlink")
 #: Systems that send: the vehicle of a ground station is one of 1 to 254; 255 is the ground station.
 _GROUND = 255
 
@@ -132,7 +131,7 @@ def telemetry_of(data: bytes, path: Path) -> Telemetry:
     try:
         from pymavlink.dialects.v20.ardupilotmega import mavlink_map
     except ImportError:
-        raise InputError(path, "a MAVLink log, whose messages `pymavlink` knows", PIP) from None
+        raise InputError(path, "a MAVLink log, whose messages `pymavlink` knows", with_extra("mavlink")) from None
     frames, lost, places = _walk(data)
     raw = np.frombuffer(data, np.uint8)
     require_numbers(path, sum(len(one.at) for one in frames.values()))

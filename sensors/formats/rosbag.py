@@ -53,7 +53,6 @@ _OWN = ("mavros", "fmu", "local_position", "odom")
 #: Part of the fixes that a velocity has to cover to be theirs.
 _COVERED = 0.9
 _WHOLE = "a whole ROS bag; `rosbag reindex`, `ros2 bag reindex` or `mcap recover` may mend it"
-_PIP = with_extra("ros")
 
 
 def _imu(m: Any) -> Sequence[float]:
@@ -258,7 +257,7 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise InputError(path, "a ROS bag, which `rosbags` reads", _PIP) from None
+        raise InputError(path, "a ROS bag, which `rosbags` reads", with_extra("ros")) from None
     from sinan.sensors.formats.columns import content_of
 
     known = get_typestore(Stores.LATEST)  # for a bag that does not say what its messages are

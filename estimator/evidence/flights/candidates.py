@@ -18,18 +18,23 @@ from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import Effect, effects_for
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
+from sinan.sensors.recording import Recording
 
 #: What is asked against the declared field cannot be asked where the field was found from the log itself.
-OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
+_OF_THE_DECLARED_FIELD = ("mag.declination", "mag.scale")
+
+
+def lacks_declared_field(recording: Recording, name: str) -> bool:
+    """Whether an effect of a flight is asked against a field that the recording does not declare."""
+    return recording.environment.magnetic_field is None and name in _OF_THE_DECLARED_FIELD
 
 
 def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     """The effects that enter a stream of the run and whose covariates vary along the motion of the plain model."""
     recording, model, declared = flight.recording, flight.model, set(flight.recording.effects)
-    guessed = recording.environment.magnetic_field is None
     plain, found = Along(flight, Terms(), motion), []
     for entry in effects_for("flight", candidate_streams(model)):
-        if entry.name in declared or (guessed and entry.name in OF_THE_DECLARED_FIELD):
+        if entry.name in declared or lacks_declared_field(recording, entry.name):
             continue
         if entry.stream == "level" and "gps" not in model.sensors:  # nothing sees the velocity it goes with
             continue
