@@ -13,13 +13,15 @@ from sinan.sensors.recording import POSITION
 def rounding_of_places(ned: FloatArray, origin: Origin | None) -> FloatArray:
     """(3,) variance of the error of rounding of fixes (n, 3) in NED [m^2].
 
-    The digits are those of latitude, longitude and height where an origin is known, else of NED.
+    The digits are those of latitude, longitude and height where an origin is known, else of NED. An angle that never
+    changes shows none: it is taken to have those of the other one.
     """
     if origin is None:
         return rounding_variance(ned)
     lla = geodetic_columns(ned, origin)
-    steps = np.diag([last_digit(column) for column in lla.T])
+    latitude, longitude, height = (last_digit(column) for column in lla.T)
+    steps = np.array([latitude or longitude, longitude or latitude, height])
     about = np.median(lla, axis=0)
-    moved = ned_columns(np.vstack([about, about + steps]), origin)
+    moved = ned_columns(np.vstack([about, about + np.diag(steps)]), origin)
     places = np.column_stack([moved[axis] for axis in POSITION])
     return np.sum((places[1:] - places[0]) ** 2, axis=0) / 12.0

@@ -64,7 +64,7 @@ def deviance_of(
 
 
 def spread_of(
-    nis: FloatArray | float, m: IntArray | int, tail: float, stray: FloatArray | float = -np.inf
+    nis: FloatArray | float, m: IntArray | int, tail: FloatArray | float, stray: FloatArray | float = -np.inf
 ) -> FloatArray:
     """(K,) one over the weight of readings of m components: (nu + NIS) / (nu + m), or 1 below NIS = m, over r.
 

@@ -56,3 +56,16 @@ def test_digits_of_a_degree_are_metres_north_and_east() -> None:
     assert DEGREE[0] < 1e5 * north < DEGREE[1]
     assert 1e5 * east / np.cos(np.deg2rad(60.0)) == pytest.approx(DEGREE[1], rel=2e-3)
     assert down < 1e-3
+
+
+def test_an_angle_that_never_changes_has_the_digits_of_the_other() -> None:
+    origin = (-37.87, 144.676, 0.0)
+    ned = np.column_stack([walk(seed=5), np.zeros(len(walk())), walk(seed=7)])
+    lla = geodetic_columns(ned, origin)
+    lla[:, :2] = np.round(lla[:, :2], 6)
+    columns = ned_columns(lla, origin)
+    places = np.column_stack([columns[a] for a in POSITION])
+    assert len(np.unique(lla[:, 1])) == 1
+    north, east, _ = np.sqrt(12.0 * rounding_of_places(places, origin))
+    assert DEGREE[0] < 1e6 * north < DEGREE[1]
+    assert 1e6 * east / np.cos(np.deg2rad(37.87)) == pytest.approx(DEGREE[1], rel=3e-3)

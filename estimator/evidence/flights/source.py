@@ -19,6 +19,7 @@ from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
 from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.flights.prediction import Prediction
+from sinan.estimator.evidence.intervals.doubted import doubted_in
 from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
 from sinan.estimator.evidence.intervals.outliers import ADDED as WRONG_DOF
 from sinan.estimator.evidence.intervals.outliers import WrongReadings, wrong_among
@@ -325,7 +326,7 @@ class FlightSource(OfFlight):
         W, white = self._passes.rows(sensitivity, journal, fit.part)
         event = sensitivity.event[self._passes.in_part(journal.t[sensitivity.event], fit.part)]
         sensor = np.array(journal.sensors)[journal.sensor[event]]
-        return Rows(W, W[:, :0], white, sensor, journal.t[event])
+        return Rows(W, W[:, :0], white, sensor, journal.t[event], doubted_in(journal, event))
 
     def _step_rows(self, fit: Fit, steps: Sequence[Step]) -> Rows:
         rows, columns = self._own_rows(fit), self._columns(fit, [declared_step(step) for step in steps])

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from sinan.estimator.evidence.intervals.doubted import Doubted, explained
 from sinan.estimator.evidence.intervals.sudden import jumps
 from sinan.estimator.evidence.score import gain_of, log_p_among, log_p_value
 from sinan.estimator.evidence.source import LocalFinding
@@ -61,6 +62,7 @@ class Rows:
     own, wanted : (r, .) by the parameters of the model's own terms, and by those asked for
     white : (r,) whitened innovations
     sensor, t : (r,) name of the sensor of each, and its stamp [s]
+    doubted : of these, the readings whose weight is not what it would be with an offset; None: there are none
     """
 
     own: FloatArray
@@ -68,6 +70,7 @@ class Rows:
     white: FloatArray
     sensor: npt.NDArray[np.str_]
     t: FloatArray
+    doubted: Doubted | None = None
 
     def without(self, mine: BoolArray, beta: FloatArray) -> Rows:
         """The rows without one of the own terms: `mine` are its parameters, `beta` their estimate."""
@@ -316,7 +319,7 @@ class _Joint:
         W = W.reshape(-1, m, size)[:, order].reshape(-1, m * size)
         self.onsets, self.size, self.span = onsets[order], size, span
         self.sudden = order >= (m if on_grid is None else on_grid)
-        self.W, self.white = W, white
+        self.W, self.white, self.doubted = W, white, rows.doubted
 
     @cached_property
     def L(self) -> FloatArray:
@@ -354,7 +357,7 @@ class _Joint:
         return np.stack([i, j], axis=1)
 
     def gain(self, pairs: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Gain, dof and offset of each interval."""
+        """Gain, dof and offset of each interval, of doubted readings by their law."""
         i, j = pairs[:, 0], pairs[:, 1]
         ends = j >= 0
         L, b = self.L[i, i].copy(), self.b[i].copy()
@@ -362,7 +365,13 @@ class _Joint:
         cross = self.L[i, k]
         L += np.where(ends[:, None, None], self.L[k, k] - cross - np.swapaxes(cross, 1, 2), 0.0)
         b -= np.where(ends[:, None], self.b[k], 0.0)
-        return gain_of(L, b, lambda values: float(_FLOOR * np.max(values)))
+        seen_from = float(_FLOOR * np.max(np.linalg.eigvalsh(L)))
+        gain, dof, beta = gain_of(L, b, lambda _: seen_from)
+        if self.doubted is not None:
+            W = self.W[self.doubted.row].reshape(-1, len(self.onsets), self.size).transpose(1, 0, 2)
+            inside = W[i] - np.where(ends[:, None, None], W[k], 0.0)
+            gain, beta = explained(L, b, inside, self.white[self.doubted.row], self.doubted, seen_from)
+        return gain, dof, beta
 
 
 def _to_the_end(first: IntArray) -> IntArray:
