@@ -7,7 +7,7 @@ import numpy as np
 from sinan.calibration.levels.levels import Levels
 from sinan.calibration.levels.sizes import Size
 from sinan.estimator.evidence.level_scores import LevelScores
-from sinan.estimator.filter.alignment import ALIGNING, first_state
+from sinan.estimator.filter.alignment import ALIGNING, first_state, with_first_place
 from sinan.estimator.filter.events import stamp_variances, white_shares
 from sinan.estimator.filter.flight_model import InStep
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
@@ -64,15 +64,19 @@ def slopes(inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size) -
 def _slope_of_start(
     inputs: RunInputs, scores: LevelScores, levels: Levels, size: Size, block: slice | None = None
 ) -> float:
-    """What the first state and its covariance contribute: by the block itself, where there is one and the first
-    attitude is not found from the sensor, else by a difference.
+    """What the first state and its covariance contribute: by the block itself, where there is one, and by a difference
+    where the first attitude, position or velocity is found from the sensor.
     """
-    if block is not None and size.sensor not in ALIGNING:
-        return 2.0 * levels.value(size) ** 2 * float(np.trace(scores.start[block, block]))
+    aligning = size.sensor in ALIGNING or size.key == "velocity_noise_std"
+    own = 0.0
+    if block is not None and not aligning:
+        own = 2.0 * levels.value(size) ** 2 * float(np.trace(scores.start[block, block]))
+        if size.key != "velocity_colour_std":
+            return own
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
-    x, P = first_state(other)
+    x, P = first_state(other) if aligning else with_first_place(other, inputs.x, inputs.P)
     moved = inputs.model.layout.difference(x, inputs.x)
-    return float((np.sum((P - inputs.P) * scores.start) + moved @ scores.start_x) / np.log(1.01))
+    return own + float((np.sum((P - inputs.P) * scores.start) + moved @ scores.start_x) / np.log(1.01))
 
 
 def sums_from(values: FloatArray, first: IntArray) -> FloatArray:

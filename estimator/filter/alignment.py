@@ -77,18 +77,31 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         if layout.has(name):
             P[DTHETA, layout.slice(name)] = cross_covariance
             P[layout.slice(name), DTHETA] = cross_covariance.T
-    position, velocity = _first_position(flight, q), _first_velocity(flight)
+    _begin_in_place(flight, x, P)
+    if model.own_north and model.field is not None and initial.quaternion is None:
+        P = _north_of_first_heading(q, P, model)
+    return x, P
+
+
+def with_first_place(flight: Flight, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A first state and its covariance with the position and the velocity that a flight's readings and noise say."""
+    x, P = x.copy(), P.copy()
+    _begin_in_place(_of_what_is_there(flight), x, P)
+    return x, P
+
+
+def _begin_in_place(flight: Flight, x: FloatArray, P: FloatArray) -> None:
+    """Put first position and velocity, declared or found, into a first state with an attitude."""
+    layout, initial = flight.model.layout, flight.recording.initial
+    position, velocity = _first_position(flight, x[Q_NB]), _first_velocity(flight)
     for name, declared, std, found in (
         ("position", initial.position, initial.position_std, position),
         ("velocity", initial.velocity, initial.velocity_std, velocity),
     ):
         block = layout.slice(name)
         x[block] = found[0] if declared is None else declared
-        if model.translation:
+        if flight.model.translation:
             P[block, block] = np.diag(found[1] ** 2 if std is None else np.full(3, std**2))
-    if model.own_north and model.field is not None and initial.quaternion is None:
-        P = _north_of_first_heading(q, P, model)
-    return x, P
 
 
 def _north_of_first_heading(q_nb: FloatArray, P: FloatArray, model: FlightModel) -> FloatArray:
@@ -332,7 +345,8 @@ def _first_velocity(flight: Flight) -> tuple[FloatArray, FloatArray]:
     if "gps" in model.sensors and streams["gps"].has(VELOCITY):
         stream, gps = streams["gps"], model.sensors["gps"]
         waited = float(stream.t[0] - streams["imu"].t[0])
-        spread = np.sqrt(gps.R[3, 3] * white_shares(flight, "gps")[0, 3])
+        white = np.sqrt(gps.R[3, 3] * white_shares(flight, "gps")[0, 3])
+        spread = np.hypot(white, max((part.std for first, part in model.colour_of("gps") if first == 3), default=0.0))
         return stream.array(VELOCITY)[0], np.full(3, WIDE * spread + UNKNOWN_VELOCITY * min(waited, 1.0))
     return np.zeros(3), np.full(3, UNKNOWN_VELOCITY)
 

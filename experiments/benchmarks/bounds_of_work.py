@@ -125,7 +125,7 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "long": {_LEVELS + "excerpts": ("EXCERPTS", "SECONDS", "MISSING")},
     "turns": {"sinan.calibration.poses.segments": ("MARGIN", "STILL_FACTORS")},
     "flight": {_FLIGHTS + "prediction": ("WINDOW", "EVERY"), _INTERVALS + "onsets": ("_EDGE",)},
-    "sold": {_FLIGHTS + "source": ("SOLD",)},
+    "sold": {_FLIGHTS + "passes": ("SOLD",)},
     "misfits": {_CAMERAS + "camera": ("_FAR", "_LEAST_VIEWS")},
     "fields": {_LEVELS + "fields": ("BESIDE_STEEL", "ELSEWHERE", "FIELD_STD")},
     "iron": {_LEVELS + "fields": ("NEVER_CALIBRATED",)},

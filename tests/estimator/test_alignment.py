@@ -9,7 +9,13 @@ import pytest
 from scipy.special import chdtrc
 
 from sinan.estimator.evidence.consistency import chi_square, nees, nis
-from sinan.estimator.filter.alignment import UNKNOWN_POSITION, align, attitude_from_vectors, first_state
+from sinan.estimator.filter.alignment import (
+    UNKNOWN_POSITION,
+    align,
+    attitude_from_vectors,
+    first_state,
+    with_first_place,
+)
 from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.events import GATED, variances, white_shares
 from sinan.estimator.filter.field import field_of_the_log
@@ -201,6 +207,23 @@ def test_a_first_fix_that_is_poor_by_its_own_word_is_no_certain_start() -> None:
     assert np.all(np.abs(x[PV] - truth[0, PV]) < 3.0 * np.sqrt(np.diag(P)[PV]))
     status = run_filter(flight, engine="numba").stream("gps").status
     assert not np.any(status == GATED)
+
+
+def test_a_first_velocity_is_as_wide_as_its_slow_error_and_its_noise() -> None:
+    """It is one reading of both, and the readings after it count again."""
+    recording, _ = fly(2, duration=10.0, sensors=("gps", "mag", "baro"))
+    flight = Flight.of(recording.replace(initial=Initial()))
+    slow = replace(recording.sensors["gps"], colour_std=0.2, velocity_colour_std=0.5, colour_time=2.0)
+    coloured = Flight.of(flight.recording.replace(sensors={**recording.sensors, "gps": slow}))
+    plain, wide = (np.sqrt(np.diag(first_state(one)[1])[PV][3:]) for one in (flight, coloured))
+    assert np.all(wide > 5.0)
+    assert np.all(wide > 2.0 * plain)
+    x, P = first_state(coloured)
+    P_narrow = P.copy()
+    P_narrow[PV, PV] *= 0.1
+    moved = with_first_place(coloured, x, P_narrow)
+    assert np.array_equal(moved[0], x)
+    assert np.sqrt(np.diag(moved[1])[PV][3:]) == pytest.approx(wide)
 
 
 def test_field_of_a_log_has_the_dip_of_the_field() -> None:
