@@ -44,6 +44,7 @@ class Problem:
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
         self._step = float(np.median(np.diff(recording.streams["imu"].t)))
+        self._late = {size.stream: abs(size.median) + 2.0 * size.spread for size in sizes if size.linear}
         self._readings = Readings.of(first.flight(recording))
 
     def heard_in(self, excerpts: Sequence[Recording]) -> Problem:
@@ -66,13 +67,22 @@ class Problem:
         """What the filter runs on."""
         return self._readings.inputs(levels.flight(self.recording))
 
-    def value(self, theta: FloatArray) -> float:
-        """Log-posterior by a forward pass alone; of what cannot be, minus infinity."""
+    def value(self, theta: FloatArray, inside: bool = False) -> float:
+        """Log-posterior by a forward pass alone; of what cannot be, minus infinity.
+
+        Parameters
+        ----------
+        inside : whether only readings count that no lateness moves out of the IMU's time
+        """
         try:
             journal = run(self.inputs(self.levels(theta)), "numba", 0)
         except InputError:
             return -np.inf
-        return journal.log_likelihood - 0.5 * float(theta @ theta)
+        counted = journal.accepted
+        if inside:
+            t = self.recording.streams["imu"].t
+            counted = counted & journal.is_inside(self.recording, self._late, float(t[0]), float(t[-1]))
+        return float(np.sum(journal.log_density[counted])) - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
         """Log-posterior and its gradient, of which times have no part."""
@@ -135,7 +145,7 @@ class Problem:
             return moved
 
         def value(x: float) -> float:
-            return self.value(at(x)) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
+            return self.value(at(x), inside=True) if size.bounds[0] <= x <= size.bounds[1] else -np.inf
 
         unit = self._step / size.spread
         moves = whole_moves(1.0, unit) if far else [0.5**k * unit for k in range(HALVED + 1)]
@@ -225,8 +235,8 @@ class _InExcerpts(Problem):
         own = replace(first_levels(excerpt, self.sizes, first.m_n, first.field, samples), iron=first.iron)
         return Problem(beside_iron(own.flight(with_heading(excerpt, own.specs))), self.sizes, own)
 
-    def value(self, theta: FloatArray) -> float:
-        return sum(one.value(theta) for one in self._each) + self._counted_again(theta)
+    def value(self, theta: FloatArray, inside: bool = False) -> float:
+        return sum(one.value(theta, inside) for one in self._each) + self._counted_again(theta)
 
     def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
         found = [one._of_parts(theta, parts // len(self._each), times) for one in self._each]

@@ -12,7 +12,7 @@ from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.recording import NO_HEIGHT
+from sinan.sensors.recording import NO_HEIGHT, Recording
 
 
 @dataclass(frozen=True)
@@ -137,6 +137,27 @@ class Journal:
     def log_density(self) -> FloatArray:
         """(K,) logarithm of the density of each innovation by the law that the model gives it; `loglik` is normal."""
         return log_density(self.model, self.sensors, self.sensor, self.freedom, self.loglik, self.nis)
+
+    def is_inside(self, recording: Recording, most: Mapping[str, float], start: float, end: float) -> BoolArray:
+        """(K,) which readings are of a time whatever lateness is in the model.
+
+        A lateness moves stamps out of the time of the IMU, or of a part of it, and a reading that goes takes its
+        density along, of which log is tens where a receiver is good.
+
+        Parameters
+        ----------
+        recording : that was run
+        most : by stream that may be late, how far from either end the stamps that were logged have to be [s]; of other
+            streams the time of the journal has to be inside
+        start, end : [s]
+        """
+        inside = np.asarray((self.t >= start) & (self.t <= end))
+        for number, name in enumerate(self.sensors):
+            if name in most:
+                mine = np.flatnonzero(self.sensor == number)
+                logged = recording.streams[name].t[self.index[mine]]
+                inside[mine] = (logged >= start + most[name]) & (logged <= end - most[name])
+        return inside
 
     @property
     def log_likelihood(self) -> float:

@@ -22,6 +22,7 @@ from sinan.calibration.levels.rest import noise_at_rest
 from sinan.calibration.levels.sizes import CALIBRATED, sizes_of
 from sinan.calibration.levels.upsets import with_upsets
 from sinan.calibration.poses.evidence.bias_walk import estimated_walk
+from sinan.estimator.evidence.intervals.doubted import doubted_among, explained
 from sinan.estimator.evidence.intervals.outliers import wrong_among
 from sinan.estimator.filter.alignment import first_state
 from sinan.estimator.filter.engine import run
@@ -29,6 +30,7 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.inputs import prepare
 from sinan.estimator.filter.layout import DP, DTHETA, P_N, PV, Q_NB
 from sinan.estimator.filter.relinearise import run_relinearised
+from sinan.estimator.filter.tails import spread_of
 from sinan.estimator.positioning.location import locate
 from sinan.estimator.positioning.noise_fit import PRIOR_SPREAD
 from sinan.estimator.positioning.noise_fit import fitted as law_of
@@ -174,6 +176,22 @@ def _outliers() -> Answer:
     assert found is not None
     hits = len(np.intersect1d(found.row, wrong))
     return Answer((), np.array([hits, len(found.row) - hits]), np.sqrt([30.0, 30.0]))
+
+
+def _doubted() -> Answer:
+    """What an offset of seven of sixty fixes explains, of which one is wrong besides, by a law with heavy tails."""
+    rng, tail, m = np.random.default_rng(8), 4.0, 3
+    z = rng.standard_normal((60, m)) / np.sqrt(rng.chisquare(tail, (60, 1)) / tail)
+    off = np.repeat([0.0, 1.0, 0.0], [20, 7, 33])
+    z += off[:, None] * np.array([8.0, -3.0, 5.0])
+    z[23] += np.array([-60.0, 40.0, 0.0])
+    weight = 1.0 / spread_of(np.sum(z**2, axis=1), m, tail)
+    W, white = np.sqrt(weight)[:, None, None] * off[:, None, None] * np.eye(m), np.sqrt(weight)[:, None] * z
+    L, b = np.einsum("nci,ncj->ij", W, W), np.einsum("nci,nc->i", W, white)
+    doubted = doubted_among(weight, np.full(60, m), np.full(60, tail), np.full(60, -np.inf))
+    rows = W.reshape(-1, m)[doubted.row], white.ravel()[doubted.row]
+    gain, beta = explained(L[None], b[None], rows[0][None], rows[1], doubted, 1e-9)
+    return Answer((), np.append(beta[0], gain), np.append(np.full(m, 7.0**-0.5), 1.0))
 
 
 def _observability() -> Answer:
@@ -644,6 +662,7 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "law": _law,
     "coarse": _coarse,
     "outliers": _outliers,
+    "doubted": _doubted,
     "observability": _observability,
     "levels": _levels,
     "brief": _brief,

@@ -86,6 +86,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "coarse": {_FILTER + "relinearise": ("PASSES",)},
     "moving": {_FILTER + "alignment_in_motion": ("ROUNDS", "ENOUGH", "HEADINGS", "APART")},
     "outliers": {_INTERVALS + "outliers": ("_NEAR", "_USUAL", "_LEAST_USUAL", "_FACTOR")},
+    "doubted": {_INTERVALS + "doubted": ("_BELIEVED", "_ROUNDS")},
     "observability": {_EVIDENCE + "observability": ("SHARED", "SMALL", "PROBES", "BATCH", "MOST_CELLS")},
     "levels": {_LEVELS + "problem": ("MOST",)},
     "sizes": {

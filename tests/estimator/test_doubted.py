@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from sinan.estimator.evidence.intervals.doubted import Doubted, explained
+from sinan.estimator.evidence.intervals.doubted import Doubted, doubted_among, explained
 from sinan.sensors.arrays import FloatArray
 
 #: Degrees of freedom of the law, components of a reading, readings, of which the first are off.
@@ -33,13 +33,9 @@ def of(z: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray, Doubted,
     weight = weights(z)
     H = off[:, None, None] * np.eye(M)
     W, white = np.sqrt(weight)[:, None, None] * H, np.sqrt(weight)[:, None] * z
-    there = weight < 0.5
-    k = int(np.sum(there))
-    row = np.flatnonzero(np.repeat(there, M))
-    law = np.full(k, M), np.full(k, TAIL), np.full(k, -np.inf)
-    doubted = Doubted(row, np.arange(0, M * k, M), weight[there], *law)
+    doubted = doubted_among(weight, np.full(N, M), np.full(N, TAIL), np.full(N, -np.inf))
     information, score = np.einsum("nci,ncj->ij", W, W), np.einsum("nci,nc->i", W, white)
-    return information, score, doubted, W.reshape(-1, M)[row], white.ravel()[row]
+    return information, score, doubted, W.reshape(-1, M)[doubted.row], white.ravel()[doubted.row]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -13,7 +13,6 @@ from sinan.estimator.evidence.score import BLOCKS, WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
 from sinan.estimator.evidence.source import IMPLAUSIBLE, LINEAR, Part
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, is_lateness, reference_motion
-from sinan.estimator.filter.events import ACCEPTED
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.imu import imu_table
 from sinan.estimator.filter.inputs import RunInputs
@@ -313,24 +312,10 @@ class FlightPasses:
         return sensitivity.rows[keep], sensitivity.white[keep]
 
     def deviance(self, journal: Journal, part: Part) -> float:
-        """-2 log likelihood of a part: of readings that are in it whatever lateness is in the model.
-
-        A lateness moves stamps out of the IMU's time, and into or out of a part; each reading that comes or goes counts
-        for as much as the density of one, tens where a receiver is good.
-        """
-        used = (journal.status == ACCEPTED) & self._is_counted(journal, part)
-        return float(-2.0 * np.sum(journal.log_density[used]))
-
-    def _is_counted(self, journal: Journal, part: Part) -> BoolArray:
-        """(K,) which readings are far enough, by the stamps that were logged, from where a part begins and ends."""
-        counted = self.in_part(journal.t, part)
+        """-2 log likelihood of the readings that are in a part whatever lateness is in the model."""
         end = self.end if part == "all" else self.split
-        for number, name in enumerate(journal.sensors):
-            if name in self._late:
-                mine = np.flatnonzero(journal.sensor == number)
-                t, most = self.flight.recording.streams[name].t[journal.index[mine]], self._late[name]
-                counted[mine] = (t >= self.start + most) & (t <= end - most)
-        return counted
+        counted = journal.is_inside(self.flight.recording, self._late, self.start, end)
+        return float(-2.0 * np.sum(journal.log_density[journal.accepted & counted]))
 
     def deviance_at(self, own: Terms, motion: Motion, part: Part) -> float:
         """-2 log likelihood of a part with effects as they are, along a motion; infinite where no state, covariance or

@@ -21,9 +21,9 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.tails import NORMAL, deviance_of, spread_of, stray_over_centre
 from sinan.sensors.arrays import FloatArray, IntArray
 
-#: Readings with at least this weight keep it: bound of work (`bounds_of_work flight`).
+#: Readings with at least this weight keep it: bound of work (`bounds_of_work doubted`).
 _BELIEVED = 0.5
-#: Rounds of weights: bound of work (`bounds_of_work flight`).
+#: Rounds of weights: bound of work (`bounds_of_work doubted`).
 _ROUNDS = 4
 
 
@@ -63,16 +63,32 @@ class Doubted:
 
 def doubted_in(journal: Journal, event: IntArray) -> Doubted | None:
     """Of rows whose readings have these places in the journal, (r,) in runs; None where all are believed."""
-    row = np.flatnonzero(journal.weight[event] < _BELIEVED)
-    if not len(row):
+    first = np.flatnonzero(np.diff(event, prepend=-1))
+    reading = event[first]
+    if not np.any(journal.weight[reading] < _BELIEVED):
         return None
-    first = np.flatnonzero(np.diff(event[row], prepend=-1))
-    reading = event[row[first]]
     name = journal.sensor[reading]
     tail = np.array([journal.model.tail_of(sensor) or NORMAL for sensor in journal.sensors])[name]
     stray = np.array([journal.model.stray_of(sensor) for sensor in journal.sensors])[name]
     over = stray_over_centre(stray, journal.loglik[reading], journal.nis[reading])
-    return Doubted(row, first, journal.weight[reading], journal.freedom[reading], tail, over)
+    components = np.diff(np.append(first, len(event)))
+    return doubted_among(journal.weight[reading], journal.freedom[reading], tail, over, components)
+
+
+def doubted_among(
+    weight: FloatArray, dof: IntArray, tail: FloatArray, stray: FloatArray, components: IntArray | None = None
+) -> Doubted:
+    """Of all readings of a pass, in order.
+
+    Parameters
+    ----------
+    weight, dof, tail, stray : (n,) as of `Doubted`
+    components : (n,) rows of each; default: `dof`
+    """
+    rows = dof if components is None else components
+    there = weight < _BELIEVED
+    row, kept = np.flatnonzero(np.repeat(there, rows)), rows[there]
+    return Doubted(row, np.cumsum(kept) - kept, weight[there], dof[there], tail[there], stray[there])
 
 
 def explained(
