@@ -68,3 +68,20 @@ def test_a_disturbance_that_comes_and_goes_is_no_short_offset() -> None:
     findings = [found(with_bursts(rng)) for _ in range(8)]
     assert min(one.statistic for one in findings) > 200.0
     assert min(one.log_p for one in findings) > np.log(1e-3)
+
+
+def test_what_is_off_from_the_start_on_ends_in_a_step() -> None:
+    """A bias is free, so that the readings until 40 s are no more off than those after it."""
+    off = np.array([0.02, -0.01, 0.03]) / SIGMA
+    white = np.kron(T < 40.0, off) + np.random.default_rng(3).standard_normal(3 * len(T))
+
+    def offsets(steps: Sequence[Step]) -> Rows:
+        wanted = np.hstack([np.kron((onset <= T)[:, None], np.eye(3)) / SIGMA for _, onset in steps])
+        free = np.kron(np.ones((len(T), 1)), np.eye(3))
+        return Rows(free, wanted, white, np.full(len(white), "mag"), np.repeat(T, 3))
+
+    searched = best_onsets({"mag": T}, 0.0, END, offsets, len(white), np.log(1e-3))
+    assert [one.term.name for one in searched] == ["mag.step", "mag.step"]
+    for one in searched:
+        assert one.term.interval == pytest.approx((40.0, END), abs=0.1)
+        assert one.beta == pytest.approx([-0.02, 0.01, -0.03], abs=1e-3)

@@ -108,6 +108,8 @@ def best_onsets(
         refine = worth and best.gain > _WORTH_REFINING * strongest
         if refine:
             best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
+        if family == "transient" and _is_before_a_step(best.interval, streams[stream], start, end):
+            family, best = "step", best.ended(end)
         log_p = log_p_value(best.gain, best.dof)
         short = refine and best.interval[1] - best.interval[0] < spacing
         if short and log_p + searched < refine_below:
@@ -115,6 +117,13 @@ def best_onsets(
         term = Term(f"{stream}.{family}", best.interval)
         found.append(LocalFinding(term, best.gain, best.dof, min(log_p + searched, 0.0), best.beta, searched))
     return found
+
+
+def _is_before_a_step(interval: tuple[float, float], stamps: FloatArray, start: float, end: float) -> bool:
+    """Whether a transient has no reading before it and is no short one: the bias is free, so that what begins after it
+    is a step.
+    """
+    return bool(interval[0] <= stamps[0] and interval[1] > start + _EDGE * (end - start))
 
 
 def _joints(
@@ -285,6 +294,10 @@ class _Best:
     def column(self) -> FloatArray:
         """(r, size) sensitivities to the offset in the interval."""
         return self.steps[0] - self.steps[1] if len(self.steps) > 1 else self.steps[0]
+
+    def ended(self, end: float) -> _Best:
+        """What begins where it ends, to the end of the data: the opposite of it, but for a constant."""
+        return replace(self, interval=(self.interval[1], end), beta=-self.beta, steps=self.steps[1:])
 
 
 def projected_out(columns: FloatArray, values: FloatArray) -> FloatArray:
