@@ -14,7 +14,7 @@ def rounding_of_places(ned: FloatArray, origin: Origin | None) -> FloatArray:
     """(3,) variance of the error of rounding of fixes (n, 3) in NED [m^2].
 
     The digits are those of latitude, longitude and height where an origin is known, else of NED. An angle that never
-    changes shows none: it is taken to have those of the other one.
+    changes shows none: it is taken to have those of the other one. A height that never changes has zero.
     """
     if origin is None:
         return rounding_variance(ned)
@@ -24,4 +24,5 @@ def rounding_of_places(ned: FloatArray, origin: Origin | None) -> FloatArray:
     about = np.median(lla, axis=0)
     moved = ned_columns(np.vstack([about, about + np.diag(steps)]), origin)
     places = np.column_stack([moved[axis] for axis in POSITION])
-    return np.sum((places[1:] - places[0]) ** 2, axis=0) / 12.0
+    variance = np.sum((places[1:] - places[0]) ** 2, axis=0) / 12.0
+    return variance * [1.0, 1.0, height > 0.0]  # not what an angle's digit turns

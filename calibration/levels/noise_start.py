@@ -77,7 +77,8 @@ def reading_noise(values: FloatArray, rounding: FloatArray) -> float:
 
     Third differences of white noise have 20 times its variance and of a parabola none; their median magnitude does not
     see outliers. Columns whose differences are no larger than rounding makes them say nothing; where all are so, it is
-    taken for what the finest rounding makes: a converter's last digit is chosen so.
+    taken for what the finest rounding makes: a converter's last digit is chosen so. A column that never changes, whose
+    rounding is zero, shows no digit either.
 
     Parameters
     ----------
@@ -86,6 +87,8 @@ def reading_noise(values: FloatArray, rounding: FloatArray) -> float:
     """
     there = np.isfinite(values)
     has = np.any(there, axis=0)
+    if np.any(rounding[has] > 0.0):
+        has &= rounding > 0.0
     found = np.array([_variance(column[own]) for column, own in zip(values.T[has], there.T[has], strict=True)])
     left = found - rounding[has]
     white = float(np.mean(left[left > 0.0])) if np.any(left > 0.0) else 0.0

@@ -44,7 +44,8 @@ class Problem:
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
         self._step = float(np.median(np.diff(recording.streams["imu"].t)))
-        self._late = {size.stream: abs(size.median) + 2.0 * size.spread for size in sizes if size.linear}
+        moves = [size for size in sizes if size.sensor == "latency" and not size.is_of_position]
+        self._margins = {size.key: max(abs(size.at(end)) for end in size.bounds) for size in moves}
         self._readings = Readings.of(first.flight(recording))
 
     def heard_in(self, excerpts: Sequence[Recording]) -> Problem:
@@ -75,13 +76,14 @@ class Problem:
         inside : whether only readings count that no lateness moves out of the IMU's time
         """
         try:
-            journal = run(self.inputs(self.levels(theta)), "numba", 0)
+            inputs = self.inputs(self.levels(theta))
+            journal = run(inputs, "numba", 0)
         except InputError:
             return -np.inf
-        counted = journal.accepted
+        counted, t = journal.accepted, inputs.imu.t
         if inside:
-            t = self.recording.streams["imu"].t
-            counted = counted & journal.is_inside(self.recording, self._late, float(t[0]), float(t[-1]))
+            spans = [(float(t[first]), float(t[last])) for first, last in inputs.imu.stretches]
+            counted = counted & journal.is_inside(self.recording, self._margins, spans)
         return float(np.sum(journal.log_density[counted])) - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:

@@ -73,11 +73,6 @@ class Size:
         return float(np.clip(off / self.spread, *self.bounds))
 
     @property
-    def stream(self) -> str:
-        """Whose readings it is of."""
-        return self.key.removesuffix("_position") if self.sensor == "latency" else self.sensor
-
-    @property
     def is_of_position(self) -> bool:
         """Whether it is the lateness of a fix's position beside its velocity."""
         return (self.sensor, self.key) == ("latency", "gps_position")

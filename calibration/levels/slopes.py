@@ -7,7 +7,7 @@ import numpy as np
 from sinan.calibration.levels.levels import Levels
 from sinan.calibration.levels.sizes import Size
 from sinan.estimator.evidence.level_scores import LevelScores
-from sinan.estimator.filter.alignment import ALIGNING, first_state, with_first_place
+from sinan.estimator.filter.alignment import ALIGNING, first_state, with_first_motion
 from sinan.estimator.filter.events import stamp_variances, white_shares
 from sinan.estimator.filter.flight_model import InStep
 from sinan.estimator.filter.imu import in_step_accel, in_step_gyro
@@ -74,7 +74,7 @@ def _slope_of_start(
         if size.key != "velocity_colour_std":
             return own
     other = levels.with_size(size, levels.value(size) * 1.01).flight(inputs.recording)
-    x, P = first_state(other) if aligning else with_first_place(other, inputs.x, inputs.P)
+    x, P = first_state(other) if aligning else with_first_motion(other, inputs.x, inputs.P)
     moved = inputs.model.layout.difference(x, inputs.x)
     return own + float((np.sum((P - inputs.P) * scores.start) + moved @ scores.start_x) / np.log(1.01))
 

@@ -77,20 +77,20 @@ def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
         if layout.has(name):
             P[DTHETA, layout.slice(name)] = cross_covariance
             P[layout.slice(name), DTHETA] = cross_covariance.T
-    _begin_in_place(flight, x, P)
+    _put_first_motion(flight, x, P)
     if model.own_north and model.field is not None and initial.quaternion is None:
         P = _north_of_first_heading(q, P, model)
     return x, P
 
 
-def with_first_place(flight: Flight, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+def with_first_motion(flight: Flight, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A first state and its covariance with the position and the velocity that a flight's readings and noise say."""
     x, P = x.copy(), P.copy()
-    _begin_in_place(_of_what_is_there(flight), x, P)
+    _put_first_motion(_of_what_is_there(flight), x, P)
     return x, P
 
 
-def _begin_in_place(flight: Flight, x: FloatArray, P: FloatArray) -> None:
+def _put_first_motion(flight: Flight, x: FloatArray, P: FloatArray) -> None:
     """Put first position and velocity, declared or found, into a first state with an attitude."""
     layout, initial = flight.model.layout, flight.recording.initial
     position, velocity = _first_position(flight, x[Q_NB]), _first_velocity(flight)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,10 @@ from sinan.estimator.filter.flight_model import FlightModel
 from sinan.estimator.filter.tails import log_density
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.recording import NO_HEIGHT, Recording
+
+#: Part of a stretch that readings are left out of at either end at most, lest of a brief one hardly any be left: a
+#: choice, of half and twice `bounds_of_work brief` says nothing else.
+MOST_OF_A_SPAN = 0.05
 
 
 @dataclass(frozen=True)
@@ -138,8 +142,10 @@ class Journal:
         """(K,) logarithm of the density of each innovation by the law that the model gives it; `loglik` is normal."""
         return log_density(self.model, self.sensors, self.sensor, self.freedom, self.loglik, self.nis)
 
-    def is_inside(self, recording: Recording, most: Mapping[str, float], start: float, end: float) -> BoolArray:
-        """(K,) which readings are of a time whatever lateness is in the model.
+    def is_inside(
+        self, recording: Recording, margins: Mapping[str, float], spans: Sequence[tuple[float, float]]
+    ) -> BoolArray:
+        """(K,) which readings are of a time with any lateness that is no larger than a margin.
 
         A lateness moves stamps out of the time of the IMU, or of a part of it, and a reading that goes takes its
         density along, of which log is tens where a receiver is good.
@@ -147,16 +153,19 @@ class Journal:
         Parameters
         ----------
         recording : that was run
-        most : by stream that may be late, how far from either end the stamps that were logged have to be [s]; of other
-            streams the time of the journal has to be inside
-        start, end : [s]
+        margins : by stream that may be late, how far from either end the stamps that were logged have to be [s], of a
+            brief span `MOST_OF_A_SPAN` at most; of other streams the time of the journal has to be inside
+        spans : begin and end of each stretch [s]
         """
-        inside = np.asarray((self.t >= start) & (self.t <= end))
+        t, margin = self.t.copy(), np.zeros(len(self))
         for number, name in enumerate(self.sensors):
-            if name in most:
+            if name in margins:
                 mine = np.flatnonzero(self.sensor == number)
-                logged = recording.streams[name].t[self.index[mine]]
-                inside[mine] = (logged >= start + most[name]) & (logged <= end - most[name])
+                t[mine], margin[mine] = recording.streams[name].t[self.index[mine]], margins[name]
+        inside = np.zeros(len(self), dtype=bool)
+        for start, end in spans:
+            least = np.minimum(margin, MOST_OF_A_SPAN * (end - start))
+            inside |= (t >= start + least) & (t <= end - least)
         return inside
 
     @property

@@ -190,7 +190,7 @@ def _doubted() -> Answer:
     L, b = np.einsum("nci,ncj->ij", W, W), np.einsum("nci,nc->i", W, white)
     doubted = doubted_among(weight, np.full(60, m), np.full(60, tail), np.full(60, -np.inf))
     rows = W.reshape(-1, m)[doubted.row], white.ravel()[doubted.row]
-    gain, beta = explained(L[None], b[None], rows[0][None], rows[1], doubted, 1e-9)
+    gain, _, beta = explained(L[None], b[None], rows[0][None], rows[1], doubted, 1e-9)
     return Answer((), np.append(beta[0], gain), np.append(np.full(m, 7.0**-0.5), 1.0))
 
 

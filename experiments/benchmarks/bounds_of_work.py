@@ -112,6 +112,8 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
         _EVIDENCE + "noise_left": ("_SLOW",),
         _EVIDENCE + "source": ("LINEAR",),
         _FILTER + "smoother": ("RATE_WINDOW",),
+        _FILTER + "journal": ("MOST_OF_A_SPAN",),
+        _FLIGHTS + "passes": ("_AT_ENDS",),
     },
     "poses": {
         _POSES + "source": ("_PROBE_SHARE",),
@@ -126,7 +128,7 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "long": {_LEVELS + "excerpts": ("EXCERPTS", "SECONDS", "MISSING")},
     "turns": {"sinan.calibration.poses.segments": ("MARGIN", "STILL_FACTORS")},
     "flight": {_FLIGHTS + "prediction": ("WINDOW", "EVERY"), _INTERVALS + "onsets": ("_EDGE",)},
-    "sold": {_FLIGHTS + "passes": ("SOLD",)},
+    "sold": {_FLIGHTS + "source": ("SOLD",)},
     "misfits": {_CAMERAS + "camera": ("_FAR", "_LEAST_VIEWS")},
     "fields": {_LEVELS + "fields": ("BESIDE_STEEL", "ELSEWHERE", "FIELD_STD")},
     "iron": {_LEVELS + "fields": ("NEVER_CALIBRATED",)},

@@ -252,3 +252,13 @@ def test_a_field_that_is_none_of_the_earth_is_told(
     said = not_of_the_earth(recording, norm * np.array([0.6, 0.0, 0.8]))
     assert [f"a field of {norm:.2g} gauss is none of the Earth" in one for one in said] == [True] * told
     assert not_of_the_earth(recording, None) == []
+
+
+def test_a_column_that_never_changes_shows_no_digit() -> None:
+    """A hover whose longitude, or height, is one number."""
+    rng = np.random.default_rng(6)
+    coarse = np.column_stack([np.round(np.cumsum(0.02 * rng.standard_normal(400)), 1), np.full(400, 412.0)])
+    assert rounding_variance(coarse)[1] == 0.0
+    assert reading_noise(coarse, rounding_variance(coarse)) == pytest.approx(0.1 / np.sqrt(12.0), rel=0.3)
+    turned = coarse + 1e-8 * rng.standard_normal(coarse.shape) * [0.0, 1.0]
+    assert reading_noise(turned, np.array([0.1**2 / 12.0, 0.0])) == pytest.approx(0.1 / np.sqrt(12.0), rel=0.3)

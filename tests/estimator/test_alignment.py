@@ -14,7 +14,7 @@ from sinan.estimator.filter.alignment import (
     align,
     attitude_from_vectors,
     first_state,
-    with_first_place,
+    with_first_motion,
 )
 from sinan.estimator.filter.engine import Engine, choose_engine
 from sinan.estimator.filter.events import GATED, variances, white_shares
@@ -221,7 +221,7 @@ def test_a_first_velocity_is_as_wide_as_its_slow_error_and_its_noise() -> None:
     x, P = first_state(coloured)
     P_narrow = P.copy()
     P_narrow[PV, PV] *= 0.1
-    moved = with_first_place(coloured, x, P_narrow)
+    moved = with_first_motion(coloured, x, P_narrow)
     assert np.array_equal(moved[0], x)
     assert np.sqrt(np.diag(moved[1])[PV][3:]) == pytest.approx(wide)
 

@@ -85,3 +85,17 @@ def test_what_is_off_from_the_start_on_ends_in_a_step() -> None:
     for one in searched:
         assert one.term.interval == pytest.approx((40.0, END), abs=0.1)
         assert one.beta == pytest.approx([-0.02, 0.01, -0.03], abs=1e-3)
+
+
+def test_where_the_bias_is_known_what_is_off_from_the_start_on_is_a_transient() -> None:
+    off = np.array([0.02, -0.01, 0.03]) / SIGMA
+    white = np.kron(T < 40.0, off) + np.random.default_rng(3).standard_normal(3 * len(T))
+
+    def offsets(steps: Sequence[Step]) -> Rows:
+        wanted = np.hstack([np.kron((onset <= T)[:, None], np.eye(3)) / SIGMA for _, onset in steps])
+        return Rows(np.zeros((len(white), 0)), wanted, white, np.full(len(white), "mag"), np.repeat(T, 3))
+
+    searched = best_onsets({"mag": T}, 0.0, END, offsets, len(white), np.log(1e-3))
+    one = max(searched, key=lambda one: one.statistic)
+    assert one.term.name == "mag.transient"
+    assert one.term.interval == pytest.approx((0.0, 40.0), abs=0.1)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from sinan.estimator.evidence.gauss_newton import least
-from sinan.estimator.evidence.score import BLOCKS, WIDEST_DIRECTION
+from sinan.estimator.evidence.score import WIDEST_DIRECTION
 from sinan.estimator.evidence.sensitivity import Sensitivity, pass_along
 from sinan.estimator.evidence.source import IMPLAUSIBLE, LINEAR, Part
 from sinan.estimator.filter.effect_forms import Along, Terms, declared_terms, is_lateness, reference_motion
@@ -61,10 +61,9 @@ _WIDE_START = 0.2
 _LINEAR_HEADING = 0.1
 #: Declared 1-sigma of the first attitude from which on its square matters: of two sigma g theta^2 / 2 = 2 mm/s^2 [rad].
 _SECOND_ORDER = 0.01
-#: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared, since nothing but
-#: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
-#: move a lateness by 0.4 % of its sigma (`bounds_of_work sold`).
-SOLD = 2.0
+#: Readings count that are so many plausible sizes of a lateness from either end of a stretch, or of a part: a choice.
+#: Half and twice change no word of a late receiver (`bounds_of_work brief`).
+_AT_ENDS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +133,10 @@ class FlightPasses:
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
         self.split = float(t[round(_FITTING_SHARE * (len(t) - 1))])
+        ends = self.table.stretches
+        self._spans = [(float(self.table.t[first]), float(self.table.t[last])) for first, last in ends]
         late = [one for one in effects_for("flight", tuple(self.flight.model.sensors)) if is_lateness(one)]
-        self._late = {one.stream: min(SOLD * one.parameters[0].plausible, (self.end - self.start) / BLOCKS)
-                      for one in late}  # fmt: skip
+        self._margins = {one.stream: _AT_ENDS * one.parameters[0].plausible for one in late}
         journal = run_filter(self.flight, {}, engine="numba", stride=0)
         self.notes = journal.notes
         plain_motion = reference_motion(recording, journal, declared_terms(recording), self.table)
@@ -302,20 +302,20 @@ class FlightPasses:
                 self.flight.recording.where, "a fit that does not converge", "readings that the model can explain"
             )
 
-    def in_part(self, t: FloatArray, part: Part) -> BoolArray:
-        """Which instants are in a part."""
-        return np.ones(len(t), dtype=bool) if part == "all" else np.asarray(t <= self.split)
+    def counted(self, journal: Journal, part: Part) -> BoolArray:
+        """(K,) which readings are in a part with any lateness up to `_AT_ENDS`: they fit models, and compare them."""
+        until = self.end if part == "all" else self.split
+        spans = [(start, min(end, until)) for start, end in self._spans if start < until]
+        return journal.is_inside(self.flight.recording, self._margins, spans)
 
     def rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray]:
         """(r, p) sensitivities and (r,) whitened innovations of a part."""
-        keep = self.in_part(journal.t[sensitivity.event], part)
+        keep = self.counted(journal, part)[sensitivity.event]
         return sensitivity.rows[keep], sensitivity.white[keep]
 
     def deviance(self, journal: Journal, part: Part) -> float:
-        """-2 log likelihood of the readings that are in a part whatever lateness is in the model."""
-        end = self.end if part == "all" else self.split
-        counted = journal.is_inside(self.flight.recording, self._late, self.start, end)
-        return float(-2.0 * np.sum(journal.log_density[journal.accepted & counted]))
+        """-2 log likelihood of a part."""
+        return float(-2.0 * np.sum(journal.log_density[journal.accepted & self.counted(journal, part)]))
 
     def deviance_at(self, own: Terms, motion: Motion, part: Part) -> float:
         """-2 log likelihood of a part with effects as they are, along a motion; infinite where no state, covariance or

@@ -17,7 +17,7 @@ from sinan.estimator.evidence.comb import best_tooth, whole_moves
 from sinan.estimator.evidence.flights.candidates import best_starts, flight_candidates, places_alike
 from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
-from sinan.estimator.evidence.flights.passes import SOLD, Fitted, FlightPasses
+from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.flights.prediction import Prediction
 from sinan.estimator.evidence.intervals.doubted import doubted_in
 from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets, declared_step, grid_of, refined
@@ -63,6 +63,10 @@ from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording, tells_height
 from sinan.sensors.window import told_from
 
+#: 1-sigma of what is sought, in plausible sizes, where the noise of a log is found and not declared, since nothing but
+#: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
+#: move a lateness by 0.4 % of its sigma (`bounds_of_work sold`).
+SOLD = 2.0
 #: How far the end of an interval may be off before it is looked for about its own fit, as a share of the log: bound of
 #: work (`bounds_of_work flight`).
 _RELOCATION = 0.01
@@ -320,7 +324,7 @@ class FlightSource(OfFlight):
         state = _state(fit)
         journal, sensitivity = state.journal, state.sensitivity
         W, white = self._passes.rows(sensitivity, journal, fit.part)
-        event = sensitivity.event[self._passes.in_part(journal.t[sensitivity.event], fit.part)]
+        event = sensitivity.event[self._passes.counted(journal, fit.part)[sensitivity.event]]
         sensor = np.array(journal.sensors)[journal.sensor[event]]
         return Rows(W, W[:, :0], white, sensor, journal.t[event], doubted_in(journal, event))
 

@@ -6,8 +6,11 @@ w = (nu + m) / (nu + NIS) counts for at most nu + m of them, however far it is o
     rho(NIS) - rho(NIS_b),    NIS_b = |y - W b|^2 / w,    y, W the whitened innovation and sensitivity at weight w
 
 (`tails.deviance_of`), and the offset is found by weights that are those with it: each round of them raises the
-likelihood (K. Lange, R. Little, J. Taylor, J. Am. Stat. Assoc. 84(408), 1989, 881). Neglects that the filter too would
-follow those readings more, which an exact refit does not.
+likelihood (K. Lange, R. Little, J. Taylor, J. Am. Stat. Assoc. 84(408), 1989, 881).
+
+Neglects that the filter too would follow those readings more, which an exact refit does not; and that readings which
+are believed would be doubted with the offset: an interval that has right ones among those that are off explains less
+here than by the law, one that begins and ends with them as much.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.tails import NORMAL, deviance_of, spread_of, stray_over_centre
 from sinan.sensors.arrays import FloatArray, IntArray
 
-#: Readings with at least this weight keep it: bound of work (`bounds_of_work doubted`).
+#: Readings with at least this weight keep it, and count by squares: bound of work (`bounds_of_work doubted`).
 _BELIEVED = 0.5
 #: Rounds of weights: bound of work (`bounds_of_work doubted`).
 _ROUNDS = 4
@@ -93,7 +96,7 @@ def doubted_among(
 
 def explained(
     information: FloatArray, score: FloatArray, W: FloatArray, white: FloatArray, doubted: Doubted, floor: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """By how much -2 log L drops with each of n offsets of k parameters, of doubted readings by their law.
 
     Parameters
@@ -104,15 +107,15 @@ def explained(
 
     Returns
     -------
-    (n,) drop, (n, k) estimate
+    (n,) drop, (n,) directions seen at the weights with it, (n, k) estimate
     """
     rest = information - np.einsum("ndi,ndj->nij", W, W), score - np.einsum("ndi,d->ni", W, white)
     none = doubted.deviance(doubted.nis(white[None]))
 
-    def solved(ratio: FloatArray) -> FloatArray:
+    def solved(ratio: FloatArray) -> tuple[IntArray, FloatArray]:
         weighted = W * ratio[:, :, None]
         A, b = rest[0] + np.einsum("ndi,ndj->nij", weighted, W), rest[1] + np.einsum("ndi,d->ni", weighted, white)
-        return gain_of(A, b, lambda _: floor)[2]
+        return gain_of(A, b, lambda _: floor)[1:]
 
     def drop(beta: FloatArray) -> tuple[FloatArray, FloatArray]:
         nis = doubted.nis(white - np.einsum("ndi,ni->nd", W, beta))
@@ -120,13 +123,13 @@ def explained(
         return squares + none - doubted.deviance(nis), nis
 
     believed = doubted.new_weight(np.zeros((len(score), len(doubted.first))))
-    best, gain = np.zeros_like(score), np.full(len(score), -np.inf)
+    best, gain, dof = np.zeros_like(score), np.full(len(score), -np.inf), np.zeros(len(score), dtype=np.int64)
     for start in (np.ones_like(believed), believed):
-        beta = solved(start)
+        seen, beta = solved(start)
         found, nis = drop(beta)
         for _ in range(_ROUNDS):
-            beta = solved(doubted.new_weight(nis))
+            seen, beta = solved(doubted.new_weight(nis))
             found, nis = drop(beta)
         better = found > gain
-        best[better], gain[better] = beta[better], found[better]
-    return gain, best
+        best[better], gain[better], dof[better] = beta[better], found[better], seen[better]
+    return gain, dof, best

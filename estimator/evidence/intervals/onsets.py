@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from sinan.estimator.evidence.intervals.doubted import Doubted, explained
 from sinan.estimator.evidence.intervals.sudden import jumps
-from sinan.estimator.evidence.score import gain_of, log_p_among, log_p_value
+from sinan.estimator.evidence.score import CONFUSED, gain_of, log_p_among, log_p_value
 from sinan.estimator.evidence.source import LocalFinding
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -62,7 +62,7 @@ class Rows:
     own, wanted : (r, .) by the parameters of the model's own terms, and by those asked for
     white : (r,) whitened innovations
     sensor, t : (r,) name of the sensor of each, and its stamp [s]
-    doubted : of these, the readings whose weight is not what it would be with an offset; None: there are none
+    doubted : of these, the readings that the filter doubts; None: there are none
     """
 
     own: FloatArray
@@ -108,8 +108,10 @@ def best_onsets(
         refine = worth and best.gain > _WORTH_REFINING * strongest
         if refine:
             best = refined(rows_of, stream, best.interval, spacing, streams[stream], start, end)
-        if family == "transient" and _is_before_a_step(best.interval, streams[stream], start, end):
-            family, best = "step", best.ended(end)
+        if family == "transient" and _begins_with_stream(best.interval, streams[stream], start, end):
+            after = _step_after(rows_of, stream, best.interval[1], end)
+            if best.gain - after.gain < CONFUSED:
+                family, best = "step", after
         log_p = log_p_value(best.gain, best.dof)
         short = refine and best.interval[1] - best.interval[0] < spacing
         if short and log_p + searched < refine_below:
@@ -119,11 +121,22 @@ def best_onsets(
     return found
 
 
-def _is_before_a_step(interval: tuple[float, float], stamps: FloatArray, start: float, end: float) -> bool:
-    """Whether a transient has no reading before it and is no short one: the bias is free, so that what begins after it
-    is a step.
+def _begins_with_stream(interval: tuple[float, float], stamps: FloatArray, start: float, end: float) -> bool:
+    """Whether a transient has no reading before it and is no short one: where the bias is free, a step begins with its
+    end, and nothing else is there.
     """
-    return bool(interval[0] <= stamps[0] and interval[1] > start + _EDGE * (end - start))
+    inside = stamps[(stamps >= start) & (stamps <= end)]
+    first, last = (inside[0], inside[-1]) if len(inside) else (start, end)
+    return bool(interval[0] <= first and interval[1] > first + _EDGE * (last - first))
+
+
+def _step_after(rows_of: Pass, stream: str, onset: float, end: float) -> _Best:
+    """The step that begins at an onset."""
+    size = effect(f"{stream}.step").size
+    joint = _Joint(rows_of([(stream, onset)]), size, np.array([onset]), span=(-np.inf, end))
+    pair = _to_the_end(np.arange(1))
+    (gain,), (dof,), (beta,) = joint.gain(pair)
+    return _Best((onset, end), float(gain), int(dof), beta, joint.columns(pair[0]))
 
 
 def _joints(
@@ -295,10 +308,6 @@ class _Best:
         """(r, size) sensitivities to the offset in the interval."""
         return self.steps[0] - self.steps[1] if len(self.steps) > 1 else self.steps[0]
 
-    def ended(self, end: float) -> _Best:
-        """What begins where it ends, to the end of the data: the opposite of it, but for a constant."""
-        return replace(self, interval=(self.interval[1], end), beta=-self.beta, steps=self.steps[1:])
-
 
 def projected_out(columns: FloatArray, values: FloatArray) -> FloatArray:
     """What of `values` (r, k) no combination of the columns (r, m) is; columns of any unit."""
@@ -383,7 +392,7 @@ class _Joint:
         if self.doubted is not None:
             W = self.W[self.doubted.row].reshape(-1, len(self.onsets), self.size).transpose(1, 0, 2)
             inside = W[i] - np.where(ends[:, None, None], W[k], 0.0)
-            gain, beta = explained(L, b, inside, self.white[self.doubted.row], self.doubted, seen_from)
+            gain, dof, beta = explained(L, b, inside, self.white[self.doubted.row], self.doubted, seen_from)
         return gain, dof, beta
 
 
