@@ -31,11 +31,13 @@ def run(
 
     Raises
     ------
-    InputError : nobody says whose parameters, or the report is of another log
+    InputError : no such input, nobody says whose parameters, or the report is of another log
     """
     log = log_of(input)
     name = autopilot or autopilot_of(facts_of_log(log))
     if not name:
+        if not log.exists():
+            resolve(input, map_file, span, choice)  # which says so, unless it is none of a log
         raise InputError("--for", f"nothing, and {input} does not say whose log it is", " or ".join(AUTOPILOTS))
     if report is None:
         answer = trace_log([input], None, ALPHA, None, map_file, span, choice)

@@ -587,6 +587,13 @@ def test_a_report_of_another_log_is_refused(tmp_path: Path) -> None:
     assert "a report of another" in str(result.exception) + result.output
 
 
+def test_of_a_log_that_is_not_there_that_is_said() -> None:
+    """And not that it does not say whose it is."""
+    result = CliRunner().invoke(app, ["params", "nosuch.ulg"])
+    assert result.exit_code != 0
+    assert "no such file" in str(result.exception) + result.output
+
+
 def test_of_nothing_found_the_terminal_says_that_the_file_changes_nothing(tmp_path: Path) -> None:
     log, report = ulog(tmp_path / "log"), tmp_path / "report.json"
     report.write_text(json.dumps({"verdict": "unexplained", "effects": [], "choice": {}, "recording": "log",
