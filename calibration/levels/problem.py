@@ -83,7 +83,7 @@ class Problem:
         counted, t = journal.accepted, inputs.imu.t
         if inside:
             spans = [(float(t[first]), float(t[last])) for first, last in inputs.imu.stretches]
-            counted = counted & journal.is_inside(self.recording, self._margins, spans)
+            counted = counted & journal.is_inside(self._margins, spans)
         return float(np.sum(journal.log_density[counted])) - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:

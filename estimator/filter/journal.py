@@ -142,9 +142,7 @@ class Journal:
         """(K,) logarithm of the density of each innovation by the law that the model gives it; `loglik` is normal."""
         return log_density(self.model, self.sensors, self.sensor, self.freedom, self.loglik, self.nis)
 
-    def is_inside(
-        self, recording: Recording, margins: Mapping[str, float], spans: Sequence[tuple[float, float]]
-    ) -> BoolArray:
+    def is_inside(self, margins: Mapping[str, float], spans: Sequence[tuple[float, float]]) -> BoolArray:
         """(K,) which readings are of a time with any lateness that is no larger than a margin.
 
         A lateness moves stamps out of the time of the IMU, or of a part of it, and a reading that goes takes its
@@ -152,7 +150,6 @@ class Journal:
 
         Parameters
         ----------
-        recording : that was run
         margins : by stream that may be late, how far from either end the stamps that were logged have to be [s], of a
             brief span `MOST_OF_A_SPAN` at most; of other streams the time of the journal has to be inside
         spans : begin and end of each stretch [s]
@@ -161,12 +158,20 @@ class Journal:
         for number, name in enumerate(self.sensors):
             if name in margins:
                 mine = np.flatnonzero(self.sensor == number)
-                t[mine], margin[mine] = recording.streams[name].t[self.index[mine]], margins[name]
+                t[mine], margin[mine] = self._recording.streams[name].t[self.index[mine]], margins[name]
         inside = np.zeros(len(self), dtype=bool)
         for start, end in spans:
             least = np.minimum(margin, MOST_OF_A_SPAN * (end - start))
             inside |= (t >= start + least) & (t <= end - least)
         return inside
+
+    @property
+    def _recording(self) -> Recording:
+        """That was run."""
+        from sinan.estimator.filter.inputs import RunInputs
+
+        assert isinstance(self.run, RunInputs)
+        return self.run.recording
 
     @property
     def log_likelihood(self) -> float:

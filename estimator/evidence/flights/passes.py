@@ -306,7 +306,7 @@ class FlightPasses:
         """(K,) which readings are in a part with any lateness up to `_AT_ENDS`: they fit models, and compare them."""
         until = self.end if part == "all" else self.split
         spans = [(start, min(end, until)) for start, end in self._spans if start < until]
-        return journal.is_inside(self.flight.recording, self._margins, spans)
+        return journal.is_inside(self._margins, spans)
 
     def rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray]:
         """(r, p) sensitivities and (r,) whitened innovations of a part."""
