@@ -165,8 +165,10 @@ def test_wrong_readings_that_a_strong_effect_hides_are_no_transients() -> None:
 
 @pytest.mark.parametrize("stream", ["baro", "mag"])
 def test_a_wrong_first_reading_is_no_transient(stream: str) -> None:
-    """It sets the bias, whose prior is wide: those after it seem to be off as well. A compass knows that before, and its
-    reading is set aside; a barometer's is averaged with those of the first fifth of a second, which decide nothing.
+    """It sets the bias, whose prior is wide: those after it seem to be off as well.
+
+    A compass knows that before, and its reading is set aside; a barometer's is averaged with those of the first fifth
+    of a second, which decide nothing.
     """
     recording, _ = flown("square", 26)
     readings = recording.streams[stream]
