@@ -80,10 +80,9 @@ class Problem:
             journal = run(inputs, "numba", 0)
         except InputError:
             return -np.inf
-        counted, t = journal.accepted, inputs.imu.t
+        counted = journal.accepted
         if inside:
-            spans = [(float(t[first]), float(t[last])) for first, last in inputs.imu.stretches]
-            counted = counted & journal.is_inside(self._margins, spans)
+            counted = counted & journal.is_inside(self._margins, inputs.imu.spans)
         return float(np.sum(journal.log_density[counted])) - 0.5 * float(theta @ theta)
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:

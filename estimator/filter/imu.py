@@ -82,6 +82,11 @@ class ImuTable:
         """First and last sample of each stretch."""
         return [(first, after - 1) for first, after in pairwise((*self.starts, len(self)))]
 
+    @property
+    def spans(self) -> list[tuple[float, float]]:
+        """Begin and end of each stretch [s]."""
+        return [(float(self.t[first]), float(self.t[last])) for first, last in self.stretches]
+
     def last_of(self, i: int) -> bool:
         """Whether a sample is the last of a stretch."""
         return i == len(self) - 1 or i + 1 in self.starts

@@ -76,7 +76,7 @@ def test_what_is_fitted_is_what_is_compared() -> None:
 def test_a_log_that_is_joined_to_another_has_ends_of_its_own(passes: FlightPasses) -> None:
     first, second = hover(), hover()
     both = FlightPasses(Flight.of(joined([first, second])).believing(gate_level=None))
-    gps, (begin, end) = both.flight.recording.streams["gps"].t, both._spans[1]
+    gps, (begin, end) = both.flight.recording.streams["gps"].t, both.table.spans[1]
     journal, _ = both.run([], both.plain)
     mine = np.flatnonzero(journal.sensor == journal.sensors.index("gps"))
     logged, counted = gps[journal.index[mine]], both.counted(journal, "all")[mine]

@@ -21,7 +21,7 @@ from sinan.estimator.filter.layout import DTHETA
 from sinan.estimator.filter.relinearise import COARSE_ATTITUDE
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
-from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect, effects_for
 from sinan.sensors.errors import InputError
 from sinan.sensors.motion import Motion
@@ -133,8 +133,6 @@ class FlightPasses:
         t = recording.streams["imu"].t
         self.start, self.end = float(t[0]), float(t[-1])
         self.split = float(t[round(_FITTING_SHARE * (len(t) - 1))])
-        ends = self.table.stretches
-        self._spans = [(float(self.table.t[first]), float(self.table.t[last])) for first, last in ends]
         late = [one for one in effects_for("flight", tuple(self.flight.model.sensors)) if is_lateness(one)]
         self._margins = {one.stream: _AT_ENDS * one.parameters[0].plausible for one in late}
         journal = run_filter(self.flight, {}, engine="numba", stride=0)
@@ -236,7 +234,7 @@ class FlightPasses:
         along = self.along(own, motion)
         journal, sensitivity = self.run(own.effects, along)
         deviance = self.deviance(journal, part)
-        W, white = self.rows(sensitivity, journal, part)
+        W, white, _ = self.rows(sensitivity, journal, part)
         information, score = W.T @ W, W.T @ white
         self._require_numbers(deviance, information, score, own.vector)
         cost = deviance + float(own.vector @ (prior * own.vector))
@@ -305,13 +303,13 @@ class FlightPasses:
     def counted(self, journal: Journal, part: Part) -> BoolArray:
         """(K,) which readings are in a part with any lateness up to `_AT_ENDS`: they fit models, and compare them."""
         until = self.end if part == "all" else self.split
-        spans = [(start, min(end, until)) for start, end in self._spans if start < until]
+        spans = [(start, min(end, until)) for start, end in self.table.spans if start < until]
         return journal.is_inside(self._margins, spans)
 
-    def rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray]:
-        """(r, p) sensitivities and (r,) whitened innovations of a part."""
+    def rows(self, sensitivity: Sensitivity, journal: Journal, part: Part) -> tuple[FloatArray, FloatArray, IntArray]:
+        """(r, p) sensitivities, (r,) whitened innovations and (r,) places in the journal of a part."""
         keep = self.counted(journal, part)[sensitivity.event]
-        return sensitivity.rows[keep], sensitivity.white[keep]
+        return sensitivity.rows[keep], sensitivity.white[keep], sensitivity.event[keep]
 
     def deviance(self, journal: Journal, part: Part) -> float:
         """-2 log likelihood of a part."""

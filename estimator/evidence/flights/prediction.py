@@ -210,10 +210,8 @@ class Prediction:
         """
         state = fit.detail
         assert isinstance(state, Fitted)
-        event = state.sensitivity.event
-        W, white = self._passes.rows(state.sensitivity, state.journal, "all")
-        t = state.journal.t[event[self._passes.counted(state.journal, "all")[event]]]
-        beta = state.own.vector
+        W, white, event = self._passes.rows(state.sensitivity, state.journal, "all")
+        t, beta = state.journal.t[event], state.own.vector
         parts = zip(state.own.effects, fit.in_mean, strict=True)
         lasts = np.concatenate([np.full(entry.size, term.interval is None) for entry, term in parts])
         prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.own.effects]) ** -2.0

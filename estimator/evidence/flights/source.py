@@ -125,8 +125,7 @@ class FlightSource(OfFlight):
     @property
     def stretches(self) -> list[tuple[float, float]]:
         """Begin and end of each stretch of the IMU that no gap cuts [s]."""
-        table = self._passes.table
-        return [(float(table.t[first]), float(table.t[last])) for first, last in table.stretches]
+        return self._passes.table.spans
 
     @property
     def candidates(self) -> tuple[Effect, ...]:
@@ -323,8 +322,7 @@ class FlightSource(OfFlight):
         """Of the fit's own terms, nothing wanted besides."""
         state = _state(fit)
         journal, sensitivity = state.journal, state.sensitivity
-        W, white = self._passes.rows(sensitivity, journal, fit.part)
-        event = sensitivity.event[self._passes.counted(journal, fit.part)[sensitivity.event]]
+        W, white, event = self._passes.rows(sensitivity, journal, fit.part)
         sensor = np.array(journal.sensors)[journal.sensor[event]]
         return Rows(W, W[:, :0], white, sensor, journal.t[event], doubted_in(journal, event))
 
@@ -337,7 +335,7 @@ class FlightSource(OfFlight):
 
         def computed(new: Sequence[Effect]) -> Sequence[FloatArray]:
             journal, sensitivity = self._passes.run(new, _state(fit).along)
-            W, _ = self._passes.rows(sensitivity, journal, fit.part)
+            W, _, _ = self._passes.rows(sensitivity, journal, fit.part)
             return np.split(W, np.cumsum([entry.size for entry in new])[:-1], axis=1)
 
         return self._known_columns.of(fit, grid_of(self._span_of(fit)), effects, computed)
