@@ -31,7 +31,7 @@ from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.trace import trace
 from sinan.experiments.residual_loop.traced import Traced
 from sinan.experiments.scenarios import load_scenario, parse_effect
-from sinan.sensors.arrays import FloatArray
+from sinan.sensors.arrays import FloatArray, IntArray
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import cos_tilt, quaternion_interpolate
@@ -361,9 +361,9 @@ def test_a_trial_that_leads_to_no_number_is_refused(monkeypatch: pytest.MonkeyPa
     source = flight_source(shortened(flown("hover", 3)[0], 5.0))
     rows = FlightPasses.rows
 
-    def no_numbers(*given: Any) -> tuple[FloatArray, FloatArray]:
-        W, white = rows(*given)
-        return np.full_like(W, np.nan), white
+    def no_numbers(*given: Any) -> tuple[FloatArray, FloatArray, IntArray]:
+        W, white, event = rows(*given)
+        return np.full_like(W, np.nan), white, event
 
     monkeypatch.setattr(FlightPasses, "rows", no_numbers)
     with pytest.raises(InputError, match="a fit that does not converge"):
