@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.evidence.score import Statistic
 from sinan.estimator.evidence.source import Fit, LocalFinding
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
@@ -29,6 +30,10 @@ class Linear:
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """Nothing is out of sight."""
         return {}
+
+    def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """The noise is known."""
+        return statistics
 
     def residuals(self, fit: Fit) -> Sequence[Any]:
         """Nothing slow."""

@@ -58,6 +58,7 @@ class Levels:
     own_north : see `FlightModel`
     found : the sizes that the log gave
     sigmas : 1-sigma of each, in the logarithm; of a time, of itself
+    covariance : (found, found) of all, each in spreads of its prior
     log_posterior : of the log at these sizes
     in_excerpts : they were sought in excerpts of it at first
     """
@@ -81,6 +82,7 @@ class Levels:
     own_north: bool = False
     found: tuple[Size, ...] = ()
     sigmas: tuple[float, ...] = ()
+    covariance: FloatArray | None = None
     log_posterior: float = float("nan")
     in_excerpts: bool = False
     iron: FloatArray | None = None

@@ -152,9 +152,9 @@ class Problem:
         moves = whole_moves(1.0, unit) if far else [0.5**k * unit for k in range(HALVED + 1)]
         return at(best_tooth(value, float(theta[i]), moves, narrowing=not far))
 
-    def sigmas(self, theta: FloatArray) -> FloatArray:
-        """(sizes,) 1-sigma of theta about its likeliest value, 1 being that of the prior."""
-        return np.sqrt(np.diag(np.linalg.inv(self._information(theta)[1])))
+    def covariance(self, theta: FloatArray) -> FloatArray:
+        """(sizes, sizes) of theta about its likeliest value; of the prior it is the identity."""
+        return np.asarray(np.linalg.inv(self._information(theta)[1]))
 
     def _information(self, theta: FloatArray, times: bool = True) -> tuple[float, FloatArray]:
         """Log-posterior, and (sizes, sizes) the information of log and prior.
@@ -205,8 +205,15 @@ class Problem:
     def fitted(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> Levels:
         """The likeliest levels, sought from a theta on; see `likeliest`."""
         theta, value = self.likeliest(theta, turns, far)
-        sigmas = (float(s) * size.spread for s, size in zip(self.sigmas(theta), self.sizes, strict=True))
-        return replace(self.levels(theta), found=self.sizes, sigmas=tuple(sigmas), log_posterior=value)
+        covariance = self.covariance(theta)
+        sigmas = np.sqrt(np.diag(covariance)) * [size.spread for size in self.sizes]
+        return replace(
+            self.levels(theta),
+            found=self.sizes,
+            sigmas=tuple(sigmas.tolist()),
+            covariance=covariance,
+            log_posterior=value,
+        )
 
     def likeliest(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> tuple[FloatArray, float]:
         """Times and all else in turns, until one turn of both gains nothing; times at first may be far off."""

@@ -259,6 +259,11 @@ class Source(Protocol):
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """Information and score, about the fit, of the fit's own terms (by their keys) and of all candidates."""
 
+    def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """The statistics of effects that are not in the fit, with what is detectable of them where sizes of the noise,
+        found from the same readings, take a part of it up.
+        """
+
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """First estimates of candidates to which the score at zero is blind, where they are likelier than the fit."""
 

@@ -18,6 +18,7 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
     ----------
     slow_gps : see `as_declared`
     """
+    from sinan.calibration.levels.openness import open_levels
     from sinan.calibration.levels.preparation import as_declared, is_declared, near_level_or_a_place, prepared
     from sinan.estimator.filter.relinearise import is_coarse
 
@@ -29,4 +30,4 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
     else:
         ready = near_level_or_a_place(recording)
     flight = ready.flight.believing(relinearise=is_coarse(ready.flight))
-    return FlightSource(flight, None if declared else recording)
+    return FlightSource(flight, None if declared else recording, open_levels(ready.levels, flight))

@@ -13,7 +13,6 @@ from sinan.estimator.evidence.source import LocalFinding, Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.judged import Judged
 from sinan.experiments.residual_loop.prove import Change, Errors
-from sinan.experiments.residual_loop.select import Selection
 from sinan.experiments.residual_loop.traced import Part, Traced
 from sinan.experiments.residual_loop.trials import Finding
 from sinan.experiments.residual_loop.verdict import Named, Twin, Verdict
@@ -87,14 +86,14 @@ def _error(part: Part, verdict: Verdict) -> dict[str, object]:
 
 
 def _candidates_of(part: Part, others: Sequence[Judged]) -> list[dict[str, object]]:
-    selection = part.trace.selection
-    lasting = [_candidate(part.source, s, others) for s in _candidates(selection)]
-    return lasting + [_local_candidate(found, others) for found in selection.plain_local]
+    lasting = [_candidate(part.source, s, others) for s in _candidates(part)]
+    return lasting + [_local_candidate(found, others) for found in part.trace.selection.plain_local]
 
 
-def _candidates(selection: Selection) -> list[Statistic]:
+def _candidates(part: Part) -> list[Statistic]:
     """Statistics about the plain model; the detectable size of what was not found, about the final one."""
-    final = {s.name: s for s in selection.final_statistics}
+    selection = part.trace.selection
+    final = {s.name: s for s in part.source.detectable(selection.final, selection.final_statistics)}
     return [replace(s, detectable_from=final.get(s.name, s).detectable_from) for s in selection.plain_statistics]
 
 

@@ -152,7 +152,7 @@ def test_an_effect_is_what_the_project_declares(minute: Minute, name: str) -> No
     """Along one motion the forms of both agree; a lag is integrated in two ways."""
     sensor, entry, beta = name.split(".")[0], effect(name), beta_of(name, 0.87)
     seen = seen_by(minute, sensor)
-    t = minute.recording.streams[minute.columns(sensor)[0]].t
+    t = seen.body.t
     covariates = covariates_for(minute.recording, sensor, t)
     motion = replace(minute.around.estimate.at(t), covariates=covariates, p_n=seen.body.p)
     own = {"accel": "f_b", "gyro": "w_ib_b", "mag": "m_b"}.get(sensor)
@@ -163,6 +163,13 @@ def test_an_effect_is_what_the_project_declares(minute: Minute, name: str) -> No
     inside = (t > minute.begin) & (t < minute.end)
     share = PER_MILLE if name == "baro.lag" else ROUNDING
     assert np.max(np.abs(found - expected)[inside]) < share * (1.0 + np.max(np.abs(expected)))
+
+
+def test_what_is_stamped_late_has_the_effect_of_the_instant_at_which_it_was_read(minute: Minute) -> None:
+    late = replace(minute.ready, levels=replace(minute.ready.levels, latency={"gps": 0.2}))
+    stamps = minute.recording.streams["gps"].t
+    np.testing.assert_allclose(seen_by(replace(minute, ready=late), "gps").body.t, stamps - 0.2)
+    np.testing.assert_allclose(seen_by(replace(minute, ready=late), "mag").body.t, minute.recording.streams["mag"].t)
 
 
 def test_vibration_is_the_variance_of_what_is_quick() -> None:

@@ -21,7 +21,14 @@ from sinan.estimator.evidence.intervals.left_out import log_p_left_out
 from sinan.estimator.evidence.intervals.localise import OffsetScan, find_interval, refine
 from sinan.estimator.evidence.intervals.onsets import Step, declared_step, refined
 from sinan.estimator.evidence.intervals.wrong_readings import OUTLIER, SHORTEST, isolated_outliers
-from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block
+from sinan.estimator.evidence.score import (
+    BLOCKS,
+    DETECTABLE_LAMBDA,
+    Evidence,
+    Statistic,
+    statistic_of,
+    sums_by_block,
+)
 from sinan.estimator.evidence.source import (
     LEAST_SPARE,
     FieldUnit,
@@ -218,6 +225,16 @@ class LeastSquaresSource:
     def starts(self, fit: Fit) -> Mapping[Term, FloatArray]:
         """None: every regressor is known."""
         return {}
+
+    def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """The statistics; where the noise is estimated n log(1 + lambda / n) has to be 30, n the degrees of freedom, by
+        which an effect that is not in the fit adds to it.
+        """
+        n = self.evidence(fit).noise_dof
+        if not np.isfinite(n):
+            return statistics
+        wider = np.sqrt(np.expm1(DETECTABLE_LAMBDA / n) * n / DETECTABLE_LAMBDA)
+        return [replace(s, detectable_from=s.detectable_from * wider) for s in statistics]
 
     # ---- localised effects
 

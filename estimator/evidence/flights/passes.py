@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -159,6 +160,15 @@ class FlightPasses:
         recording = self.flight.recording if recording is None else recording
         terms = own.joined(declared_terms(recording))
         return Along(self.flight.reading(self._started(recording, motion)), terms, motion, self.table)
+
+    def believing(self, flight: Flight) -> FlightPasses:
+        """Passes over the same readings, along the same motions, with the noise that the model of a flight has."""
+        other = copy(self)
+        other.flight = flight.reading(self.flight.recording).believing(
+            gate_level=None, own_north=False, relinearise=self.flight.model.relinearise
+        )
+        other.table = imu_table(other.flight)
+        return other
 
     @property
     def plain(self) -> Along:

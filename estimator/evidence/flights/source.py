@@ -17,6 +17,7 @@ from sinan.estimator.evidence.comb import best_tooth, whole_moves
 from sinan.estimator.evidence.flights.candidates import best_starts, flight_candidates, places_alike
 from sinan.estimator.evidence.flights.known_columns import KnownColumns
 from sinan.estimator.evidence.flights.known_fits import KnownFits, Question
+from sinan.estimator.evidence.flights.open_levels import OpenLevels
 from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.flights.prediction import Prediction
 from sinan.estimator.evidence.intervals.doubted import doubted_in
@@ -82,10 +83,11 @@ class FlightSource(OfFlight):
     logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
         what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
         neighbours, not from the filter
+    open_levels : sizes of the noise that were found; None: all are declared
     """
 
-    def __init__(self, flight: Flight, logged: Recording | None = None) -> None:
-        self._logged, self._opened = logged, flight
+    def __init__(self, flight: Flight, logged: Recording | None = None, open_levels: OpenLevels | None = None) -> None:
+        self._logged, self._opened, self._open_levels = logged, flight, open_levels
         kept, self.wrong = without_wrong_readings(flight.believing(gate_level=None))
         self._passes = FlightPasses(kept, IMPLAUSIBLE if logged is None else SOLD)
         self._known_columns = KnownColumns()
@@ -202,8 +204,15 @@ class FlightSource(OfFlight):
     def _evidence_of(self, columns: Sequence[Effect], fit: Fit) -> Evidence:
         """Of effects, the first of which are the fit's own."""
         own, rows = _state(fit).own.effects, self._own_rows(fit)
-        W, white = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])]), rows.white
-        share = (rows.t - self._passes.start) / (self._passes.end - self._passes.start)
+        W = np.hstack([rows.own, *self._columns(fit, columns[len(own) :])])
+        return self._evidence_in(columns, fit, W, rows.white, rows.t)
+
+    def _evidence_in(
+        self, columns: Sequence[Effect], fit: Fit, W: FloatArray, white: FloatArray, t: FloatArray
+    ) -> Evidence:
+        """Of effects, the first of which are the fit's own, in rows at instants."""
+        own = _state(fit).own.effects
+        share = (t - self._passes.start) / (self._passes.end - self._passes.start)
         block = np.minimum((BLOCKS * share).astype(int), BLOCKS - 1)
         information, score = sums_by_block(W, white, block)
         plausible = [entry.plausible_in(self._passes.plain_motion) for entry in columns]
@@ -232,6 +241,29 @@ class FlightSource(OfFlight):
             best = best_starts(self._passes, _state(fit), fit.part, others)
             self._starts = fit, {Term(name): beta for name, beta in best.items()}
         return self._starts[1]
+
+    def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
+        of it up; as they are where all of the noise is declared.
+        """
+        if self._open_levels is None or not statistics:
+            return statistics
+        effects = [Term(s.name).effect for s in statistics]
+        sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in self._open_levels.sides]
+        found = []
+        for k, s in enumerate(statistics):
+            less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
+            found.append(replace(s, detectable_from=s.detectable_from * self._open_levels.wider(less, more)))
+        return found
+
+    def _stds(self, fit: Fit, effects: Sequence[Effect], flight: Flight) -> list[FloatArray]:
+        """1-sigma of each of some effects that are not in the fit, with the noise of another flight."""
+        state, passes = _state(fit), self._passes.believing(flight)
+        columns = [*state.own.effects, *effects]
+        journal, sensitivity = passes.run(columns, passes.along(state.own, state.motion))
+        W, white, event = passes.rows(sensitivity, journal, fit.part)
+        evidence = self._evidence_in(columns, fit, W, white, journal.t[event])
+        return [statistic_of(evidence, entry.name, fit.keys).std for entry in effects]
 
     # ---- localised effects
 

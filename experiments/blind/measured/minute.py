@@ -206,8 +206,11 @@ def added(minute: Minute, hidden: Hidden, rng: np.random.Generator) -> FloatArra
 
 
 def seen_by(minute: Minute, sensor: str) -> Seen:
-    """Plain reading of a sensor and what its effects need."""
-    t, reading = minute.recording.streams[minute.columns(sensor)[0]].t, minute.reading(sensor)
+    """Plain reading of a sensor and what its effects need, at the instants at which it was read: its stamps less how
+    late the log shows them to be.
+    """
+    stream, reading = minute.columns(sensor)[0], minute.reading(sensor)
+    t = minute.recording.streams[stream].t - minute.ready.levels.latency.get(stream, 0.0)
     body = minute.around.motion(t)
     if sensor in ("sonar", "laser"):  # the ground is where the beam ends
         down = minute.around.ground_down - reading[:, 0] * body.C[:, 2, 2]
