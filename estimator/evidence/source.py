@@ -305,6 +305,11 @@ class Source(Protocol):
         whether it does so at all, though it may be by chance.
         """
 
+    def weighed(self, fit: Fit, other: Fit, log_odds: Callable[[float], float]) -> float:
+        """Logarithm of the odds for a fit over another, by those that the readings give one step ahead, where noise is
+        so many times as large as in the model, and by what the fits predict of withheld readings.
+        """
+
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """Whether withheld readings are predicted better with an effect, where effects are proved by that, and how sure
         they are of it, together with its odds by how many times as large as in the model noise is, exceeds what is

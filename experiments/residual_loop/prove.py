@@ -14,14 +14,13 @@ from sinan.estimator.evidence.noise_left import noise_left, slow_streams
 from sinan.estimator.evidence.score import (
     BLOCKS,
     DETECTABLE_LAMBDA,
-    log_bayes_factor,
     predicted_lambda,
     project_out,
 )
 from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual, log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.select import Selection
-from sinan.experiments.residual_loop.trials import Finding, fit_without
+from sinan.experiments.residual_loop.trials import Finding, fit_without, log_odds_of
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.errors import InputError
@@ -359,17 +358,10 @@ def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[
             continue
         without = fit_without(source, fit, term)
         gain = min(without.deviance - fit.deviance, finding.gain)
-        if not source.bears_out(fit, without, partial(_log_odds, source, fit, finding, gain), needed):
+        if not source.bears_out(fit, without, partial(log_odds_of, source, fit, finding, gain), needed):
             fallen[term] = source.predicts(fit, without, surely=False)
             fit = without
     return dict(reversed(fallen.items()))
-
-
-def _log_odds(source: Source, fit: Fit, finding: Finding, gain: float, scatter: float) -> float:
-    """Of what was found in a fit, of what it gains there, where noise is so many times as large as the model has it."""
-    evidence, term = source.evidence(fit, own_terms_only=True), finding.term
-    factor = log_bayes_factor(evidence, term.key, fit.beta[term], gain, fit.keys_given(term), scatter)
-    return factor - finding.search
 
 
 def _is_borne_out(source: Source, fitted: Fit, without: Fit, term: Term, unknown: Sequence[Term]) -> bool:

@@ -36,9 +36,6 @@ _AHEAD = 2
 #: Where nothing on a shortlist stands its refit, the next is tried, so many at a step: bound of work (`bounds_of_work
 #: poses`).
 SHORTLISTS = 2
-#: Trials that gain less than this share of the likeliest one's gain are not held against it in prediction: in its place
-#: an effect of correlation rho gains rho^2 of that, and with rho^2 < 1 / 2 leaves more of it than it explains.
-_COMPARABLE = 0.5
 #: A localised effect, or a lateness, is looked for again about its own fit, so often at most: bound of work
 #: (`bounds_of_work flight`).
 _RELOCATIONS = 3
@@ -142,12 +139,6 @@ def _is_asked(source: Source, refit: Fit, finding: Finding) -> bool:
     return finding.term.in_mean and source.is_predicting and refit.part == "all" and can_be_predicted(finding.term)
 
 
-def _are_held_against(source: Source, first: Trial, other: Trial) -> bool:
-    """Whether withheld readings can tell two trials apart of which one explains about as much as the other."""
-    comparable = other[1].gain > _COMPARABLE * first[1].gain
-    return comparable and _is_asked(source, *first) and _is_asked(source, *other)
-
-
 def _is_left(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
     """Whether an effect would pass its test given another one: it is there too then, and none of its rivals."""
     evidence = source.evidence(first[0])
@@ -159,15 +150,15 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
     """The likeliest of several trials, with those that are as likely as its rivals.
 
     Odds count what the model holds for noise; where that is found from the log, an impostor may have the better ones.
-    So where readings can be withheld, one by which they are predicted better goes first, and one by which they are
-    predicted as well, or better by what may be chance, is as likely: the two kinds of evidence disagree.
-    What no log with these instruments tells apart is as likely whatever the odds, which say how well each form is
-    computed.
+    So where readings can be withheld they count too, and the odds for less where seconds are predicted worse than the
+    model believes. What no log with these instruments tells apart is as likely whatever the odds, which say how well
+    each form is computed.
     """
     first, *others = trials
     for other in others:
-        if _goes_before(source, other, first, threshold):
-            first = other
+        if _are_for_one_place(first, other) and _over(source, first, other) < 0.0:
+            if not _is_left(source, first, other, threshold):
+                first = other
     rivals = [one for one in trials if one is not first and _is_as_likely(source, first, one, threshold)]
     same = alike_to(source, {finding.term.name for _, finding in (first, *rivals)})
     rivals += [one for one in trials if one[1].term.name in same]
@@ -179,23 +170,31 @@ def _are_for_one_place(first: Trial, other: Trial) -> bool:
     return first[1].term.in_mean and other[1].term.in_mean and first[1].term.name != other[1].term.name
 
 
-def _goes_before(source: Source, other: Trial, first: Trial, threshold: float) -> bool:
-    """Whether withheld readings, which can tell two trials apart, are surely predicted better by the other one."""
-    return (
-        _are_for_one_place(first, other)
-        and _are_held_against(source, first, other)
-        and source.predicts(other[0], first[0])
-        and not _is_left(source, first, other, threshold)
-    )
+def _over(source: Source, first: Trial, other: Trial) -> float:
+    """Logarithm of the odds for a trial over another, by withheld readings too where they can tell of both."""
+    if not (_is_asked(source, *first) and _is_asked(source, *other)):
+        return first[1].log_odds - other[1].log_odds
+
+    def log_odds(scatter: float) -> float:
+        one, two = (log_odds_of(source, fit, found, found.gain, scatter) for fit, found in (first, other))
+        return one - two
+
+    return source.weighed(first[0], other[0], log_odds)
+
+
+def log_odds_of(source: Source, fit: Fit, finding: Finding, gain: float, scatter: float) -> float:
+    """Of what was found in a fit, of what it gains there, where noise is so many times as large as the model has it."""
+    evidence, term = source.evidence(fit, own_terms_only=True), finding.term
+    factor = log_bayes_factor(evidence, term.key, fit.beta[term], gain, fit.keys_given(term), scatter)
+    return factor - finding.search
 
 
 def _is_as_likely(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
-    """Whether an effect is a rival of another: not predicted worse by it, or as likely by the odds."""
-    if not _are_for_one_place(first, other):
+    """Whether an effect is a rival of another: the odds do not tell it from that, nor do both together explain more."""
+    if not _are_for_one_place(first, other) or 2.0 * _over(source, first, other) >= CONFUSED:
         return False
-    if _are_held_against(source, first, other) and not source.predicts(first[0], other[0], surely=False):
-        return not _is_left(source, first, other, threshold)
-    return 2.0 * (first[1].log_odds - other[1].log_odds) < CONFUSED
+    asked = _is_asked(source, *first) and _is_asked(source, *other)
+    return not asked or not _is_left(source, first, other, threshold)
 
 
 def _why(option: Option, tried: Trial | None, threshold: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -84,18 +84,20 @@ def test_what_is_positive_is_not_found_negative(name: str) -> None:
 
 
 class Predicting:
-    """A source whose withheld readings say how much of the difference of two fits is there."""
+    """Withheld readings say how much of the difference of two fits is there; the model believes a `scatter`th of their
+    variance.
+    """
 
     is_predicting = True
     alike: Sequence[frozenset[str]] = ()
 
-    def __init__(self, share: float, std: float, left: float = 0.0) -> None:
-        self._share, self._std, self._left = share, std, left
+    def __init__(self, share: float, std: float, left: float = 0.0, scatter: float = 50.0) -> None:
+        self._share, self._std, self._left, self._scatter = share, std, left, scatter
 
-    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
+    def weighed(self, fit: Fit, other: Fit, log_odds: Callable[[float], float]) -> float:
         """The share is that of the second over the first effect."""
         share = self._share if fit.terms[0].name == SECOND else 1.0 - self._share
-        return share > (max(0.5, 2.0 * self._std) if surely else 0.5)
+        return log_odds(self._scatter) + (share - 0.5) / self._std**2
 
     def evidence(self, fit: Fit, own_terms_only: bool = False) -> Evidence:
         """What is left for either effect once the other is in the model: 2 log odds."""
@@ -115,19 +117,22 @@ def tried_alone(name: str, log_odds: float) -> Trial:
 
 
 @pytest.mark.parametrize(
-    ("share", "std", "left", "name", "rivals"),
+    ("share", "std", "left", "scatter", "name", "rivals"),
     [
-        (0.99, 0.4, 0.0, SECOND, (FIRST,)),  # the second predicts better, the first has the better odds
-        (0.60, 0.4, 0.0, FIRST, (SECOND,)),  # so it does, perhaps by chance
-        (0.20, 0.1, 0.0, FIRST, ()),
-        (0.60, 0.4, 900.0, FIRST, ()),  # both are there
+        (0.99, 0.4, 0.0, 50.0, SECOND, (FIRST,)),  # the second predicts better, the first has the better odds
+        (0.99, 0.1, 0.0, 50.0, SECOND, ()),
+        (0.99, 0.4, 0.0, 1.0, FIRST, ()),  # seconds are predicted as well as the model believes: its odds count
+        (0.60, 0.4, 0.0, 50.0, FIRST, (SECOND,)),
+        (0.20, 0.1, 0.0, 50.0, FIRST, ()),
+        (0.60, 0.4, 900.0, 50.0, FIRST, ()),  # both are there
+        (0.99, 0.4, 900.0, 50.0, FIRST, ()),
     ],
 )
-def test_prediction_tells_effects_apart_that_explain_the_same(
-    share: float, std: float, left: float, name: str, rivals: tuple[str, ...]
+def test_prediction_and_odds_together_tell_effects_apart(
+    share: float, std: float, left: float, scatter: float, name: str, rivals: tuple[str, ...]
 ) -> None:
-    """Odds of 500 and 450 are far apart, by the noise that the model has."""
-    source = cast(Source, Predicting(share, std, left))
+    """Log odds of 500 and 450 are far apart, by the noise that the model has; of noise 50 times as large 1."""
+    source = cast(Source, Predicting(share, std, left, scatter))
     _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 450.0)], -9.0)
     assert (finding.term.name, finding.confused_with) == (name, rivals)
 
@@ -264,9 +269,3 @@ def test_a_trial_is_refitted_from_where_it_may_be_likelier(gained: float, taken:
     found = trials.trial(cast(Source, source), plain, replace(option, beta=np.full(1, plausible)))
     assert found is not None
     assert found[1].beta[0] == pytest.approx(taken * plausible)
-
-
-def test_what_explains_little_is_not_held_against_what_explains_much() -> None:
-    source = cast(Source, Predicting(0.99, 0.1))
-    _, finding = likeliest(source, [tried_alone(FIRST, 500.0), tried_alone(SECOND, 100.0)], -9.0)
-    assert (finding.term.name, finding.confused_with) == (FIRST, ())

@@ -77,25 +77,28 @@ class Share:
         """
         return max(1.0, self.std**2 * float(np.sum(self.squares)))
 
-    def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
-        """Whether withheld readings are predicted better with the effect, and what they say, together with what the
-        readings say one step ahead, is enough.
+    def weighed(self, log_odds: Callable[[float], float]) -> float:
+        """Logarithm of the odds for what has this share, by withheld readings and by those of one step ahead together:
 
-            log_odds(scatter) + (min(value, 1) - 1/2) / variance > needed,   variance = scatter / sum of squares
+            log_odds(scatter) + (value - 1/2) / variance,   variance = scatter / sum of squares
 
-        The share is normal about 1 with the effect and about 0 without. Where the errors of seconds are larger than
-        the model believes, what it makes of the errors of one step counts for less.
+        The share is normal about 1 with it and about 0 without, and counts for no more than that. Where the errors of
+        seconds are larger than the model believes, what it makes of the errors of one step counts for less.
 
         Parameters
         ----------
-        log_odds : of the effect by the likelihood of the log, where noise has so many times the variance of the model
-        needed : of what may have been found by chance
+        log_odds : by the likelihood of the log, where noise has so many times the variance of the model
         """
-        if not (np.isfinite(self.std) and self.value > 0.5):
-            return False
+        if not np.isfinite(self.std):
+            return log_odds(1.0)
         scatter = self.scatter
-        ratio = (min(self.value, 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
-        return log_odds(scatter) + ratio > needed
+        return log_odds(scatter) + (min(max(self.value, 0.0), 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
+
+    def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
+        """Whether all odds together exceed what is needed where an effect may have been found by chance, and the windows
+        tell how well they know its share.
+        """
+        return bool(np.isfinite(self.std)) and self.weighed(log_odds) > needed
 
     @property
     def is_there(self) -> bool:

@@ -514,6 +514,10 @@ class FlightSource(OfFlight):
         share = self._prediction.share(fit, without)
         return share.is_there if surely else share.value > 0.5
 
+    def weighed(self, fit: Fit, other: Fit, log_odds: Callable[[float], float]) -> float:
+        """Odds for a fit over another, by withheld readings too; see `Share.weighed`."""
+        return self._prediction.share(fit, other).weighed(log_odds)
+
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
         return self._prediction.share(fit, without).bears_out(log_odds, needed)
