@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,10 @@ class Linear:
     def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """The noise is known."""
         return statistics
+
+    def weighed(self, fit: Fit, other: Fit, log_odds: Callable[[float], float]) -> float:
+        """The odds alone."""
+        return log_odds(1.0)
 
     def residuals(self, fit: Fit) -> Sequence[Any]:
         """Nothing slow."""

@@ -156,9 +156,9 @@ def likeliest(source: Source, trials: Sequence[Trial], threshold: float) -> Tria
     """
     first, *others = trials
     for other in others:
-        if _are_for_one_place(first, other) and _over(source, first, other) < 0.0:
-            if not _is_left(source, first, other, threshold):
-                first = other
+        outweighs = _are_for_one_place(first, other) and _over(source, first, other) < 0.0
+        if outweighs and not _is_left(source, first, other, threshold):
+            first = other
     rivals = [one for one in trials if one is not first and _is_as_likely(source, first, one, threshold)]
     same = alike_to(source, {finding.term.name for _, finding in (first, *rivals)})
     rivals += [one for one in trials if one[1].term.name in same]

@@ -436,6 +436,10 @@ class LeastSquaresSource:
         """Never."""
         return False
 
+    def weighed(self, fit: Fit, other: Fit, log_odds: Callable[[float], float]) -> float:
+        """The odds alone."""
+        return log_odds(1.0)
+
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """Never."""
         return False

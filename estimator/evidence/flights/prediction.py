@@ -95,8 +95,8 @@ class Share:
         return log_odds(scatter) + (min(max(self.value, 0.0), 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
 
     def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
-        """Whether all odds together exceed what is needed where an effect may have been found by chance, and the windows
-        tell how well they know its share.
+        """Whether all odds together exceed what is needed, since an effect may have been found by chance, and the
+        windows tell how well they know its share.
         """
         return bool(np.isfinite(self.std)) and self.weighed(log_odds) > needed
 
