@@ -128,16 +128,19 @@ def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
     assert set(told[0]) == {False, True}
 
 
-@pytest.mark.parametrize("value", [0.4, -3.0])
-def test_a_share_of_less_than_one_half_takes_off_what_one_above_adds(value: float) -> None:
-    """The odds may outweigh it where withheld readings hardly tell, but no share is worse than none."""
-    share = share_of(value, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
-    told = 8.0 + (max(value, 0.0) - 0.5) * 4.0
-    assert share.bears_out(odds_of(20.0), told - 1e-9)
-    assert not share.bears_out(odds_of(20.0), told + 1e-9)
-
-
-@pytest.mark.parametrize("share", [Share(np.ones(1), np.ones(1)), Share(np.zeros(0), np.zeros(0))])
-def test_what_is_asked_in_one_window_alone_is_not_borne_out(share: Share) -> None:
+@pytest.mark.parametrize(
+    "share",
+    [share_of(0.4, [1.0] * 4, [0.0] * 4), Share(np.ones(1), np.ones(1)), Share(np.zeros(0), np.zeros(0))],
+)
+def test_what_does_not_predict_better_or_in_one_window_alone_is_not_borne_out(share: Share) -> None:
     assert not share.bears_out(odds_of(1e4), 1.0)
-    assert share.weighed(odds_of(1e4)) == odds_of(1e4)(1.0)
+
+
+@pytest.mark.parametrize("value", [0.4, -3.0])
+def test_between_two_a_share_below_one_half_takes_off_what_one_above_adds(value: float) -> None:
+    share = share_of(value, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
+    assert share.weighed(odds_of(20.0)) == pytest.approx(8.0 + (max(value, 0.0) - 0.5) * 4.0)
+
+
+def test_between_two_one_window_alone_leaves_the_odds() -> None:
+    assert Share(np.ones(1), np.ones(1)).weighed(odds_of(1e4)) == odds_of(1e4)(1.0)

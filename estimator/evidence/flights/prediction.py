@@ -95,10 +95,10 @@ class Share:
         return log_odds(scatter) + (min(max(self.value, 0.0), 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
 
     def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
-        """Whether all odds together exceed what is needed, since an effect may have been found by chance, and the
-        windows tell how well they know its share.
+        """Whether withheld readings are predicted better with the effect, and all odds together exceed what is needed
+        where it may have been found by chance.
         """
-        return bool(np.isfinite(self.std)) and self.weighed(log_odds) > needed
+        return bool(np.isfinite(self.std)) and self.value > 0.5 and self.weighed(log_odds) > needed
 
     @property
     def is_there(self) -> bool:
