@@ -16,7 +16,7 @@ _CLOSED = 0.05
 
 
 def open_levels(levels: Levels, flight: Flight) -> OpenLevels | None:
-    """Of a flight with the model of some levels; None where no size was found, or times alone.
+    """Of a flight with the model of some levels; None where none of its sizes is open.
 
     One sigma is where the log-posterior is lower by a half, on the mean of both sides, or what the covariance has where
     that is less: its scatter is that of the gradients of few parts. Times stay as they are: what is late has a name.
@@ -30,6 +30,8 @@ def open_levels(levels: Levels, flight: Flight) -> OpenLevels | None:
     values, vectors = np.linalg.eigh(levels.covariance[np.ix_(free, free)])
     axes = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
     axes = axes[np.max(np.abs(axes * [size.spread for size in sizes]), axis=1) > _CLOSED]
+    if not len(axes):
+        return None
     top = problem.value(theta)
     lower = top - 0.5 * np.array([problem.value(theta + axis) + problem.value(theta - axis) for axis in axes])
     axes /= np.sqrt(2.0 * np.maximum(lower, 0.5))[:, None]

@@ -99,7 +99,8 @@ class Statistic:
     log_p, log_p_corrected : logarithm of the p-value, as it is and with the evidence divided by max(1, scatter), which
         itself scatters about 1 under "no effect" (`log_p_of_divided`)
     beta, std : (size,) first-order estimate and its 1-sigma (infinite in directions that are not seen)
-    detectable_from : (size,) smallest component that could be told from none (lambda = 30), the others free
+    detectable_from : (size,) smallest component that could be told from none (lambda = 30), the others free; see also
+        `Source.detectable`
     """
 
     name: str
@@ -300,6 +301,15 @@ def statistic_of(evidence: Evidence, name: str, given: Sequence[str] = ()) -> St
         std,
         np.sqrt(DETECTABLE_LAMBDA) * std,
     )
+
+
+def sigma_of_wide(evidence: Evidence, name: str, given: Sequence[str] = ()) -> FloatArray:
+    """(size,) 1-sigma of each component of a candidate, the others free within what counts as seen: of two kinds of
+    noise comparable, where a direction is seen with one of them alone.
+    """
+    information, _ = project_out(evidence, name, given)
+    widest = WIDEST_DIRECTION * evidence.plausible[evidence.columns(name)]
+    return np.sqrt(np.diag(np.linalg.inv(information.sum(axis=0) + np.diag(widest**-2.0))))
 
 
 def log_p_of_held(evidence: Evidence, s: Statistic, given: Sequence[str] = ()) -> float:

@@ -232,7 +232,7 @@ def test_sigmas_are_those_of_the_curvature(bare: Recording, found: Levels) -> No
     """Against the second difference of the posterior, along the axes of theta that the log tells best."""
     problem = Problem(bare, found.found, found)
     theta = np.array([size.theta(found.value(size)) for size in found.found])
-    sigmas = problem.sigmas(theta)
+    sigmas = np.sqrt(np.diag(problem.covariance(theta)))
     assert np.allclose(sigmas * [size.spread for size in found.found], found.sigmas)
     assert np.all((sigmas > 0.0) & (sigmas <= 1.0))  # a log adds to the prior
     for i in np.argsort(sigmas)[:4]:

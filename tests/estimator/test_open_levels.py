@@ -8,12 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from sinan.calibration.levels import openness
 from sinan.calibration.levels.openness import open_levels
 from sinan.calibration.levels.preparation import Prepared, prepared
 from sinan.calibration.levels.problem import Problem
 from sinan.estimator.evidence.flights.open_levels import OpenLevels
 from sinan.estimator.evidence.flights.source import FlightSource
-from sinan.estimator.evidence.score import statistic_of
+from sinan.estimator.evidence.score import sigma_of_wide, statistic_of
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.simulate import simulate
 from tests.flights import scenario_at
@@ -38,11 +39,27 @@ def test_white_noise_takes_up_what_a_t_test_loses(n: int) -> None:
     assert levels.wider(*sides(levels)) ** 2 == pytest.approx(least / 30.0, rel=0.6 * (30.0 / n) ** 2)
 
 
-def test_a_size_at_its_bound_takes_up_nothing_and_one_that_is_not_seen_neither() -> None:
-    levels = of_white_noise(200, 0.0)
-    assert levels.wider(*sides(levels)) == pytest.approx(1.0)
-    unseen = np.full((1, 1), np.inf)
-    assert of_white_noise(200, 4.0).wider(unseen, unseen) == pytest.approx(1.0)
+@pytest.mark.parametrize(("down", "up", "open_"), [(4.0, 0.0, False), (0.0, 4.0, True)])
+def test_a_size_at_its_upper_bound_takes_up_nothing_and_one_at_the_lower_all(
+    down: float, up: float, open_: bool
+) -> None:
+    levels = of_white_noise(200, 4.0)
+    at_bound = replace(levels, room=np.array([[down], [up]]))
+    expected = levels.wider(*sides(levels)) if open_ else 1.0
+    assert at_bound.wider(*sides(levels)) == pytest.approx(expected)
+
+
+def test_an_axis_without_a_model_on_one_side_tells_nothing() -> None:
+    levels = of_white_noise(200, 4.0)
+    less, more = sides(levels)
+    assert levels.wider(np.full_like(less, np.nan), more) == pytest.approx(1.0)
+
+
+def test_where_no_axis_is_open_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of white noise that many readings tell."""
+    monkeypatch.setattr(openness, "_CLOSED", np.inf)
+    ready = opened()
+    assert open_levels(ready.levels, ready.flight) is None
 
 
 def test_sizes_that_change_nothing_of_an_effect_take_none_of_it_up() -> None:
@@ -83,23 +100,23 @@ def test_what_is_detectable_is_by_sources_opened_with_the_sizes_of_either_side()
     ready = opened()
     levels = open_levels(ready.levels, ready.flight)
     assert levels is not None
-    few = replace(levels, sides=levels.sides[-2:], axes=levels.axes[-2:])
+    few = replace(levels, sides=levels.sides[::4], axes=levels.axes[::4])
     source = FlightSource(ready.flight, ready.recording, few)
     fit = source.fit(())
-    known = {entry.name: statistic_of(source.evidence(fit), entry.name) for entry in source.candidates}
-    wider = source.detectable(fit, list(known.values()))
+    known = [statistic_of(source.evidence(fit), entry.name) for entry in source.candidates]
+    wider = source.detectable(fit, known)
     at = []
     for pair in few.sides:
         each = [FlightSource(flight, ready.recording) for flight in pair]
         plain = [one.fit(()) for one in each]
         at.append([one.evidence(one_plain) for one, one_plain in zip(each, plain, strict=True)])
-    ratios = []
-    for s in wider:
-        less, more = (np.array([statistic_of(pair[side], s.name).std for pair in at]) for side in (0, 1))
-        seen = np.isfinite(s.detectable_from)
-        expected = known[s.name].detectable_from * few.wider(less, more)
-        ratios += (s.detectable_from[seen] / expected[seen]).tolist()
-    assert len(ratios) > 20
-    assert np.median(np.abs(np.log(ratios))) < 0.02
-    assert np.max(np.abs(np.log(ratios))) < 0.4
+    found, expected = list[float](), list[float]()
+    for s, entry, before in zip(wider, source.candidates, known, strict=True):
+        less, more = (np.array([sigma_of_wide(pair[side], s.name) for pair in at]) for side in (0, 1))
+        seen = before.detectable_from < 5.0 * np.array([one.plausible for one in entry.parameters])
+        found += np.log(s.detectable_from[seen] / before.detectable_from[seen]).tolist()
+        expected += np.log(few.wider(less, more)[seen]).tolist()
+    assert np.max(expected) > 0.3
+    assert np.median(np.abs(np.subtract(found, expected))) < 0.02
+    assert np.max(np.abs(np.subtract(found, expected))) < 0.3
     assert FlightSource(ready.flight, ready.recording).detectable(fit, wider) is wider

@@ -12,7 +12,9 @@ model the likeliest sizes are those of least |z|^2 + lambda exp(-gamma' z): z = 
 T = 30 asks lambda = 30 exp(15 s): of white noise that n readings tell s = 2 / n, the loss of a t-test; of a bias that
 may walk as much as an effect drifts nearly all is lost. No size goes beyond its bounds: it stays there.
 
-Neglects that sizes far off take up less and less, that the posterior is quadratic near its top alone, and lateness.
+Neglects that sizes far off take up less and less, and those that are small now more once they have grown (a walk that
+is none without the effect: a size up to four times as large would be needed), that the posterior is quadratic near its
+top alone, and lateness.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ class OpenLevels:
 
         Parameters
         ----------
-        less, more : (axes, size) 1-sigma of each component on either side of each axis; infinite where it is not seen
+        less, more : (axes, size) 1-sigma of each component on either side of each axis; NaN where no model follows
         """
         seen = np.isfinite(less) & np.isfinite(more)
         gamma = np.log(np.where(seen, more, 1.0) / np.where(seen, less, 1.0))

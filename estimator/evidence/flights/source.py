@@ -33,7 +33,15 @@ from sinan.estimator.evidence.intervals.wrong_readings import (
     wrong_rows,
 )
 from sinan.estimator.evidence.probes import probes_for
-from sinan.estimator.evidence.score import BLOCKS, Evidence, Statistic, statistic_of, sums_by_block, without_prior
+from sinan.estimator.evidence.score import (
+    BLOCKS,
+    Evidence,
+    Statistic,
+    sigma_of_wide,
+    statistic_of,
+    sums_by_block,
+    without_prior,
+)
 from sinan.estimator.evidence.sensitivity import candidate_streams
 from sinan.estimator.evidence.source import (
     IMPLAUSIBLE,
@@ -59,6 +67,7 @@ from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.streams import STREAMS
+from sinan.sensors.errors import InputError
 from sinan.sensors.held import held
 from sinan.sensors.motion import Motion
 from sinan.sensors.recording import Recording, tells_height
@@ -257,13 +266,18 @@ class FlightSource(OfFlight):
         return found
 
     def _stds(self, fit: Fit, effects: Sequence[Effect], flight: Flight) -> list[FloatArray]:
-        """1-sigma of each of some effects that are not in the fit, with the noise of another flight."""
+        """1-sigma of each of some effects that are not in the fit, with the noise of another flight; NaN where no model
+        follows from that.
+        """
         state, passes = _state(fit), self._passes.believing(flight)
         columns = [*state.own.effects, *effects]
-        journal, sensitivity = passes.run(columns, passes.along(state.own, state.motion))
-        W, white, event = passes.rows(sensitivity, journal, fit.part)
-        evidence = self._evidence_in(columns, fit, W, white, journal.t[event])
-        return [statistic_of(evidence, entry.name, fit.keys).std for entry in effects]
+        try:
+            journal, sensitivity = passes.run(columns, passes.along(state.own, state.motion))
+            W, white, event = passes.rows(sensitivity, journal, fit.part)
+            evidence = self._evidence_in(columns, fit, W, white, journal.t[event])
+            return [sigma_of_wide(evidence, entry.name, fit.keys) for entry in effects]
+        except (InputError, np.linalg.LinAlgError):
+            return [np.full(entry.size, np.nan) for entry in effects]
 
     # ---- localised effects
 

@@ -202,15 +202,21 @@ def added(minute: Minute, hidden: Hidden, rng: np.random.Generator) -> FloatArra
     if hidden.effect in LOCAL_KINDS:
         t = minute.recording.streams[minute.columns(hidden.stream)[0]].t
         return local_offset(rng, [hidden], t, scatter(errors_of(minute, hidden.stream)))[0]
-    return FORWARD[hidden.name](hidden.beta, seen_by(minute, hidden.stream))
+    found = FORWARD[hidden.name](hidden.beta, seen_by(minute, hidden.stream))
+    if hidden.stream == "gps" and found.shape[1] > 3:  # the position of a fix is of another instant than its velocity
+        found[:, :3] += minute.ready.levels.lead * found[:, 3:]
+    return found
+
+
+def instants(minute: Minute, sensor: str) -> FloatArray:
+    """(n,) at which a sensor was read: its stamps less how late the log shows them to be [s]; a receiver's velocity."""
+    stream = minute.columns(sensor)[0]
+    return minute.recording.streams[stream].t - minute.ready.levels.latency.get(stream, 0.0)
 
 
 def seen_by(minute: Minute, sensor: str) -> Seen:
-    """Plain reading of a sensor and what its effects need, at the instants at which it was read: its stamps less how
-    late the log shows them to be.
-    """
-    stream, reading = minute.columns(sensor)[0], minute.reading(sensor)
-    t = minute.recording.streams[stream].t - minute.ready.levels.latency.get(stream, 0.0)
+    """Plain reading of a sensor and what its effects need, at the instants of its readings."""
+    t, reading = instants(minute, sensor), minute.reading(sensor)
     body = minute.around.motion(t)
     if sensor in ("sonar", "laser"):  # the ground is where the beam ends
         down = minute.around.ground_down - reading[:, 0] * body.C[:, 2, 2]
@@ -223,10 +229,10 @@ def errors_of(minute: Minute, sensor: str) -> FloatArray:
     """(n, k) readings of a sensor less what the perfect one reads along the log's own motion; of an IMU its readings,
     whose steps are all that is asked of them.
     """
-    t, reading = minute.recording.streams[minute.columns(sensor)[0]].t, minute.reading(sensor)
+    reading = minute.reading(sensor)
     if sensor in ("accel", "gyro"):
         return reading
-    return errors(minute.ready.model, minute.around.estimate, sensor, t, reading)
+    return errors(minute.ready.model, minute.around.estimate, sensor, instants(minute, sensor), reading)
 
 
 def wander_of(minute: Minute, sensor: str, length: float) -> FloatArray:
