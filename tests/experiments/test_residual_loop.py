@@ -13,7 +13,7 @@ from scipy import stats
 from sinan.calibration.poses.evidence.poses import NormPoses
 from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.intervals.wrong_readings import isolated_outliers
-from sinan.estimator.evidence.score import log_p_of_deviance
+from sinan.estimator.evidence.score import log_p_of_deviance, project_out, statistic_of
 from sinan.estimator.evidence.source import log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.datasets import resolve
@@ -103,8 +103,6 @@ def test_p_values_are_uniform_without_an_effect() -> None:
 
 
 def _plain_statistics(source: LeastSquaresSource):
-    from sinan.estimator.evidence.score import statistic_of
-
     evidence = source.evidence(source.fit(()))
     return [statistic_of(evidence, entry.name) for entry in source.candidates]
 
@@ -391,3 +389,21 @@ def test_report_fits_the_schema() -> None:
 
 #: A report without its words, with one effect at least.
 SCHEMA: dict[str, Any] = {key: value for key, value in schema("trace").items() if key != "required"}
+
+
+@pytest.mark.parametrize("n", [25, 100])
+def test_where_the_noise_is_estimated_what_is_detectable_leaves_a_statistic_of_thirty(n: int) -> None:
+    """And one a degree of freedom, put in along the direction in which one component is seen worst; forty times."""
+    entry = Term("mag.temperature")
+    found = []
+    for seed in range(40):
+        source = LeastSquaresSource(poses(np.random.default_rng(seed), n, declared=False))
+        fit = source.fit(())
+        evidence = source.evidence(fit)
+        (limit,) = source.detectable(fit, [statistic_of(evidence, entry.name)])
+        information, _ = project_out(evidence, entry.name, ())
+        covariance = np.linalg.inv(information.sum(axis=0))
+        beta = covariance[:, 0] / covariance[0, 0] * limit.detectable_from[0]
+        source = LeastSquaresSource(poses(np.random.default_rng(seed), n, term=entry, beta=tuple(beta), declared=False))
+        found.append(statistic_of(source.evidence(source.fit(())), entry.name).statistic)
+    assert np.mean(found) == pytest.approx(33.0, abs=3.0)
