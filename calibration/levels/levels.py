@@ -57,7 +57,6 @@ class Levels:
     axes_std, turned_std : of the gyroscope's scale and axes, and of the compass's axes against those of the IMU
     own_north : see `FlightModel`
     found : the sizes that the log gave
-    sigmas : 1-sigma of each, in the logarithm; of a time, of itself
     covariance : (found, found) of all, each in spreads of its prior
     log_posterior : of the log at these sizes
     in_excerpts : they were sought in excerpts of it at first
@@ -81,11 +80,17 @@ class Levels:
     turned_std: float = 0.0
     own_north: bool = False
     found: tuple[Size, ...] = ()
-    sigmas: tuple[float, ...] = ()
     covariance: FloatArray | None = None
     log_posterior: float = float("nan")
     in_excerpts: bool = False
     iron: FloatArray | None = None
+
+    @property
+    def sigmas(self) -> tuple[float, ...]:
+        """1-sigma of each size that was found, in the logarithm; of a time, of itself."""
+        if self.covariance is None:
+            return ()
+        return tuple((np.sqrt(np.diag(self.covariance)) * [size.spread for size in self.found]).tolist())
 
     def flight(self, recording: Recording) -> Flight:
         """A recording with the model that these sizes make."""

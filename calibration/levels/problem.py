@@ -205,15 +205,8 @@ class Problem:
     def fitted(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> Levels:
         """The likeliest levels, sought from a theta on; see `likeliest`."""
         theta, value = self.likeliest(theta, turns, far)
-        covariance = self.covariance(theta)
-        sigmas = np.sqrt(np.diag(covariance)) * [size.spread for size in self.sizes]
-        return replace(
-            self.levels(theta),
-            found=self.sizes,
-            sigmas=tuple(sigmas.tolist()),
-            covariance=covariance,
-            log_posterior=value,
-        )
+        levels, covariance = self.levels(theta), self.covariance(theta)
+        return replace(levels, found=self.sizes, covariance=covariance, log_posterior=value)
 
     def likeliest(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> tuple[FloatArray, float]:
         """Times and all else in turns, until one turn of both gains nothing; times at first may be far off."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.sensors.recording import Recording
 
@@ -30,4 +32,4 @@ def flight_source(recording: Recording, slow_gps: bool = True) -> FlightSource:
     else:
         ready = near_level_or_a_place(recording)
     flight = ready.flight.believing(relinearise=is_coarse(ready.flight))
-    return FlightSource(flight, None if declared else recording, open_levels(ready.levels, flight))
+    return FlightSource(flight, None if declared else recording, partial(open_levels, ready.levels, flight))

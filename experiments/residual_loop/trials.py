@@ -139,6 +139,11 @@ def _is_asked(source: Source, refit: Fit, finding: Finding) -> bool:
     return finding.term.in_mean and source.is_predicting and refit.part == "all" and can_be_predicted(finding.term)
 
 
+def _are_asked(source: Source, first: Trial, other: Trial) -> bool:
+    """Whether withheld readings can tell of both."""
+    return _is_asked(source, *first) and _is_asked(source, *other)
+
+
 def _is_left(source: Source, first: Trial, other: Trial, threshold: float) -> bool:
     """Whether an effect would pass its test given another one: it is there too then, and none of its rivals."""
     evidence = source.evidence(first[0])
@@ -172,7 +177,7 @@ def _are_for_one_place(first: Trial, other: Trial) -> bool:
 
 def _over(source: Source, first: Trial, other: Trial) -> float:
     """Logarithm of the odds for a trial over another, by withheld readings too where they can tell of both."""
-    if not (_is_asked(source, *first) and _is_asked(source, *other)):
+    if not _are_asked(source, first, other):
         return first[1].log_odds - other[1].log_odds
 
     def log_odds(scatter: float) -> float:
@@ -193,8 +198,7 @@ def _is_as_likely(source: Source, first: Trial, other: Trial, threshold: float) 
     """Whether an effect is a rival of another: the odds do not tell it from that, nor do both together explain more."""
     if not _are_for_one_place(first, other) or 2.0 * _over(source, first, other) >= CONFUSED:
         return False
-    asked = _is_asked(source, *first) and _is_asked(source, *other)
-    return not asked or not _is_left(source, first, other, threshold)
+    return not (_are_asked(source, first, other) and _is_left(source, first, other, threshold))
 
 
 def _why(option: Option, tried: Trial | None, threshold: float) -> str:

@@ -101,7 +101,7 @@ def test_what_is_detectable_is_by_sources_opened_with_the_sizes_of_either_side()
     levels = open_levels(ready.levels, ready.flight)
     assert levels is not None
     few = replace(levels, sides=levels.sides[::4], axes=levels.axes[::4])
-    source = FlightSource(ready.flight, ready.recording, few)
+    source = FlightSource(ready.flight, ready.recording, lambda: few)
     fit = source.fit(())
     known = [statistic_of(source.evidence(fit), entry.name) for entry in source.candidates]
     wider = source.detectable(fit, known)

@@ -92,10 +92,15 @@ class FlightSource(OfFlight):
     logged : where the noise is found and not declared, all readings as they were logged: an effect is then proved by
         what it predicts of withheld readings, not by one-step residuals, and wrong readings are those far from their
         neighbours, not from the filter
-    open_levels : sizes of the noise that were found; None: all are declared
+    open_levels : how far the sizes of the noise are open, found when a report asks; None: all are declared
     """
 
-    def __init__(self, flight: Flight, logged: Recording | None = None, open_levels: OpenLevels | None = None) -> None:
+    def __init__(
+        self,
+        flight: Flight,
+        logged: Recording | None = None,
+        open_levels: Callable[[], OpenLevels | None] | None = None,
+    ) -> None:
         self._logged, self._opened, self._open_levels = logged, flight, open_levels
         kept, self.wrong = without_wrong_readings(flight.believing(gate_level=None))
         self._passes = FlightPasses(kept, IMPLAUSIBLE if logged is None else SOLD)
@@ -255,14 +260,15 @@ class FlightSource(OfFlight):
         """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
         of it up; as they are where all of the noise is declared.
         """
-        if self._open_levels is None or not statistics:
+        levels = self._open_levels() if self._open_levels is not None and statistics else None
+        if levels is None:
             return statistics
         effects = [Term(s.name).effect for s in statistics]
-        sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in self._open_levels.sides]
+        sides = [[self._stds(fit, effects, flight) for flight in pair] for pair in levels.sides]
         found = []
         for k, s in enumerate(statistics):
             less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
-            found.append(replace(s, detectable_from=s.detectable_from * self._open_levels.wider(less, more)))
+            found.append(replace(s, detectable_from=s.detectable_from * levels.wider(less, more)))
         return found
 
     def _stds(self, fit: Fit, effects: Sequence[Effect], flight: Flight) -> list[FloatArray]:
