@@ -44,7 +44,7 @@ def fast(session: nox.Session) -> None:
 def tests(session: nox.Session) -> None:
     """All tests with the newest versions that the index has, on every Python of this machine."""
     session.install("-e", ".[test]")
-    session.run("pytest", "-n", "2", *session.posargs)
+    session.run("pytest", "-n", "2", "--dist", "worksteal", *session.posargs)
 
 
 @nox.session

@@ -19,8 +19,6 @@ from sinan.estimator.evidence.source import Fit, LocalFinding, Source
 from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
 
-#: Blocks agree on one beta where their scatter is below this: one and three sigma of twenty blocks, 1 + 3 sqrt(2 / 19).
-AGREEMENT = 2.0
 
 
 @dataclass(frozen=True)
@@ -50,37 +48,25 @@ class Option:
 
 
 class Offered:
-    """The options about one fit: the candidates, and the intervals once they are searched.
+    """The options about one fit: the candidates, the intervals and the wrong readings.
 
     Attributes
     ----------
     evidence : about the fit
     statistics : of every candidate that is not in the fit
     options : those that may be added
-    local : the best interval of each time-localised family, once they are searched
+    local : the best interval of each time-localised family
     """
 
-    def __init__(self, source: Source, fit: Fit, threshold: float, refused: Mapping[str, str], intervals: bool) -> None:
-        self._source, self._fit, self._intervals = source, fit, intervals
+    def __init__(self, source: Source, fit: Fit, intervals: bool) -> None:
         self.evidence = source.evidence(fit)
         names = {term.name for term in fit.terms}
         others = [entry.name for entry in source.candidates if entry.name not in names]
         self.statistics = tuple(statistic_of(self.evidence, name, fit.keys) for name in others)
         same = alike_to(source, names)
         self.options = [option_of(s, self.evidence, fit) for s in self.statistics if s.name not in same]
-        self.local: Sequence[LocalFinding] = ()
-        self.searched = False
-        # blocks that agree on one beta: a local disturbance would not let them, so no interval has to be searched first
-        if source.is_predicting or not any(
-            s.log_p_corrected < threshold and s.scatter < AGREEMENT and s.name not in refused for s in self.statistics
-        ):
-            self.search()
-
-    def search(self) -> None:
-        """Add the best interval of each time-localised family, and the wrong readings."""
-        self.local = self._source.local_findings(self._fit, self._intervals)
+        self.local: Sequence[LocalFinding] = source.local_findings(fit, intervals)
         self.options += [_local_option(found, self.evidence.noise_dof) for found in self.local]
-        self.searched = True
 
     def drop(self, term: Term) -> None:
         """Offer a term no longer."""

@@ -77,7 +77,7 @@ class Selection:
     plain, final : without and with the effects, both of the readings that are left in the end
     findings : what was accepted, in order of discovery
     plain_statistics : of every candidate, about the plain model
-    plain_local : the best interval of each time-localised family about the plain model, where they were searched
+    plain_local : the best interval of each time-localised family about the plain model
     final_statistics : of every candidate that was not accepted, about the final model
     left : options that pass the test about the final model but were not accepted, strongest first
     steps : every effect that was added, with the model without it, in order; one may have been dropped since
@@ -125,8 +125,7 @@ def select(
 ) -> Selection:
     """Forward selection: take the best effect that passes, refit, repeat until nothing earns its place.
 
-    1. All candidates are scored about the present fit, the effects already in it projected out; where none of them
-       stands, the intervals too.
+    1. All candidates are scored about the present fit, the effects already in it projected out, and the intervals.
     2. Those that pass at family-wise error alpha form the shortlist; where none does because strong effects inflate
        each other's scatter, those that pass without it are tried, and have to pass with it after the refit.
     3. The shortlist, and what the score does not see, is refitted in exact form; the likeliest plausible one is
@@ -222,7 +221,7 @@ class _Path:
             evidence = self._source.evidence(self._fit, own_terms_only=True)
             if cannot_be(self._source, self._fit, term, evidence):
                 self._drop(term, IMPOSSIBLE)
-        return Offered(self._source, self._fit, self._threshold, self._refused, self._intervals)
+        return Offered(self._source, self._fit, self._intervals)
 
     def _drop(self, term: Term, why: str) -> None:
         """Take an effect out of the model."""
@@ -260,14 +259,10 @@ class _Path:
             self._offered = self._offer()
 
     def best(self, shortlist: int) -> Trial | None:
-        """The best that stands of what is offered, with its fit; where nothing does the intervals are searched too."""
+        """The best that stands of what is offered, with its fit."""
         full = sum(finding.term.interval is not None for finding in self.findings) >= MOST_LOCAL
         options = self._offered.open_to(full)
-        found = best_of(self._source, self._fit, options, self._threshold, self._refused, shortlist)
-        if found is None and not self._offered.searched:  # what was to come before any interval did not stand
-            self._offered.search()
-            return self.best(shortlist)
-        return found
+        return best_of(self._source, self._fit, options, self._threshold, self._refused, shortlist)
 
     def best_pair(self) -> tuple[Fit, list[Trial]] | None:
         """See `trials.best_pair`."""

@@ -257,6 +257,8 @@ def trial(source: Source, fit: Fit, option: Option) -> Trial | None:
     term = option.term
     try:
         refit = source.fit((*fit.terms, term), {**fit.beta, term: option.beta}, fit.part)
+        if term.in_mean and refit.deviance > fit.deviance:  # the estimate lay beyond where the derivatives hold
+            refit = source.fit((*fit.terms, term), fit.beta, fit.part)
     except InputError:  # no state or covariance that could be: this is not what happened
         return None
     for _ in range(_RELOCATIONS):

@@ -11,12 +11,12 @@ import pytest
 from scipy import stats
 
 from sinan.estimator.evidence.score import Evidence, statistic_of
-from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, Part, Source
+from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, LocalFinding, Part, Source
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop import trials
 from sinan.experiments.residual_loop.options import Offered, Option, option_of
 from sinan.experiments.residual_loop.select import _Path
-from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest
+from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest, trial
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
 from tests.linear_source import Linear, in_blocks
@@ -157,8 +157,45 @@ def test_what_no_log_tells_from_an_effect_of_the_model_is_not_offered() -> None:
         source = Pair(1.0, 0.1)
         source.alike = alike
         fit = source.fit((Term("baro.scale"),))
-        found = Offered(cast(Source, source), fit, -9.0, {}, intervals=False)
+        found = Offered(cast(Source, source), fit, intervals=False)
         assert [option.term.name for option in found.options] == offered
+
+
+def test_intervals_are_offered_beside_what_lasts_and_stands() -> None:
+    """However well all blocks agree on it: a step can have the better odds."""
+    step = LocalFinding(Term("accel.step", (30.0, np.inf)), 400.0, 3, -190.0, np.array([0.5, 0.0, 0.0]), 4.0)
+
+    class WithAStep(Line):
+        candidates = (effect("baro.scale"),)
+        is_predicting = False
+
+        def local_findings(self, fit: Fit, intervals: bool = True) -> Sequence[LocalFinding]:
+            return [step] if intervals else []
+
+    source = cast(Source, WithAStep(3.0, 0.1))
+    for intervals, names in ((True, ["baro.scale", "accel.step"]), (False, ["baro.scale"])):
+        found = Offered(source, source.fit(()), intervals)
+        assert [option.term.name for option in found.options] == names
+        assert found.options[0].log_p < -100.0
+
+
+def test_an_estimate_beyond_where_the_derivatives_hold_is_no_start() -> None:
+    """From there on the fit ends where the likelihood is less than without the effect; from zero on it is found."""
+
+    class Curved(Line):
+        def fit(self, terms: Sequence[Term], start: Mapping[Term, FloatArray] | None = None, part: Part = "all") -> Fit:
+            fit = super().fit(terms, start, part)
+            lost = any(np.any(np.abs(beta) > 4.0 * self._plausible) for beta in (start or {}).values())
+            return replace(fit, beta=dict(start or {}), deviance=fit.deviance + 1e5) if lost else fit
+
+    source = cast(Source, Curved(3.0, 0.3))
+    fit = source.fit(())
+    evidence = source.evidence(fit)
+    option = option_of(statistic_of(evidence, "baro.scale"), evidence, fit)
+    found = trial(source, fit, replace(option, beta=3.0 * option.beta))
+    assert found is not None
+    assert found[1].gain > 50.0
+    assert found[1].beta[0] / effect("baro.scale").parameters[0].plausible == pytest.approx(3.0, rel=2e-3)
 
 
 @pytest.mark.parametrize(("sigmas", "stays"), [(1.0, False), (4.0, True)])
