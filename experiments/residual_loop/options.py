@@ -20,7 +20,6 @@ from sinan.estimator.evidence.term import Term
 from sinan.sensors.arrays import FloatArray
 
 
-
 @dataclass(frozen=True)
 class Option:
     """A candidate at one step of the selection: evidence on the first pass, before any refit.

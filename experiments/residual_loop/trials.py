@@ -198,7 +198,7 @@ def _is_as_likely(source: Source, first: Trial, other: Trial, threshold: float) 
     """Whether an effect is a rival of another: the odds do not tell it from that, nor do both together explain more."""
     if not _are_for_one_place(first, other) or 2.0 * _over(source, first, other) >= CONFUSED:
         return False
-    return not (_are_asked(source, first, other) and _is_left(source, first, other, threshold))
+    return not (source.is_predicting and _is_left(source, first, other, threshold))
 
 
 def _why(option: Option, tried: Trial | None, threshold: float) -> str:

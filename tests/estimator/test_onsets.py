@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.intervals.doubted import doubted_among
 from sinan.estimator.evidence.intervals.onsets import Rows, Step, best_onsets
 from sinan.estimator.evidence.source import LocalFinding
 from sinan.sensors.arrays import FloatArray
@@ -99,3 +100,36 @@ def test_where_the_bias_is_known_what_is_off_from_the_start_on_is_a_transient() 
     one = max(searched, key=lambda one: one.statistic)
     assert one.term.name == "mag.transient"
     assert one.term.interval == pytest.approx((0.0, 40.0), abs=0.1)
+
+
+#: Degrees of freedom of the law of a height's readings, and the time in which the filter follows an offset of them [s].
+TAIL, FOLLOWED = 4.0, 0.1
+
+
+def height_rows(z: FloatArray, weight: FloatArray, steps: Sequence[Step], doubted: bool) -> Rows:
+    """Of whitened readings z at weights: an offset of one sigma is followed within some readings."""
+    answers = [np.where(t <= T, np.exp(-np.maximum(T - t, 0.0) / FOLLOWED), 0.0) for _, t in steps]
+    root, n = np.sqrt(weight), len(T)
+    law = doubted_among(weight, np.ones(n, dtype=np.int64), np.full(n, TAIL), np.full(n, -np.inf)) if doubted else None
+    wanted = root[:, None] * np.stack(answers, axis=1)
+    return Rows(np.zeros((n, 0)), wanted, root * z, np.full(n, "baro"), T, law)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_offset_between_two_of_the_grid_that_the_filter_doubts_is_found(seed: int) -> None:
+    """15 sigma for 3.3 s, followed within some readings: by squares, and on the grid alone, there is nothing."""
+    begin, end, rng = 41.399, 44.649, np.random.default_rng(seed)
+    (answer,) = height_rows(T, np.ones(len(T)), [("baro", begin)], False).wanted.T
+    (back,) = height_rows(T, np.ones(len(T)), [("baro", end)], False).wanted.T
+    z = 15.0 * (answer - back) + rng.standard_normal(len(T))
+    z[[300, 1500]] = 25.0  # wrong readings, which are no jumps
+    weight = np.where(z**2 > 1.0, (TAIL + 1.0) / (TAIL + z**2), 1.0)
+    stats = {}
+    for doubted in (True, False):
+        searched = best_onsets(
+            {"baro": T}, 0.0, END, lambda steps, d=doubted: height_rows(z, weight, steps, d), len(T), np.log(1e-3)
+        )
+        stats[doubted] = next(one for one in searched if one.term.name == "baro.transient")
+    assert stats[True].term.interval == pytest.approx((begin, end), abs=0.1)
+    assert stats[True].beta == pytest.approx([15.0], abs=1.5)
+    assert stats[True].log_p < np.log(1e-6) < stats[False].log_p

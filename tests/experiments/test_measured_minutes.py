@@ -27,7 +27,7 @@ from sinan.experiments.blind.measured import benchmark, command
 from sinan.experiments.blind.measured.command import named
 from sinan.experiments.blind.measured.draw import BEYOND, NOT_VISIBLE, PUT, SIZES, UNDONE, Order, draw, sized
 from sinan.experiments.blind.measured.grade import grade
-from sinan.experiments.blind.measured.knowing import gain
+from sinan.experiments.blind.measured.knowing import gain, told
 from sinan.experiments.blind.measured.minute import (
     Minute,
     added,
@@ -47,10 +47,12 @@ from sinan.experiments.blind.measured.page import (
     LOCAL,
     LOCAL_ANY,
     LOCAL_SEEN,
+    LOCAL_TOLD,
     LOST,
     OUTLIERS,
     RIGHT,
     RIGHT_ANY,
+    RIGHT_TOLD,
     against,
     page,
     rates,
@@ -409,7 +411,25 @@ def test_one_who_knows_gains_what_there_is_to_see(
 
 def test_nobody_gains_by_outliers_or_by_nothing(minute: Minute) -> None:
     assert gain(minute, Hidden("gps.outliers", np.array([0.05]), (0.0, 60.0))) is None
+    assert told(minute, Hidden("gps.outliers", np.array([0.05]), (0.0, 60.0))) is None
     assert gain(minute, Hidden("mag.scale", np.full(3, 1e-9))) == pytest.approx(0.0, abs=1e-3)
+    assert told(minute, Hidden("mag.scale", np.full(3, 1e-9))) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_minute_tells_of_a_lateness_all_and_of_a_step_what_its_noise_leaves(recording: Recording) -> None:
+    """A bias that walks takes a part of a step up; of a lateness hardly a thing."""
+    undeclared = minute_of(recording.replace(sensors={}), np.random.default_rng(SEED))
+    share = {}
+    for name, span in (("gps.latency", None), ("baro.step", (undeclared.begin + 40.0, undeclared.end))):
+        one = gain(undeclared, Hidden(name, np.array([0.01]), span))
+        assert one is not None
+        hidden = Hidden(name, np.array([0.01 * np.sqrt(150.0 / one)]), span)
+        known, seen = gain(undeclared, hidden), told(undeclared, hidden)
+        assert known == pytest.approx(150.0, rel=0.2)
+        assert seen is not None
+        share[name] = seen / known
+    assert share["gps.latency"] == pytest.approx(0.9, abs=0.15), share
+    assert 0.0 < share["baro.step"] < 0.7, share
 
 
 # ---- grade
@@ -465,13 +485,18 @@ def test_a_step_is_right_at_its_time(interval: tuple[float, float], right: bool)
 
 
 def row(
-    name: str = "gyro.scale", size: float = 1.0, status: str = PUT, gain: float | None = 50.0, **changed: Any
+    name: str = "gyro.scale",
+    size: float = 1.0,
+    status: str = PUT,
+    gain: float | None = 50.0,
+    told: float = 40.0,
+    **changed: Any,
 ) -> dict[str, Any]:
     """One run as its JSON has it."""
     found = asdict(grade(PUT_IN, report_of(SCALE), report_of(), 6.0)) | changed
     lasting = name in CATALOGUE
     rest = (
-        {"gain": gain, "grade": found, "beta": [0.02, 0.0, 0.0], "interval": None, "why": ""}
+        {"gain": gain, "told": told, "grade": found, "beta": [0.02, 0.0, 0.0], "interval": None, "why": ""}
         if status == PUT
         else {"why": status}
     )
@@ -495,6 +520,8 @@ def row(
         (IN_CLASS, (row(right=False), row(right=False, in_class=False)), (1, 2)),
         (LOCAL, (row("gps.step"), row("gps.step", 0.5, right=False), row("gps.outliers", right=False), row()), (1, 1)),
         (LOCAL_SEEN, (row("gps.step"), row("gps.step", gain=20.0), row("gps.step", 0.5), row()), (1, 1)),
+        (LOCAL_TOLD, (row("gps.step"), row("gps.step", told=20.0), row("gps.step", 0.5), row()), (1, 1)),
+        (RIGHT_TOLD, (row(), row(told=20.0), row(size=0.5, right=False), row("gps.step")), (1, 2)),
         (LOCAL_ANY, (row("gps.step"), row("baro.transient", 0.5, right=False)), (1, 2)),
         (OUTLIERS, (row("gps.outliers"), row("gps.step")), (1, 1)),
         (FURTHER_LEFT_OUT, (row(), row(further=("gps.step",)), row(further_left_out=("gps.step",))), (1, 3)),
@@ -538,8 +565,8 @@ def test_page_says_what_was_put_in() -> None:
     rows = [row(), row(status=NOT_VISIBLE), row("gps.step", size=2.0, right=False, further=("baro.step",))]
     text = page([control_of()], rows)
     assert "3 draws of seed 0 from 1 logs: 2 put, 1 not visible." in text
-    assert "| a log | gyro.scale 0.02, 0, 0 | 1 | 50 | yes | - | - |" in text
-    assert "| a log | gps.step 0.02, 0, 0 | 2 | 50 | no | baro.step | - |" in text
+    assert "| a log | gyro.scale 0.02, 0, 0 | 1 | 50 | 40 | yes | - | - |" in text
+    assert "| a log | gps.step 0.02, 0, 0 | 2 | 50 | 40 | no | baro.step | - |" in text
     assert "| a log | 0 | current | gps.latency | effects | 6 |" in text
 
 
@@ -625,6 +652,6 @@ def test_the_tracer_before_a_measured_minute(
     benchmark.run(tmp_path, ["course, quadrotor"], 2, 0)
     controls, runs = benchmark.collected(tmp_path)
     assert [r["status"] for r in runs] == [PUT, PUT]
-    assert all(r["grade"]["verdict"] != "refused" and np.isfinite(r["gain"]) for r in runs)
+    assert all(r["grade"]["verdict"] != "refused" and np.isfinite([r["gain"], r["told"]]).all() for r in runs)
     assert "gyro.scale" in sizes_of(controls)["0 course, quadrotor"]
     assert "| course, quadrotor | gyro." in page(controls, runs)

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sinan.estimator.evidence.intervals.doubted import Doubted, explained
-from sinan.estimator.evidence.intervals.sudden import jumps
+from sinan.estimator.evidence.intervals.sudden import MOST_JUMPS, jumps
 from sinan.estimator.evidence.score import CONFUSED, gain_of, log_p_among, log_p_value
 from sinan.estimator.evidence.source import LocalFinding
 from sinan.estimator.evidence.term import Term
@@ -47,6 +47,8 @@ _DEPENDENT = 1e-12
 #: as `localise._START_UP`. Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work
 #: flight`).
 _EDGE = 0.1
+#: Readings in a row that are doubted where an offset may begin or end; one is a wrong reading.
+_IN_A_ROW = 2
 #: Logarithm of the p-value above which intervals explain what they would of white innovations: a stated risk.
 _AS_WHITE = np.log(1e-3)
 #: Further intervals that may be effects too: bound of work (`bounds_of_work flight`).
@@ -149,7 +151,7 @@ def _joints(
         sizes = {stream: effect(f"{stream}.step").size for stream in group}
         rows = rows_of([step for stream in group for step in _steps(stream, grid)])
         parts = dict(zip(group, _columns(rows, [len(grid) * sizes[s] for s in group]), strict=True))
-        sudden = {s: _jumps(parts[s], s, grid, sizes[s]) for s in group}
+        sudden = {s: np.union1d(_jumps(parts[s], s, grid, sizes[s]), _doubts(rows, s)) for s in group}
         columns = [step for stream in group for step in _steps(stream, sudden[stream])]
         more = rows_of(columns) if columns else replace(rows, wanted=np.zeros((len(rows.white), 0)))
         besides = _columns(more, [len(sudden[s]) * sizes[s] for s in group])
@@ -227,6 +229,27 @@ def _jumps(rows: Rows, stream: str, grid: FloatArray, size: int) -> FloatArray:
         return np.zeros(0)
     answers = rows.wanted[mine].reshape(n, len(t) // n, len(grid), size)
     return jumps(answers, rows.white[mine].reshape(n, -1), t[:: len(t) // n], grid) - _JUST_BEFORE
+
+
+def _doubts(rows: Rows, stream: str) -> FloatArray:
+    """Just before the readings from which on the filter doubts a stream, those first that it doubts most in all.
+
+    A jump that it doubts it does not follow at once, and what is doubted hardly pulls: squares do not show where it is.
+    A single reading that is doubted is a wrong one, and no jump.
+    """
+    if rows.doubted is None:
+        return np.zeros(0)
+    first = rows.doubted.row[rows.doubted.first]
+    mine = rows.sensor[first] == stream
+    t = np.unique(rows.t[rows.sensor == stream])
+    k = np.searchsorted(t, rows.t[first[mine]])
+    begin = np.flatnonzero(np.diff(k, prepend=-2) > 1)
+    if not len(begin):
+        return np.zeros(0)
+    doubt = np.add.reduceat(-np.log(rows.doubted.weight[mine]), begin)
+    doubt[np.diff(begin, append=len(k)) < _IN_A_ROW] = 0.0
+    most = np.argsort(-doubt, kind="stable")[:MOST_JUMPS]
+    return t[k[begin[most[doubt[most] > 0.0]]]] - _JUST_BEFORE
 
 
 def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArray, span: tuple[float, float]) -> float:

@@ -13,7 +13,7 @@ from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import FloatArray
 
 #: Jumps of a stream that are looked at: bound of work (`bounds_of_work flight`).
-_MOST = 6
+MOST_JUMPS = 6
 #: Logarithm of the p-value above which none is: a stated risk of 5 %.
 _NOTABLE = -3.0
 #: The answer is followed for so many readings at least: bound of work (`bounds_of_work flight`).
@@ -32,7 +32,7 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
 
     Returns
     -------
-    (k,) stamps of the first readings after the jumps [s], at most `_MOST`
+    (k,) stamps of the first readings after the jumps [s], at most `MOST_JUMPS`
     """
     if len(t) < _SHORTEST_ANSWER:
         return np.zeros(0)
@@ -56,7 +56,7 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
     usual = max(float(np.median(gain[gain > 0.0])) / float(stats.chi2.median(dof)), 1.0)
     found: list[float] = []
     left = gain / usual
-    while len(found) < _MOST:
+    while len(found) < MOST_JUMPS:
         j = int(np.argmax(left))
         if log_p_value(float(left[j]), dof) + np.log(len(t)) > _NOTABLE:
             break

@@ -18,7 +18,7 @@ from sinan.experiments.blind.grade import REFUSED
 from sinan.experiments.blind.maker.catalogue import Hidden
 from sinan.experiments.blind.measured.draw import PUT, draw, sized
 from sinan.experiments.blind.measured.grade import grade
-from sinan.experiments.blind.measured.knowing import gain
+from sinan.experiments.blind.measured.knowing import gain, told
 from sinan.experiments.blind.measured.minute import Minute, minute_of, put, rng_of
 from sinan.experiments.datasets import resolve
 from sinan.experiments.measured.flights import LOGS
@@ -122,7 +122,8 @@ def one(seed: int, number: int, minute: Minute, control: Document) -> dict[str, 
         return entry
     document = traced(put(minute, hidden, np.random.default_rng([seed, number, 1])))
     answer = {"beta": hidden.beta.tolist(), "interval": None if hidden.interval is None else list(hidden.interval)}
-    return {**entry, **answer, "gain": gain(minute, hidden), "report": document}
+    known = {"gain": gain(minute, hidden), "told": told(minute, hidden)}
+    return {**entry, **answer, **known, "report": document}
 
 
 def traced(recording: Recording) -> dict[str, Any]:

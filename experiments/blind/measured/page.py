@@ -20,12 +20,28 @@ from sinan.sensors.arrays import FloatArray
 Sizes = Mapping[str, Mapping[str, Sequence[float | None]]]
 #: What is detectable by the reports of the controls that later ones are held against: `detectable` of a `rates.json`.
 REFERENCE = Path(__file__).with_name("detectable.json")
-RIGHT, RIGHT_ANY, IN_CLASS, LOCAL, LOCAL_SEEN, LOCAL_ANY, OUTLIERS, FURTHER, FURTHER_LEFT_OUT, LOST, BETA = (
+(
+    RIGHT,
+    RIGHT_ANY,
+    RIGHT_TOLD,
+    IN_CLASS,
+    LOCAL,
+    LOCAL_SEEN,
+    LOCAL_TOLD,
+    LOCAL_ANY,
+    OUTLIERS,
+    FURTHER,
+    FURTHER_LEFT_OUT,
+    LOST,
+    BETA,
+) = (
     "lasting, detectable by the control's own word: right name",
     "lasting, of any size: right name",
+    f"lasting, told by the minute itself (more than {DETECTABLE_LAMBDA:g}): right name",
     "lasting, detectable: right name, or said to be confused with what is named",
     f"step or transient of {OF_WANDER:g} sigma or more of its stream's wander: right name",
     f"the same, seen by one who knows (2 log L grows by {DETECTABLE_LAMBDA:g}): right name",
+    f"step or transient, told by the minute itself (more than {DETECTABLE_LAMBDA:g}): right name",
     "step or transient of any size: right name",
     "outliers: right name",
     "further names, that the control has not",
@@ -50,7 +66,9 @@ nothing declared. The untouched minute is the control, and what a log has that i
   readings about the motion that the log itself shows. None is larger than three plausible sizes
   (`sensors/effects/streams.py`).
 - **gain**: growth of 2 log L of that minute when the very effect is put into the model, about its lambda if the noise
-  is what the levels say.
+  is what the levels of the untouched minute say.
+- **told**: the same of twice the log-posterior, the sizes of the noise sought without the effect in the model and with
+  it: what there is to see where nobody knows the untouched minute. Less than nothing: the search has ended elsewhere.
 - **reference**: what the reports of the same controls called detectable while white noise was all that the model had
   (`detectable.json`, made with the commit 2687d4c).
 - Where the control names the effect too, its beta has to be nearer to that with what was put in than to the control's.
@@ -71,9 +89,11 @@ def rates(runs: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     return {
         RIGHT: _share(visible, "right"),
         RIGHT_ANY: _share(lasting, "right"),
+        RIGHT_TOLD: _share(_told(lasting), "right"),
         IN_CLASS: _share(visible, "in_class"),
         LOCAL: _share(far, "right"),
         LOCAL_SEEN: _share([r for r in far if r["gain"] > DETECTABLE_LAMBDA], "right"),
+        LOCAL_TOLD: _share(_told(far), "right"),
         LOCAL_ANY: _share(offsets, "right"),
         OUTLIERS: _share(outliers, "right"),
         FURTHER: _share(put, "further"),
@@ -85,6 +105,11 @@ def rates(runs: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
 
 def _share(runs: Sequence[Mapping[str, Any]], key: str) -> dict[str, Any]:
     return count(sum(bool(r["grade"][key]) for r in runs), len(runs))
+
+
+def _told(runs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Those of which the minute itself tells enough."""
+    return [r for r in runs if r["told"] > DETECTABLE_LAMBDA]
 
 
 def key_of(control: Mapping[str, Any]) -> str:
@@ -135,8 +160,8 @@ def page(controls: Sequence[Mapping[str, Any]], runs: Sequence[Mapping[str, Any]
     ]
     lines += ["| effect | detectable | logs that show it, of | in the reference |", "| --- " * 4 + "|"]
     lines += _detectable_rows(sizes_of(controls), reference)
-    lines += ["", "## Minutes with an effect", "", "| log | put in | size | gain | named | further | lost | z |"]
-    lines += ["| --- " * 8 + "|", *(_run_row(r) for r in runs if r["status"] == PUT)]
+    lines += ["", "## Minutes with an effect", "", "| log | put in | size | gain | told | named | further | lost | z |"]
+    lines += ["| --- " * 9 + "|", *(_run_row(r) for r in runs if r["status"] == PUT)]
     failed = [r for r in runs if r["status"] == REFUSED] + [c for c in controls if c["report"]["verdict"] == REFUSED]
     lines += ["", "Not traced:", ""] if failed else []
     lines += [f"- {one['log']}: {one.get('why') or one['report']['why']}" for one in failed]
@@ -194,5 +219,5 @@ def _run_row(run: Mapping[str, Any]) -> str:
     further, lost = (", ".join(grade[key]) or "-" for key in ("further", "lost"))
     beta = ", ".join(number(b) for b in run["beta"])
     put = f"{run['name']} {beta}"
-    gain = "-" if run["gain"] is None else number(run["gain"])
-    return f"| {run['log']} | {put} | {run['size']:g} | {gain} | {named} | {further} | {lost} | {z} |"
+    gain, told = ("-" if run[key] is None else number(run[key]) for key in ("gain", "told"))
+    return f"| {run['log']} | {put} | {run['size']:g} | {gain} | {told} | {named} | {further} | {lost} | {z} |"
