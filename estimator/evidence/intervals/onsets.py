@@ -47,8 +47,6 @@ _DEPENDENT = 1e-12
 #: as `localise._START_UP`. Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work
 #: flight`).
 _EDGE = 0.1
-#: Readings in a row that are doubted where an offset may begin or end; one is a wrong reading.
-_IN_A_ROW = 2
 #: Logarithm of the p-value above which intervals explain what they would of white innovations: a stated risk.
 _AS_WHITE = np.log(1e-3)
 #: Further intervals that may be effects too: bound of work (`bounds_of_work flight`).
@@ -247,7 +245,8 @@ def _doubts(rows: Rows, stream: str) -> FloatArray:
     if not len(begin):
         return np.zeros(0)
     doubt = np.add.reduceat(-np.log(rows.doubted.weight[mine]), begin)
-    doubt[np.diff(begin, append=len(k)) < _IN_A_ROW] = 0.0
+    single = np.diff(begin, append=len(k)) == 1
+    doubt[single] = 0.0
     most = np.argsort(-doubt, kind="stable")[:MOST_JUMPS]
     return t[k[begin[most[doubt[most] > 0.0]]]] - _JUST_BEFORE
 
