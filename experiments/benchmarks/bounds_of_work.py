@@ -61,7 +61,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _INTERVALS + "onsets": ("_ONSETS", "_FINER", "_FURTHER", "_WORTH_REFINING"),
         _EVIDENCE + "probes": ("_PLACES", "_FEW", "_PLAYS"),
         _EVIDENCE + "score": ("_TAILS", "_LEAST_GAIN"),
-        _INTERVALS + "sudden": ("MOST_JUMPS", "_SHORTEST_ANSWER"),
+        _INTERVALS + "sudden": ("_MOST", "_SHORTEST_ANSWER"),
         _LOOP + "trace": ("_MOST_FALLS",),
         _LOOP + "trials": ("_AHEAD", "_RELOCATIONS"),
         _LOOP + "select": ("MOST_GIVEN_ERROR", "_MOST_ROUNDS"),

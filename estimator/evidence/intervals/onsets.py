@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sinan.estimator.evidence.intervals.doubted import Doubted, explained
-from sinan.estimator.evidence.intervals.sudden import MOST_JUMPS, jumps
+from sinan.estimator.evidence.intervals.sudden import doubts, jumps
 from sinan.estimator.evidence.score import CONFUSED, gain_of, log_p_among, log_p_value
 from sinan.estimator.evidence.source import LocalFinding
 from sinan.estimator.evidence.term import Term
@@ -230,25 +230,15 @@ def _jumps(rows: Rows, stream: str, grid: FloatArray, size: int) -> FloatArray:
 
 
 def _doubts(rows: Rows, stream: str) -> FloatArray:
-    """Just before the readings from which on the filter doubts a stream, those first that it doubts most in all.
-
-    A jump that it doubts it does not follow at once, and what is doubted hardly pulls: squares do not show where it is.
-    A single reading that is doubted is a wrong one, and no jump.
-    """
+    """Just before the readings from which on the filter doubts a stream."""
     if rows.doubted is None:
         return np.zeros(0)
     first = rows.doubted.row[rows.doubted.first]
     mine = rows.sensor[first] == stream
     t = np.unique(rows.t[rows.sensor == stream])
-    k = np.searchsorted(t, rows.t[first[mine]])
-    begin = np.flatnonzero(np.diff(k, prepend=-2) > 1)
-    if not len(begin):
-        return np.zeros(0)
-    doubt = np.add.reduceat(-np.log(rows.doubted.weight[mine]), begin)
-    single = np.diff(begin, append=len(k)) == 1
-    doubt[single] = 0.0
-    most = np.argsort(-doubt, kind="stable")[:MOST_JUMPS]
-    return t[k[begin[most[doubt[most] > 0.0]]]] - _JUST_BEFORE
+    doubt = np.zeros(len(t))
+    doubt[np.searchsorted(t, rows.t[first[mine]])] = -np.log(rows.doubted.weight[mine])
+    return doubts(t, doubt) - _JUST_BEFORE
 
 
 def _log_p_among_peers(rows_of: Pass, stream: str, best: _Best, stamps: FloatArray, span: tuple[float, float]) -> float:

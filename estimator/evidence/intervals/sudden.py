@@ -13,7 +13,7 @@ from sinan.estimator.evidence.score import log_p_value
 from sinan.sensors.arrays import FloatArray
 
 #: Jumps of a stream that are looked at: bound of work (`bounds_of_work flight`).
-MOST_JUMPS = 6
+_MOST = 6
 #: Logarithm of the p-value above which none is: a stated risk of 5 %.
 _NOTABLE = -3.0
 #: The answer is followed for so many readings at least: bound of work (`bounds_of_work flight`).
@@ -32,7 +32,7 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
 
     Returns
     -------
-    (k,) stamps of the first readings after the jumps [s], at most `MOST_JUMPS`
+    (k,) stamps of the first readings after the jumps [s], at most `_MOST`
     """
     if len(t) < _SHORTEST_ANSWER:
         return np.zeros(0)
@@ -56,10 +56,31 @@ def jumps(answers: FloatArray, white: FloatArray, t: FloatArray, grid: FloatArra
     usual = max(float(np.median(gain[gain > 0.0])) / float(stats.chi2.median(dof)), 1.0)
     found: list[float] = []
     left = gain / usual
-    while len(found) < MOST_JUMPS:
+    while len(found) < _MOST:
         j = int(np.argmax(left))
         if log_p_value(float(left[j]), dof) + np.log(len(t)) > _NOTABLE:
             break
         found.append(float(t[j]))
         left[max(j - reach // 2, 0) : j + reach // 2 + 1] = 0.0
     return np.array(found)
+
+
+def doubts(t: FloatArray, doubt: FloatArray) -> FloatArray:
+    """From which readings on several in a row are doubted, those first that are doubted most in all.
+
+    A jump that the filter doubts it does not follow at once, and what is doubted hardly pulls: squares do not show
+    where it is. A single reading that is doubted is a wrong one, and no jump.
+
+    Parameters
+    ----------
+    t : (n,) stamps of the readings [s]
+    doubt : (n,) -log weight of each; 0: it is believed
+
+    Returns
+    -------
+    (k,) stamps of the first readings [s], at most `_MOST`
+    """
+    ends = np.flatnonzero(np.diff(doubt > 0.0, prepend=False, append=False)).reshape(-1, 2)
+    ends = ends[ends[:, 1] - ends[:, 0] > 1]
+    total = [-float(np.sum(doubt[first:last])) for first, last in ends]
+    return t[ends[np.argsort(total, kind="stable")[:_MOST], 0]]
