@@ -154,42 +154,45 @@ class Problem:
 
     def covariance(self, theta: FloatArray) -> FloatArray:
         """(sizes, sizes) of theta about its likeliest value; of the prior it is the identity."""
-        return np.asarray(np.linalg.inv(self._information(theta)[1]))
+        return np.asarray(np.linalg.inv(self._information(theta)))
 
-    def _information(self, theta: FloatArray, times: bool = True) -> tuple[float, FloatArray]:
-        """Log-posterior, and (sizes, sizes) the information of log and prior.
+    def _information(self, theta: FloatArray, times: bool = True) -> FloatArray:
+        """(sizes, sizes) the information of log and prior.
 
         That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
         1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
         """
-        value, each = self._of_parts(theta, PARTS, times)
+        each = self._of_parts(theta, PARTS, times)[1]
         each -= np.mean(each, axis=0)
-        return value, each.T @ each + np.eye(len(theta))
+        return np.asarray(each.T @ each + np.eye(len(theta)))
 
     def maximise(self, theta: FloatArray) -> tuple[FloatArray, float]:
-        """Times as they are, all else by quasi-Newton, in units of what the log tells; the best point that was seen."""
-        from scipy.optimize import minimize
+        """Times as they are, all else by quasi-Newton, in units in which the log tells all sizes alike and each by
+        itself; the best point that was seen.
+        """
+        from scipy.optimize import LinearConstraint, minimize
 
         best, highest = theta, -np.inf
         free = np.array([not size.linear for size in self.sizes])
-        first, information = self._information(theta, times=False)
-        unit = np.diag(information)[free] ** -0.5
+        low, high = np.array([size.bounds for size in self.sizes])[free].T
+        information = self._information(theta, times=False)[np.ix_(free, free)]
+        unit = np.linalg.inv(np.linalg.cholesky(information)).T  # unit' information unit = 1
 
         def negative(x: FloatArray) -> tuple[float, FloatArray]:
             nonlocal best, highest
             whole = theta.copy()
-            whole[free] = unit * x
+            whole[free] = np.clip(unit @ x, low, high)
             try:
                 value, gradient = self.value_and_gradient(whole)
             except InputError:
                 return 1e12, np.zeros(len(x))
             if value > highest:
                 best, highest = whole, value
-            return -value, -unit * gradient[free]
+            return -value, -unit.T @ gradient[free]
 
-        bounds = np.array([size.bounds for size in self.sizes])[free] / unit[:, None]
-        options = {"maxiter": MOST, "maxfun": 2 * MOST, "ftol": GAINED / max(1.0, abs(first))}
-        minimize(negative, theta[free] / unit, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        start, inside = np.linalg.solve(unit, theta[free]), LinearConstraint(unit, low, high)
+        options = {"maxiter": MOST, "ftol": GAINED}
+        minimize(negative, start, jac=True, method="SLSQP", constraints=inside, options=options)
         return best, highest
 
     def settled(self, levels: Levels) -> Levels:
@@ -203,10 +206,14 @@ class Problem:
         return np.array([size.theta(levels.value(size)) for size in self.sizes])
 
     def fitted(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> Levels:
-        """The likeliest levels, sought from a theta on; see `likeliest`."""
-        theta, value = self.likeliest(theta, turns, far)
-        levels, covariance = self.levels(theta), self.covariance(theta)
-        return replace(levels, found=self.sizes, covariance=covariance, log_posterior=value)
+        """The likeliest levels, sought from a theta on; see `likeliest`. Their log-posterior is of readings that no
+        lateness moves out of the IMU's time, so that those with others have the same.
+        """
+        theta, _ = self.likeliest(theta, turns, far)
+        return replace(
+            self.levels(theta), found=self.sizes, covariance=self.covariance(theta),
+            log_posterior=self.value(theta, inside=True),
+        )  # fmt: skip
 
     def likeliest(self, theta: FloatArray, turns: int | None = None, far: bool = True) -> tuple[FloatArray, float]:
         """Times and all else in turns, until one turn of both gains nothing; times at first may be far off."""

@@ -8,8 +8,6 @@ GPS and barometer, with a sigma so wide that using them again as updates does no
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from sinan.estimator.filter.alignment_in_motion import Field, align_in_motion
@@ -26,8 +24,6 @@ from sinan.sensors.rotation import (
     quaternion_conjugate,
     quaternion_from_matrix,
     quaternion_interpolate,
-    quaternion_log,
-    quaternion_multiply,
     rotate,
     rpy_from_quaternion,
     skew,
@@ -51,6 +47,8 @@ UNKNOWN_VELOCITY = 5.0
 #: Along axes that nothing aids, where the origin is the place at which the recording starts [m]: a choice.
 #: Half and twice move a hover without a GPS by 2e-5 of its sigma (`bounds_of_work unaided`).
 UNKNOWN_POSITION = 1.0
+#: The horizontal direction that counts as ahead where no field is read.
+_NORTH = np.array([1.0, 0.0, 0.0])
 
 
 def first_state(flight: Flight) -> tuple[FloatArray, FloatArray]:
@@ -157,10 +155,14 @@ def attitude_from_vectors(f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArr
 
     Source: M. D. Shuster, S. D. Oh, J. Guidance 4(1), 1981, eqs. 6 to 14.
     """
-    if m_b is None:
-        is_ahead = np.abs(f_b[..., :1]) > 0.9 * np.linalg.norm(f_b, axis=-1, keepdims=True)
-        m_b, m_n = np.where(is_ahead, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    m_b, m_n = (_ahead(f_b), _NORTH) if m_b is None else (m_b, m_n)
     return quaternion_from_matrix(np.swapaxes(_triad(f_n, m_n), -1, -2) @ _triad(f_b, m_b))
+
+
+def _ahead(f_b: FloatArray) -> FloatArray:
+    """(..., 3) the body axis that counts as ahead: x, unless the force (..., 3) lies along it."""
+    is_along = np.abs(f_b[..., :1]) > 0.9 * np.linalg.norm(f_b, axis=-1, keepdims=True)
+    return np.where(is_along, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
 
 
 def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -169,6 +171,22 @@ def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
     across = cross(a, second)
     b = across / np.linalg.norm(across, axis=-1, keepdims=True)
     return np.stack([np.broadcast_to(a, b.shape), b, cross(a, b)], axis=-2)
+
+
+def _slopes(
+    f_b: FloatArray, m_b: FloatArray | None, f_n: FloatArray, m_n: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(3, 3) each: how far dtheta_b of `attitude_from_vectors` goes with f_b, with m_b and with m_n.
+
+    With a, b, c the triad in the body: a change turns it by w, where w . c = b . da, w . b = -c . da, w . a = c . db;
+    da is df / |f| across a, and of db that counts along c, c . db = (b . dm - (a . m) b . da) / |a x m|. The attitude
+    follows by dtheta_b = -w, and by C_bn w_n where the triad of the navigation frame turns.
+    """
+    m_b, m_n = (_ahead(f_b), _NORTH) if m_b is None else (m_b, m_n)
+    (a, b, c), (up, west, _) = _triad(f_b, m_b), _triad(f_n, m_n)
+    along, across = float(a @ m_b), float(np.linalg.norm(np.cross(a, m_b)))
+    J_f = (along / across * np.outer(a, b) + np.outer(b, c) - np.outer(c, b)) / np.linalg.norm(f_b)
+    return J_f, -np.outer(a, b) / across, np.outer(a, west) / np.linalg.norm(np.cross(up, m_n))
 
 
 def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
@@ -180,7 +198,7 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
 
         d(dtheta_b) = -J_f (b_accel + n + a) - J_m (b_mag + c_mag + m x t + n) + J_n d(m_n)
 
-    J from differences of the construction itself; a is the acceleration that nobody told (`_unknown_acceleration`).
+    J of `_slopes`; a is the acceleration that nobody told (`_unknown_acceleration`).
     The field counts with the noise of one reading, since the filter uses the same readings again.
 
     Neglects accel.scale, accel.misalignment and every mag.* effect but the turn of the compass's axes, where that is a
@@ -203,19 +221,17 @@ def align(flight: Flight) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]
         a_n, spread = np.zeros(3), _unknown_acceleration(f, f_b, model, at_rest)
     f_n, m_b = a_n - model.g_n, None if field is None else field.m_b
     q = attitude_from_vectors(f_b, m_b, f_n, model.m_n)
-    J_f = _differences(lambda v: attitude_from_vectors(v, m_b, f_n, model.m_n), f_b, q)
+    J_f, J_m, J_n = _slopes(f_b, m_b, f_n, model.m_n)
     noise = model.accel.bias_std**2 + model.accel.sigma**2 / len(f) + spread**2
     covariance = noise * J_f @ J_f.T
     cross_covariances = {"b_accel": -(model.accel.bias_std**2) * J_f}
     if field is None:
         covariance = covariance + UNKNOWN_ATTITUDE**2 * np.outer(f_b, f_b) / (f_b @ f_b)
         return q, covariance, cross_covariances
-    J_m = _differences(lambda v: attitude_from_vectors(f_b, v, f_n, model.m_n), field.m_b, q)
     read = field.variance * np.eye(3) + sum(field.wrong)
     covariance = covariance + J_m @ read @ J_m.T
     cross_covariances |= {name: -J_m @ A @ P for name, A, P in field.errors}
     if field.of_place is not None:
-        J_n = _differences(lambda v: attitude_from_vectors(f_b, m_b, f_n, v), model.m_n, q)
         covariance, cross_covariances["field"] = covariance + J_n @ field.of_place @ J_n.T, J_n @ field.of_place
     return q, covariance, cross_covariances
 
@@ -287,14 +303,6 @@ def _unknown_acceleration(f: FloatArray, f_b: FloatArray, model: FlightModel, at
         return 0.0
     g = float(np.linalg.norm(model.g_n))
     return float(np.hypot(np.sqrt(abs(f_b @ f_b - g * g) / 2.0), np.std(f, axis=0).max()))
-
-
-def _differences(function: Callable[[FloatArray], FloatArray], v: FloatArray, q: FloatArray) -> FloatArray:
-    """(3, 3) derivative of the rotation vector q^-1 q(v) with v, central differences; `function` takes (n, 3)."""
-    step = 1e-5 * float(np.linalg.norm(v))
-    ends = function(v + step * np.concatenate([np.eye(3), -np.eye(3)]))
-    turns = quaternion_log(quaternion_multiply(quaternion_conjugate(q), ends))
-    return np.asarray((turns[:3] - turns[3:]).T / (2.0 * step))
 
 
 def _first_position(flight: Flight, q_nb: FloatArray) -> tuple[FloatArray, FloatArray]:

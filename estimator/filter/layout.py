@@ -129,4 +129,5 @@ def layout_for(bias_blocks: Sequence[str]) -> StateLayout:
 
 def states_of(bias_blocks: Sequence[str]) -> int:
     """Number of error states of the process blocks and the named bias blocks."""
-    return sum(map(size_of, {*PROCESS_BLOCKS, *bias_blocks}))
+    there = blocks()
+    return sum(len(there[name]) for name in {*PROCESS_BLOCKS, *bias_blocks})

@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 from sinan.estimator.evidence.consistency import chi_square, nees, nis
 from sinan.estimator.filter.alignment import (
     UNKNOWN_POSITION,
+    _slopes,
     align,
     attitude_from_vectors,
     first_state,
@@ -61,6 +62,30 @@ def test_two_vectors_give_the_attitude(rpy: tuple[float, float, float]) -> None:
     q = quaternion_from_rpy(np.array(rpy))
     found = attitude_from_vectors(rotate_back(q, -GRAVITY), rotate_back(q, FIELD), -GRAVITY, FIELD)
     assert np.linalg.norm(quaternion_log(quaternion_multiply(quaternion_conjugate(q), found))) < MICRORADIAN
+
+
+@pytest.mark.parametrize("has_field", [True, False])
+def test_slopes_of_the_attitude_are_those_of_differences(has_field: bool) -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        f_b, m_b, f_n, m_n = (size * rng.normal(size=3) for size in (9.8, 0.5, 9.8, 0.5))
+        q = attitude_from_vectors(f_b, m_b if has_field else None, f_n, m_n)
+        found = _slopes(f_b, m_b if has_field else None, f_n, m_n)
+        for k, J in enumerate(found[: 3 if has_field else 1]):
+            vectors = [f_b, m_b, m_n]
+            step = 1e-6 * float(np.linalg.norm(vectors[k]))
+            for axis, expected in zip(step * np.eye(3), J.T, strict=True):
+                ends = [attitude_from_vectors(*_moved(vectors, k, by, f_n, has_field)) for by in (axis, -axis)]
+                turn = quaternion_log(quaternion_multiply(quaternion_conjugate(q), np.array(ends)))
+                np.testing.assert_allclose((turn[0] - turn[1]) / (2.0 * step), expected, rtol=1e-5, atol=1e-6)
+
+
+def _moved(
+    vectors: list[np.ndarray], k: int, by: np.ndarray, f_n: np.ndarray, has_field: bool
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]:
+    """What the attitude is made from, one vector of f_b, m_b, m_n moved."""
+    f_b, m_b, m_n = (vector + by * (k == i) for i, vector in enumerate(vectors))
+    return f_b, m_b if has_field else None, f_n, m_n
 
 
 def test_covariance_of_the_alignment_is_honest() -> None:

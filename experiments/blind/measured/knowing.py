@@ -12,10 +12,13 @@ from sinan.calibration.levels.problem import Problem
 from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.experiments.blind.maker.catalogue import Hidden
+from sinan.experiments.blind.maker.measure import DELAYS
 from sinan.experiments.blind.measured.minute import Minute, put
 from sinan.sensors.effects import effect
 from sinan.sensors.recording import Recording
-from sinan.sensors.window import between
+
+#: An effect of which nothing is drawn: of outliers nothing is asked here.
+_NOT_DRAWN = np.random.default_rng(0)
 
 
 def gain(minute: Minute, hidden: Hidden) -> float | None:
@@ -26,7 +29,7 @@ def gain(minute: Minute, hidden: Hidden) -> float | None:
     """
     if hidden.name.endswith(".outliers"):
         return None
-    recording = _put(minute, hidden)
+    recording = put(_prepared(minute), hidden, _NOT_DRAWN)
     model = minute.ready.model.replace(gate_level=None, robust_level=None)
     entry = effect(hidden.name)
     term = entry if hidden.interval is None else entry.over(*hidden.interval)
@@ -48,17 +51,29 @@ def told(minute: Minute, hidden: Hidden) -> float | None:
     """
     if hidden.name.endswith(".outliers"):
         return None
-    levels, untouched = minute.ready.levels, between(minute.ready.recording, minute.begin, minute.end)
+    levels = minute.ready.levels
     if not levels.found:
         return gain(minute, hidden)
+    both = _of_readings_in_both(_prepared(minute), hidden)
 
     def log_posterior(recording: Recording) -> float:
         problem = Problem(recording, levels.found, levels)
         return problem.maximise(problem.theta(levels))[1]
 
-    return 2.0 * (log_posterior(untouched) - log_posterior(_put(minute, hidden)))
+    return 2.0 * (log_posterior(both.control) - log_posterior(put(both, hidden, _NOT_DRAWN)))
 
 
-def _put(minute: Minute, hidden: Hidden) -> Recording:
-    """An effect in the prepared minute: hard iron and disturbed stretches are taken off as in the untouched one."""
-    return put(replace(minute, recording=minute.ready.recording), hidden, np.random.default_rng(0))
+def _prepared(minute: Minute) -> Minute:
+    """The prepared minute: hard iron and disturbed stretches are taken off, and so they are with an effect in it."""
+    return replace(minute, recording=minute.ready.recording)
+
+
+def _of_readings_in_both(minute: Minute, hidden: Hidden) -> Minute:
+    """The minute without readings that a lateness may move out of it: one more in either has a density of its own."""
+    if hidden.effect not in DELAYS:
+        return minute
+    name, _ = minute.columns(hidden.stream)
+    stream = minute.recording.streams[name]
+    moved = abs(float(hidden.beta[0])) + abs(minute.ready.levels.latency.get(name, 0.0))
+    kept = stream.rows((stream.t > minute.begin + moved) & (stream.t < minute.end - moved))
+    return replace(minute, recording=minute.recording.replace(streams={**minute.recording.streams, name: kept}))
