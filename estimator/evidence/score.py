@@ -199,6 +199,24 @@ def log_p_of_deviance(evidence: Evidence, gain: float, dof: int, scatter: float 
     return log_p_value(before * (1.0 - float(np.exp(-gain / evidence.readings))), dof, before, scatter)
 
 
+def log_p_of_estimate(evidence: Evidence, information: float, dof: int) -> float:
+    """Logarithm of the p-value of b' Lambda b of an estimate that is zero.
+
+    With estimated noise the same over its parameters is F, and without them -2 log L would be larger by
+    n log(1 + b' Lambda b / noise_dof).
+
+    Parameters
+    ----------
+    evidence : about the fit with the parameters in question
+    information : b' Lambda b
+    dof : parameters
+    """
+    if evidence.noise_known:
+        return log_p_value(information, dof)
+    gain = evidence.readings * float(np.log1p(information / max(evidence.noise_dof, 1.0)))
+    return log_p_of_deviance(evidence, gain, dof)
+
+
 def log_p_of_divided(gain: float, dof: int, scatter: float, scatter_dof: int) -> float:
     """Logarithm of the p-value of T = gain / max(1, scatter), as T is distributed where nothing is missing.
 

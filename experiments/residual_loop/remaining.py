@@ -10,7 +10,7 @@ from scipy import stats
 
 from sinan.estimator.evidence.noise_left import noise_left
 from sinan.estimator.evidence.probes import followed
-from sinan.estimator.evidence.score import Statistic, log_p_value, statistic_of
+from sinan.estimator.evidence.score import Evidence, Statistic, log_p_of_deviance, statistic_of
 from sinan.estimator.evidence.source import Fit, Source, StreamResidual, log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.evidence.whiteness import autocorrelation, whiteness
@@ -129,7 +129,8 @@ def stands_out(
     stream = finding.term.effect.stream
     if not finding.term.in_mean:  # wrong readings are so against a mean that is known
         return all(followed([term.name])[0][0] != stream for term, _ in suspects)
-    if not _says_something(source, fit, finding.term):
+    evidence = source.evidence(fit, own_terms_only=True)
+    if not _says_something(evidence, fit, finding.term):
         return False
     known = source.noise_known
     if known:
@@ -140,7 +141,7 @@ def stands_out(
         if finding.gain < left or noise_left(source, fit, stream, slow=False) > GROSS:
             return False
     inflation = noise_left(source, fit, stream, slow=True) if known else max(finding.spread**2, 1.0)
-    return log_p_value(finding.gain, len(finding.beta), scatter=inflation) < log_p_needed(source, alpha)
+    return log_p_of_deviance(evidence, finding.gain, len(finding.beta), inflation) < log_p_needed(source, alpha)
 
 
 def patches(source: Source, fit: Fit, findings: Sequence[Finding], alpha: float) -> tuple[Term, ...]:
@@ -155,9 +156,8 @@ def patches(source: Source, fit: Fit, findings: Sequence[Finding], alpha: float)
     return tuple(finding.term for finding in findings if finding.term.interval is not None)
 
 
-def _says_something(source: Source, fit: Fit, term: Term) -> bool:
+def _says_something(evidence: Evidence, fit: Fit, term: Term) -> bool:
     """Whether a component of an effect is known better than by what instruments have, or as larger than that."""
-    evidence = source.evidence(fit, own_terms_only=True)
     plausible = evidence.plausible[evidence.columns(term.key)]
     if np.all(np.isinf(fit.std[term])):
         return bool(np.any(np.abs(fit.beta[term]) > plausible))

@@ -12,6 +12,7 @@ from sinan.estimator.evidence.score import (
     Evidence,
     Statistic,
     log_p_of_deviance,
+    log_p_of_estimate,
     log_p_value,
     predicted_lambda,
     statistic_of,
@@ -251,7 +252,11 @@ class _Path:
         """
         while True:
             told = [updated(f, self._fit, self._offered.evidence) for f in self.findings if f.term.in_mean]
-            doubts = [(log_p_value(f.information / f.spread**2, len(f.beta)), f.term) for f in told if not f.at_least]
+            evidence = self._offered.evidence
+            doubts = [
+                (log_p_of_estimate(evidence, f.information / f.spread**2, len(f.beta)), f.term)
+                for f in told if not f.at_least
+            ]  # fmt: skip
             log_p, term = max(doubts, key=lambda one: one[0], default=(-np.inf, None))
             if term is None or log_p < np.log(alpha):
                 return

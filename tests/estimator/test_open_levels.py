@@ -26,9 +26,9 @@ def of_white_noise(n: int, room: float) -> OpenLevels:
 
 
 def sides(levels: OpenLevels) -> tuple[FloatArray, FloatArray]:
-    """Sigmas of a mean, which go with that of the noise, at either side."""
-    (one,) = levels.axes
-    return np.exp(-one)[None], np.exp(one)[None]
+    """Sigmas of a mean, which go with that of the noise, at either side, as far as there is room."""
+    (one,), (down, up) = levels.axes, levels.room
+    return np.exp(-np.minimum(one, down))[None], np.exp(np.minimum(one, up))[None]
 
 
 @pytest.mark.parametrize("n", [200, 1000])
@@ -46,7 +46,7 @@ def test_a_size_at_its_upper_bound_takes_up_nothing_and_one_at_the_lower_all(
     levels = of_white_noise(200, 4.0)
     at_bound = replace(levels, room=np.array([[down], [up]]))
     expected = levels.wider(*sides(levels)) if open_ else 1.0
-    assert at_bound.wider(*sides(levels)) == pytest.approx(expected)
+    assert at_bound.wider(*sides(at_bound)) == pytest.approx(expected)
 
 
 def test_an_axis_without_a_model_on_one_side_tells_nothing() -> None:

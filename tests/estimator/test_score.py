@@ -11,6 +11,7 @@ from sinan.estimator.evidence.score import (
     log_bayes_factor,
     log_p_among,
     log_p_of_divided,
+    log_p_of_estimate,
     log_p_value,
     without_prior,
 )
@@ -37,6 +38,19 @@ def test_the_tail_is_that_of_chi_square_times_a_share() -> None:
 
 def test_without_scatter_it_is_chi_square() -> None:
     assert log_p_of_divided(7.0, 2, 1.0, 0) == log_p_value(7.0, 2)
+
+
+@pytest.mark.parametrize("readings", [12, 40])
+def test_an_estimate_with_estimated_noise_is_judged_by_f(readings: int) -> None:
+    """Against the slope's two-sided t of SciPy's regression."""
+    x, y = np.random.default_rng(readings).standard_normal((2, readings))
+    fit = stats.linregress(x, y)
+    noise_dof = readings - 2
+    sigma2 = float(np.sum((y - fit.intercept - fit.slope * x) ** 2)) / noise_dof
+    L = np.array([[[float(np.sum((x - x.mean()) ** 2)) / sigma2]]])
+    evidence = Evidence(("a",), (1,), L, np.zeros((1, 1)), np.ones(1), readings=readings, noise_dof=noise_dof)
+    log_p = log_p_of_estimate(evidence, float(L[0, 0, 0] * fit.slope**2), 1)
+    assert np.exp(log_p) == pytest.approx(fit.pvalue, rel=1e-6)
 
 
 def _places(rng: np.random.Generator, nu: float, places: int = 25) -> FloatArray:

@@ -53,6 +53,8 @@ class OpenLevels:
         """
         seen = np.isfinite(less) & np.isfinite(more)
         gamma = np.log(np.where(seen, more, 1.0) / np.where(seen, less, 1.0))
-        slopes = np.linalg.pinv(self.axes) @ gamma
-        moves = np.clip(0.5 * DETECTABLE_LAMBDA * self.axes.T @ gamma, -self.room[0][:, None], self.room[1][:, None])
+        larger, smaller = (np.clip(axes, -self.room[0], self.room[1]) for axes in (self.axes, -self.axes))
+        slopes = np.linalg.pinv(0.5 * (larger - smaller)) @ gamma  # of twice the logarithm, by what each side has moved
+        moves = 0.5 * DETECTABLE_LAMBDA * self.axes.T @ (self.axes @ slopes)
+        moves = np.clip(moves, -self.room[0][:, None], self.room[1][:, None])
         return np.exp(0.5 * np.maximum(np.sum(slopes * moves, axis=0), 0.0))

@@ -215,7 +215,7 @@ class FlightPasses:
 
     def _likeliest(self, own: Terms, part: Part) -> _Tried:
         """Gauss-Newton's point of the least deviance and, by the prior, length of beta."""
-        prior = self._prior(own.effects)
+        prior = self.prior(own.effects)
 
         def step(there: _Tried) -> tuple[FloatArray, int] | None:
             pull = there.score - prior * there.own.vector
@@ -349,7 +349,7 @@ class FlightPasses:
         self._require_numbers(best)
         return settled
 
-    def _prior(self, effects: Sequence[Effect]) -> FloatArray:
+    def prior(self, effects: Sequence[Effect]) -> FloatArray:
         """(p,) information on each parameter before any reading, so that what no reading sees stays zero."""
         sizes = [entry.plausible_in(self.plain_motion) for entry in effects]
         return np.asarray((self.prior_sigma * np.concatenate([*sizes, np.zeros(0)])) ** -2.0)

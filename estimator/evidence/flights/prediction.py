@@ -206,7 +206,7 @@ class Prediction:
         return found
 
     def _given(self, fit: Fit, first: float, last: float, windows: Sequence[Window]) -> Terms:
-        """The fit's effects without what is predicted, to first order, each held to zero by its plausible size.
+        """The fit's effects without what is predicted, to first order, each held to zero as in the fit.
 
         Of what lasts without all readings from `first` to `last` and what of the windows reaches beyond; of an interval
         without those in the windows.
@@ -217,7 +217,7 @@ class Prediction:
         t, beta = state.journal.t[event], state.own.vector
         parts = zip(state.own.effects, fit.in_mean, strict=True)
         lasts = np.concatenate([np.full(entry.size, term.interval is None) for entry, term in parts])
-        prior = np.concatenate([e.plausible_in(self._passes.plain_motion) for e in state.own.effects]) ** -2.0
+        prior = self._passes.prior(state.own.effects)
 
         def step(rows: BoolArray, columns: BoolArray, white: FloatArray) -> FloatArray:
             V, p = W[np.ix_(rows, columns)], prior[columns]
