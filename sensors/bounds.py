@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -35,6 +36,10 @@ class _Bound:
     def bias(self) -> BiasProcess | None:
         """None: the place is the origin, and on average the body does not move."""
         return None
+
+    def wider(self, factor: float) -> Self:
+        """The same bound with a sigma so many times as large."""
+        return replace(self, sigma=factor * self.sigma)
 
 
 @dataclass(frozen=True)

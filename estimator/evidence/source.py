@@ -316,6 +316,11 @@ class Source(Protocol):
         needed.
         """
 
+    def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
+        """Growth of 2 log L by what a fit has and another has not, where less is assumed of a motion that nothing
+        measures; infinite where nothing is assumed of it.
+        """
+
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """What is held out, of each stream that has any: withheld readings, where effects are proved by them, else the
         residuals of the part that was not fitted.

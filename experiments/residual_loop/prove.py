@@ -346,19 +346,25 @@ def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> d
 
 def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[Term, bool]:
     """See `rolled_back`: effects without which withheld readings are predicted as well, or of which they and the odds
-    together say too little.
+    together say too little; of one that is soon over the odds alone, where a motion is assumed.
 
-    What an effect gains is what it did when it was found, or does in the final model without what has fallen before,
-    whichever is less.
+    What an effect gains is what it did when it was found, does in the final model without what has fallen before, or
+    does there with less assumed, whichever is least.
     """
     fit, fallen = selection.final, dict[Term, bool]()
     for finding in reversed(selection.findings):
         term = finding.term
-        if not (term.in_mean and can_be_predicted(term)):
+        if not term.in_mean:
             continue
         without = fit_without(source, fit, term)
-        gain = min(without.deviance - fit.deviance, finding.gain)
-        if not source.bears_out(fit, without, partial(log_odds_of, source, fit, finding, gain), needed):
+        assuming_less = source.gain_assuming_less(fit, without)
+        gain = min(without.deviance - fit.deviance, finding.gain, assuming_less)
+        log_odds = partial(log_odds_of, source, fit, finding, gain)
+        if can_be_predicted(term):
+            is_there = source.bears_out(fit, without, log_odds, needed)
+        else:
+            is_there = not np.isfinite(assuming_less) or log_odds(1.0) > 0.0
+        if not is_there:
             fallen[term] = source.predicts(fit, without, surely=False)
             fit = without
     return dict(reversed(fallen.items()))

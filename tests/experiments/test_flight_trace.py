@@ -120,6 +120,19 @@ def test_a_log_that_declares_nothing_and_has_no_place() -> None:
     assert np.all(np.abs(selection.findings[0].beta - [0.003, 0.0, 0.001]) < 4.0 * selection.findings[0].std)
 
 
+def test_a_motion_that_is_only_assumed_proves_no_effect() -> None:
+    """A figure of eight of 20 m, of which nothing measures the place, was an accelerometer's step of 2 m/s^2."""
+    recording = between(flown("figure_eight", 1)[0], 0.0, 30.0)
+    kept = {name: recording.streams[name] for name in ("imu", "mag")}
+    environment = replace(recording.environment, magnetic_field=None)
+    bare = recording.replace(streams=kept, sensors={}, environment=environment, origin=None, initial=Initial())
+    source = flight_source(bare)
+    assert "place" in source.model.sensors
+    proposed, result = select(source), trace(source)
+    assert proposed.names
+    assert not result.selection.names
+
+
 def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.linalg.norm(v)
 

@@ -440,6 +440,10 @@ class LeastSquaresSource:
         """The odds alone."""
         return log_odds(1.0)
 
+    def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
+        """Infinite: poses are measured."""
+        return np.inf
+
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """Never."""
         return False

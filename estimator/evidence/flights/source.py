@@ -63,7 +63,7 @@ from sinan.estimator.filter.flight_model import DRIVERS
 from sinan.estimator.filter.journal import Journal
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
-from sinan.sensors.bounds import ASSUMED
+from sinan.sensors.bounds import ASSUMED, Place, Speed
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.streams import STREAMS
@@ -80,6 +80,9 @@ SOLD = 2.0
 #: How far the end of an interval may be off before it is looked for about its own fit, as a share of the log: bound of
 #: work (`bounds_of_work flight`).
 _RELOCATION = 0.01
+#: Times as wide as they were found that bounds of a motion are for an effect to stand without them: a choice, the step
+#: of what they are found among (`calibration.levels.fit.WIDER`).
+_LESS = 3.0
 
 
 class FlightSource(OfFlight):
@@ -541,6 +544,18 @@ class FlightSource(OfFlight):
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
         return self._prediction.share(fit, without).bears_out(log_odds, needed)
+
+    def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
+        """With bounds of place and speed `_LESS` times as wide: they are no readings, and so no evidence."""
+        sensors = self.model.sensors
+        wider = {name: one.wider(_LESS) for name, one in sensors.items() if isinstance(one, Place | Speed)}
+        if not wider:
+            return np.inf
+        passes = self._passes.believing(self.flight.believing(sensors={**sensors, **wider}))
+        try:
+            return passes.fitted(_state(without).own, "all").deviance - passes.fitted(_state(fit).own, "all").deviance
+        except InputError:  # no state follows without them
+            return 0.0
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings in every part of the log, or the residuals of its last third."""
