@@ -47,7 +47,8 @@ UNKNOWN_VELOCITY = 5.0
 #: Along axes that nothing aids, where the origin is the place at which the recording starts [m]: a choice.
 #: Half and twice move a hover without a GPS by 2e-5 of its sigma (`bounds_of_work unaided`).
 UNKNOWN_POSITION = 1.0
-#: The horizontal direction that counts as ahead where no field is read.
+#: The horizontal direction that counts as ahead where no field is read: since any heading of one turn is as likely then
+#: (`UNKNOWN_ATTITUDE`), none is nearer to the truth than another.
 _NORTH = np.array([1.0, 0.0, 0.0])
 
 

@@ -119,6 +119,15 @@ def test_every_constant_has_an_origin() -> None:
     assert [f"{c.module}.{c.name}" for c in found if c.origin == "no origin"] == []
 
 
+def test_the_share_of_choices_is_as_the_page_of_limits_says() -> None:
+    origins = [c.origin for c in constants_page.constants()]
+    page = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
+    said = re.search(r"[Aa]bout one in (\w+) of\s+the\s+constants", page)
+    words = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+    assert said is not None
+    assert said[1] == words[round(len(origins) / origins.count("choice")) - 2]
+
+
 def test_a_bound_of_work_or_a_choice_is_one_that_was_halved_and_doubled() -> None:
     """By the command, in a case that the comment names, or by a test that it names, which knows the constant."""
     tried = {
