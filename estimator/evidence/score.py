@@ -47,8 +47,8 @@ class Evidence:
     score : (blocks, p)
     plausible : (p,) plausible 1-sigma sizes, the unit in which directions of beta are compared
     noise_dof : degrees of freedom from which the noise level was estimated, with what the model lacks still in it;
-        infinite where the noise is declared
-    readings : n, where -2 log L is n log SSE since the noise is estimated; infinite where it is declared
+        infinite where its scale is given
+    readings : n, where -2 log L is n log SSE since the noise is estimated; infinite where its scale is given
     spare : readings less parameters of the fit; infinite where nobody counts them
     prior_sigma : 1-sigma with which a fit holds each parameter to zero, in plausible sizes; infinite where it does not
     """
@@ -65,7 +65,7 @@ class Evidence:
 
     @property
     def noise_known(self) -> bool:
-        """Whether the noise is declared."""
+        """Whether the scale of the noise is a given of the test, as `Source.noise_known` has it."""
         return not np.isfinite(self.noise_dof)
 
     def columns(self, *names: str) -> list[int]:

@@ -239,7 +239,9 @@ class Source(Protocol):
 
     @property
     def noise_known(self) -> bool:
-        """Whether the noise is declared; else it is estimated from the residual."""
+        """Whether the scale of the noise is a given of the test: of flights always, with noise declared or found
+        beforehand; of calibrations where it is declared, else it is estimated with the fit.
+        """
 
     @property
     def field(self) -> FieldUnit:

@@ -134,8 +134,8 @@ def select(
        set aside. So are the readings of an interval too short for a disturbance, which is not accepted.
     4. An effect that another has made superfluous is dropped, and two offsets of one stream that share an end are
        reported as one where the data do not notice.
-    5. Where nothing stands alone and the noise is estimated, so that each of two effects is noise to the other, pairs
-       are tried.
+    5. Where nothing stands alone in a calibration whose noise is estimated with the fit, so that each of two effects is
+       noise to the other, pairs are tried; in flights never.
     6. What the final model cannot tell from none, with the very error that is reported of it, is dropped.
 
     Parameters

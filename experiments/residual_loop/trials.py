@@ -211,8 +211,9 @@ def _why(option: Option, tried: Trial | None, threshold: float) -> str:
 
 
 def best_pair(source: Source, fit: Fit, evidence: Evidence, threshold: float) -> tuple[Fit, list[Trial]] | None:
-    """The likeliest pair of lasting effects, where the noise is estimated: with one of them alone, the other is part of
-    the noise. The pair has to pass among all pairs, and in the refit each of them given the other.
+    """The likeliest pair of lasting effects, in a calibration whose noise is estimated with the fit: with one of them
+    alone, the other is part of the noise. The pair has to pass among all pairs, and in the refit each of them given the
+    other. None of a flight, whose noise is given by then.
 
     Returns
     -------
