@@ -13,7 +13,9 @@ from sinan.experiments.commands.arguments.saying import require_place_for
 def demo(
     out: Annotated[Path, typer.Argument(help="folder for the page and the figures")] = Path("sinan-demo"),
 ) -> None:
-    """A demonstration: hides effects in a recording, finds them, and writes a page (about a minute)."""
+    """A demonstration: hides effects in a recording, finds them, and writes a page (about a minute the
+    first time, then 7 s).
+    """
     from sinan.experiments.commands.demo import run
 
     require_place_for(out)
