@@ -10,7 +10,13 @@ from sinan.calibration.poses.evidence.poses import motion_seen
 from sinan.calibration.poses.gyro import GyroCalibration, calibrate_gyro, read_turns
 from sinan.calibration.poses.triad import Axes, Calibration, calibrate_norm
 from sinan.estimator.evidence.term import Model, declared_model, effects_added, require_known
-from sinan.experiments.residual_loop.open_source import TriadReadings, declared_for, gravity_of
+from sinan.experiments.residual_loop.open_source import (
+    TriadReadings,
+    declared_for,
+    gravity_of,
+    sensors_in_poses,
+    triad_readings,
+)
 from sinan.sensors.arrays import FloatArray, finite_or_none
 from sinan.sensors.covariates import covariates_for
 from sinan.sensors.errors import InputError
@@ -19,6 +25,8 @@ from sinan.sensors.recording import ACCEL, GYRO, Recording
 
 #: Declared effects are taken off until a pass changes nothing beyond this share of a reading: each gains two digits.
 _SETTLED, _MOST_PASSES = 1e-9, 25
+#: Readings, in equal steps, that show whether their directions are enough for a calibration.
+_ENOUGH_TO_SEE = 500
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,25 @@ def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) ->
         normalised_by=readings.normalised_by,
         where=recording.where,
     )
+
+
+def not_calibrated(recording: Recording) -> dict[str, InputError]:
+    """The sensors in poses that a quick look already says cannot be calibrated, nor traced, each with the reason.
+
+    Of an accelerometer and a magnetometer a part of the readings is fitted; a gyroscope needs rests.
+    """
+    why = dict[str, InputError]()
+    for sensor in sensors_in_poses(recording):
+        try:
+            readings = triad_readings(recording, "accel" if sensor == "gyro" else sensor)
+            if sensor != "gyro":
+                step = -(-len(readings.t) // _ENOUGH_TO_SEE)
+                sigma = None if readings.sigma is None else readings.sigma[::step]
+                some = replace(readings, t=readings.t[::step], reading=readings.reading[::step], sigma=sigma)
+                calibrate_triad(recording, some, "none")
+        except InputError as error:
+            why[sensor] = error
+    return why
 
 
 def calibrate_turns(recording: Recording, axes: str, gravity: float | None) -> GyroCalibration:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sinan.experiments.datasets import called, log_of, resolve
+from sinan.experiments.datasets import called, kept_map_of, log_of, resolve
 from sinan.experiments.report.words import columns_in_words, counted, reference_words, trace_call
 from sinan.experiments.review.unseen import could_see
 from sinan.sensors.arrays import FloatArray
@@ -46,7 +46,7 @@ def run(
     from sinan.sensors.formats import facts_of
 
     path = log_of(input)
-    facts = facts_of(path) if map_file is None and path.exists() else None
+    facts = facts_of(path) if map_file is None and path.exists() and kept_map_of(path) is None else None
     try:
         recording = resolve(input, map_file, span, choice)
     except InputError as error:
@@ -89,7 +89,7 @@ def _said(facts: Facts | None) -> dict[str, Any]:
 
 def recorded(recording: Recording) -> dict[str, Any]:
     """What of a log is a recording: streams, clocks, units, reference, and what a trace could look for."""
-    found, missing = could_see(recording)
+    found, missing = _could_see(recording)
     begin = start_of(recording)
     return {
         "recording": recording.name,
@@ -105,6 +105,19 @@ def recorded(recording: Recording) -> dict[str, Any]:
         "effects": {"could_see": found, "missing": missing},
         "notes": list(recording.notes),
     }  # fmt: skip
+
+
+def _could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
+    """As `could_see`; those of a sensor whose poses let nothing be fitted may not be looked for."""
+    from sinan.experiments.calibrate import not_calibrated
+
+    found, missing = could_see(recording)
+    for sensor, why in not_calibrated(recording).items() if recording.kind == "poses" else ():
+        names = [name for name in found if name.startswith(f"{sensor}.")]
+        if names:
+            missing.setdefault(f"other poses ({why.found}; expected {why.expected})", []).extend(names)
+            found = [name for name in found if name not in names]
+    return found, missing
 
 
 def _stream(recording: Recording, name: str, stream: Stream, begin: float) -> dict[str, Any]:

@@ -4,7 +4,7 @@ A folder a data set: `dataset.toml` (origin, licence, checksums, which map reads
 knows one set from another.
 """
 
-from sinan.experiments.datasets.inputs import called, convert, log_of, resolve
+from sinan.experiments.datasets.inputs import called, convert, kept_map_of, log_of, resolve
 from sinan.experiments.datasets.registry import DataFile, Dataset, dataset_names, load_dataset
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "called",
     "convert",
     "dataset_names",
+    "kept_map_of",
     "load_dataset",
     "log_of",
     "resolve",

@@ -25,7 +25,7 @@ def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG, cho
     ----------
     text : a path; else DATASET/FILE, or DATASET where all its files are one log, looked for in $SINAN_DATA, in
         ../shared/data beside the checkout and beside the current folder, and in the cache of `sinan fetch`; its kept
-        map is applied
+        map is applied, also where the folder of all its files is named by its path
     map_file : the map of a log that is named by its path
     span : the part of it that is asked for, in seconds after its first sample
     choice : which of several sensors of a log that describes itself
@@ -37,7 +37,7 @@ def resolve(text: str, map_file: Path | None = None, span: Span = WHOLE_LOG, cho
     from sinan.sensors.formats import open_log
 
     if Path(text).exists() or map_file is not None:
-        return window(open_log(Path(text), map_file, choice), span)
+        return window(open_log(Path(text), map_file or kept_map_of(Path(text)), choice), span)
     path, kept = locate(text)
     return window(open_log(path, kept, choice).replace(source=text), span)
 
@@ -112,6 +112,17 @@ def locate(text: str) -> tuple[Path, Path | None]:
                 part.check(root / dataset.folder / part.name)
             return path, dataset.map_of(log)
     raise InputError(text, "not there", f"`sinan fetch {dataset.name}`, or {DATA_VARIABLE}=FOLDER of a local mirror")
+
+
+def kept_map_of(path: Path) -> Path | None:
+    """The kept map of a folder that is one log of a data set, where data sets are looked for; None: it is none."""
+    if not path.is_dir():
+        return None
+    for dataset in map(load_dataset, dataset_names()):
+        kept = dataset.map_of(WHOLE)
+        if kept is not None and any((root / dataset.folder).resolve() == path.resolve() for root in data_roots()):
+            return kept
+    return None
 
 
 def log_of(text: str) -> Path:

@@ -128,6 +128,36 @@ def test_a_receiver_alone_is_nothing_to_trace(tmp_path: Path) -> None:
     assert "next:" not in text
 
 
+def test_poses_that_let_nothing_be_fitted_are_not_recommended(tmp_path: Path) -> None:
+    """A compass that turns about the vertical alone, and one that turns all round."""
+    rng, t = np.random.default_rng(1), np.arange(400.0)
+    level = np.stack([0.3 * np.cos(t), 0.3 * np.sin(t), np.full(len(t), 0.45)], axis=-1)
+    around = rng.normal(size=(len(t), 3))
+    around *= 0.5 / np.linalg.norm(around, axis=1, keepdims=True)
+    said = []
+    for name, field in (("level", level), ("around", around)):
+        field = field + rng.normal(scale=0.005, size=field.shape)
+        mag = Stream(t, dict(zip(MAG, field.T, strict=True)))
+        write_recording(Recording(name, "poses", {"mag": mag}), tmp_path / name)
+        said.append(run(str(tmp_path / name), None, None))
+    assert "a trace could see: nothing" in said[0]
+    assert "and with other poses (directions too much alike to fix scale and offset;" in said[0].replace("\n    ", " ")
+    assert "next:" not in said[0]
+    assert "a trace could see: mag.cross_axis" in said[1]
+    assert f"next: `sinan calibrate all {tmp_path / 'around'}`" in said[1]
+
+
+@pytest.mark.measured
+def test_a_data_set_is_the_same_by_its_name_and_by_its_path(
+    measured_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SINAN_DATA", str(measured_data))
+    text = run("px4_quad_64a", None, None)
+    assert run(str(measured_data / "px4_quad_64a"), None, None) == text
+    assert "a trace could see: nothing" in text
+    assert "next:" not in text
+
+
 def test_it_takes_a_second(tmp_path: Path) -> None:
     """Ten minutes of a log of 4 MB, in time of this process."""
     messages = [ardupilot.imu(10_000_000 + 10_000 * k) for k in range(60_000)]
