@@ -66,11 +66,13 @@ def check_units(recording: Recording) -> None:
     ------
     InputError : names the stream, what the readings look like, and the unit that was expected
     """
+    imu = recording.streams.get("imu")
+    if imu is not None:
+        _check_exchange(recording, imu)
     for name in ("imu", "poses"):
         stream = recording.streams.get(name)
         if stream is not None and stream.has(ACCEL):
             _check_accel(recording, name, stream)
-    imu = recording.streams.get("imu")
     if imu is not None:
         _check_time(recording, imu)
         _check_gyro(recording, imu)
@@ -79,6 +81,27 @@ def check_units(recording: Recording) -> None:
     baro = recording.streams.get("baro")
     if baro is not None and "pressure" in baro:
         _check_pressure(recording, baro)
+
+
+def _check_exchange(recording: Recording, imu: Stream) -> None:
+    """Rates whose norm is that of gravity, and steadier than the force's, which is not near it, are the force."""
+    gravity = recording.environment.gravity
+    on_earth = gravity is None or _EARTH_GRAVITY[0] < gravity < _EARTH_GRAVITY[1]
+    if not on_earth or len(imu) < _FEWEST:
+        return
+    force, rate = (np.linalg.norm(imu.array(names), axis=1) for names in (ACCEL, GYRO))
+    (f, f_varies), (w, w_varies) = (_middle(norm) for norm in (force, rate))
+    force_is, rate_is = (1.0 / _NEAR_GRAVITY < one / STANDARD_GRAVITY < _NEAR_GRAVITY for one in (f, w))
+    if rate_is and not force_is and w_varies * f < f_varies * w:
+        found = f"gyroscope with a median norm of {w:.4g}, accelerometer with one of {f:.4g}: look exchanged"
+        expected = f"accel in m/s^2, about {STANDARD_GRAVITY:.2f} at rest, and gyro in rad/s: exchange their columns"
+        raise InputError(recording.where, found, f"{expected} in the header, or by a map", "stream imu")
+
+
+def _middle(norm: FloatArray) -> tuple[float, float]:
+    """The median, and the width of the middle half."""
+    low, middle, high = np.percentile(norm, [25.0, 50.0, 75.0])
+    return float(middle), float(high - low)
 
 
 def _check_accel(recording: Recording, name: str, stream: Stream) -> None:

@@ -83,6 +83,25 @@ def test_legitimate_readings_pass(changes: dict[str, float]) -> None:
     check_units(recording(**changes))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("changes", [{}, {"hover": True}, {"kind": "poses"}])
+def test_exchanged_columns_are_told_from_a_wrong_unit(changes: dict[str, bool]) -> None:
+    right = recording(**changes)  # type: ignore[arg-type]
+    imu = right.streams["imu"]
+    swapped = dict(zip((*GYRO, *ACCEL), (imu[name] for name in (*ACCEL, *GYRO)), strict=True))
+    with pytest.raises(InputError, match=r"gyroscope with a median norm of 9\.8.*look exchanged"):
+        check_units(right.replace(streams={**right.streams, "imu": Stream(imu.t, swapped)}))
+
+
+def test_rates_as_large_as_gravity_in_degrees_are_no_exchange() -> None:
+    """Force in g, whose norm is steady, and rates in deg/s, whose norm is not."""
+    imu = recording().streams["imu"]
+    rates = np.linalg.norm(imu.array(GYRO), axis=1)
+    scales = [*[1.0 / 9.81] * 3, *[9.81 / np.median(rates)] * 3]
+    columns = {name: scale * imu[name] for name, scale in zip((*ACCEL, *GYRO), scales, strict=True)}
+    with pytest.raises(InputError, match="looks like g;"):
+        check_units(Recording("units", "flight", {"imu": Stream(imu.t, columns)}))
+
+
 def field(scale: float) -> Recording:
     """A magnetometer that a map says is in gauss, with hard iron as large as the field."""
     readings = scale * np.random.default_rng(2).normal(scale=0.3, size=(200, 3)) + scale * np.array([0.5, 0.0, 0.0])
