@@ -39,6 +39,7 @@ from sinan.experiments.commands.arguments import (
     trace,
 )
 from sinan.experiments.commands.arguments.shared import MOST_METRES
+from sinan.experiments.commands.usage import Command
 
 # The matrices are small: more threads only get in each other's way, and the last bits would depend on their number.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -98,7 +99,7 @@ _COMMANDS = (
     blind.blind,
 )
 for _command in _COMMANDS:
-    app.command("map" if _command is map_log.map_log else None)(_command)
+    app.command("map" if _command is map_log.map_log else None, cls=Command)(_command)
 
 
 def _require_whole_effects(arguments: list[str]) -> None:

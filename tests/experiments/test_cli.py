@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 from sinan.experiments.commands import trace as trace_command
-from sinan.experiments.commands.cli import _spread
+from sinan.experiments.commands.cli import _spread, app
 from sinan.experiments.scenarios import simulate_to_folder
 from sinan.sensors.errors import InputError
 from tests.experiments.conftest import require_fit
@@ -196,6 +197,23 @@ def test_a_position_may_have_commas_or_blanks(given: list[str]) -> None:
     expected = ["gnss", "a", "b", "--position", "1.5", "-2", "3", "--json", "c"]
     assert _spread(["gnss", "a", "b", "--position", *given, "--json", "c"]) == expected
     assert _spread(["--base-position=1,2,3"]) == ["--base-position", "1", "2", "3"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ("calibrate acel x", "'acel' is not one of 'accel', 'gyro', 'mag', 'all'"),
+        ("calibrate accel x --axes most", "'most' is not one of 'none', 'triangular', 'full'"),
+        ("trace x --to abc", "'abc' is not a number"),
+        ("trace x --imu 1.5", "'1.5' is not a whole number"),
+        ("trace x --alpha 7", "7 is more than 0.5"),
+        ("montecarlo square --runs 0", "0 is less than 1"),
+    ],
+)
+def test_a_value_that_is_none_is_told_in_plain_words(arguments: str, says: str) -> None:
+    with pytest.raises(typer.BadParameter) as error:
+        app(arguments.split(), standalone_mode=False)
+    assert error.value.message == says
 
 
 @pytest.mark.parametrize("given", [["1", "2"], ["1,2"], [], ["1,2,3,4"]])

@@ -328,6 +328,7 @@ def test_what_is_no_value(sinan: Sinan, row: str) -> None:
     assert "Traceback" not in out + err
     if status == 2:  # of the library of the command line: a box
         assert "Invalid value for" in err
+        assert not re.search(r"Value\s+error|Input\s+should|parse", err)
     else:
         require_one_line(said, row)
 
