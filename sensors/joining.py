@@ -66,6 +66,9 @@ def joined(recordings: Sequence[Recording]) -> Recording:
         truth=None,
         breaks=tuple(breaks[1:]),
         log_start=None,
+        goes_back=tuple(
+            (a + shift, b + shift) for one, shift in zip(recordings, shifts, strict=True) for a, b in one.goes_back
+        ),
         notes=tuple(dict.fromkeys([*own, *notes])),
     )
 

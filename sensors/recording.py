@@ -241,6 +241,8 @@ class Recording:
     points : (k, 4) known points that a camera sees: number, north, east, down [m]; None: there are none
     log_start : clock of the original log at t = 0 [s]; None: not known
     first_sample : of a part, t of the first sample of the whole log [s]; None: it is the whole
+    goes_back : (from, to) [s] each, times that the log's clock has passed twice, since it has gone back by them; the
+        rows of one passage, or the end of one and the begin of the other, are left out
     """
 
     name: str
@@ -258,6 +260,7 @@ class Recording:
     points: FloatArray | None = None
     log_start: float | None = None
     first_sample: float | None = None
+    goes_back: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.streams:

@@ -16,6 +16,10 @@ LEAST_ROWS = 2
 Span = tuple[float | None, float | None]
 WHOLE: Span = (None, None)
 _CLOCKS = ("imu", "poses")
+#: How the sentence about a clock that goes back begins.
+GOES_BACK = "the clock goes back"
+#: A part of a log that is shorter is nothing to go on with [s].
+_WORTH_A_LOOK = 1.0
 #: A clock that shows less at the first sample counts from there as well as words tell it: a tenth of a second is their
 #: last digit from 100 s on [s].
 NEAR_ZERO = 0.1
@@ -57,6 +61,26 @@ def told_from_note(recording: Recording) -> list[str]:
     return [f"{said}: `--from` and `--to` take them so"] if zero else []
 
 
+def clock_warnings(recording: Recording) -> list[str]:
+    """A sentence for each time that the log's clock goes back, with the parts of the log that avoid it."""
+    zero, found = told_from(recording), list[str]()
+    for begin, end in recording.goes_back:
+        ways = " or ".join(_around(recording, begin, end))
+        back, at = f"{second_words(end - begin)} s", second_words(end, zero)
+        what = "what was logged before and after is put together there"
+        found.append(f"{GOES_BACK} by {back} at {at} s: {what}{f': {ways} leaves it out' if ways else ''}")
+    return found
+
+
+def _around(recording: Recording, begin: float, end: float) -> list[str]:
+    """The options, to a hundredth of a second, that leave some time out of a log; none of logs that are joined."""
+    first = start_of(recording) if recording.first_sample is None else recording.first_sample
+    to, after = np.floor(100.0 * (begin - first) + 1e-6) / 100.0, np.ceil(100.0 * (end - first) + 0.5) / 100.0
+    ways = [f"`--to {to:.8g}`"] if begin - start_of(recording) > _WORTH_A_LOOK else []
+    ways += [f"`--from {after:.8g}`"] if end_of(recording) - end > _WORTH_A_LOOK else []
+    return [] if recording.breaks else ways
+
+
 def second_words(t: float, zero: float = 0.0) -> str:
     """An instant in words [s].
 
@@ -90,6 +114,9 @@ def between(recording: Recording, begin: float, end: float) -> Recording:
     if not streams or ("imu" in recording.streams and "imu" not in streams):
         found = f"fewer than {LEAST_ROWS} samples from {begin - start:g} s to {end - start:g} s after the first"
         raise InputError(recording.where, found, f"a part of its {stop - start:.5g} s")
+    recording = recording.replace(
+        goes_back=tuple(one for one in recording.goes_back if begin <= one[1] and end > one[0])
+    )
     truth = recording.truth
     if truth is not None:
         seen = _rows(truth.stream, begin, end)

@@ -26,7 +26,7 @@ from sinan.experiments.review.unseen import not_seen
 from sinan.sensors.errors import InputError
 from sinan.sensors.model import SensorModel
 from sinan.sensors.recording import Recording
-from sinan.sensors.window import told_from, told_from_note
+from sinan.sensors.window import clock_warnings, told_from, told_from_note
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -247,7 +247,8 @@ def estimate(
     document["estimated"] = sorted(found & set(model.sensors))
     document["call"] = asked.call_of(recording)
     document["undeclared"] = [name for name in document["nis"] if recording.spec(name).noise_std is None]
-    document["warnings"] = warnings_of(document, document["call"], document["undeclared"])
+    doubts = warnings_of(document, document["call"], document["undeclared"])
+    document["warnings"] = [*clock_warnings(recording), *doubts]
     document["not_seen"] = not_seen(recording)
     return Estimate(recording, journal, later, document, target)
 

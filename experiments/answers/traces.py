@@ -28,7 +28,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.joining import joined
 from sinan.sensors.recording import Recording
-from sinan.sensors.window import second_words, told_from, told_from_note
+from sinan.sensors.window import clock_warnings, second_words, told_from, told_from_note
 
 #: Below so many samples a second an IMU is said to be slow: a vehicle that turns to and fro 5 times a second, as the
 #: attitude loop of a multicopter may, then has four samples a turn or fewer [Hz].
@@ -203,7 +203,8 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     taken = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["notes"] = [*taken, *told_from_note(recording)]
     document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
-    document["warnings"] = [*slow_imu(recording), *(one for part in traced.parts for one in _not_believed(part.source))]
+    doubted = [one for part in traced.parts for one in _not_believed(part.source)]
+    document["warnings"] = [*clock_warnings(recording), *slow_imu(recording), *doubted]
     document["not_seen"] = not_seen(recording, document)
     document["choice"], document["magnetic_field"] = asdict(asked.choice), _field_of(traced)
     return document

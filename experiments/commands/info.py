@@ -18,7 +18,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import FIRST, Choice
 from sinan.sensors.formats.facts import Facts
 from sinan.sensors.recording import Recording, Stream
-from sinan.sensors.window import WHOLE, Span, end_of, start_of
+from sinan.sensors.window import WHOLE, Span, clock_warnings, end_of, start_of
 
 WIDTH = 100  # characters a line
 #: A gap is a step in which this many readings are missing at the median rate, or more.
@@ -104,6 +104,7 @@ def recorded(recording: Recording) -> dict[str, Any]:
         "imu_samples": recording.spec("accel").imu_samples,
         "effects": {"could_see": found, "missing": missing},
         "notes": list(recording.notes),
+        "warnings": clock_warnings(recording),
     }  # fmt: skip
 
 
@@ -172,6 +173,7 @@ def summary(document: Mapping[str, Any], next_call: str) -> str:
         lines.append(f"  several of a kind: choose by {options}")
     if document.get("recording") is not None:
         effects = document["effects"]
+        lines += [f"  warning: {warning}" for warning in document["warnings"]]
         lines.append(_filled("a trace could see", effects["could_see"]))
         lines += [_filled(f"and with {what}", names) for what, names in effects["missing"].items()]
         lines += [f"  note: {note}" for note in document["notes"]]

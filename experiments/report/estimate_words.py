@@ -20,6 +20,7 @@ from sinan.experiments.report.words import (
     reference_rows,
     with_sigma,
 )
+from sinan.sensors.window import GOES_BACK
 
 #: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
 _NIS_LOW, _NIS_HIGH = 0.8, 1.25
@@ -76,7 +77,8 @@ def coarse_note(journal: Journal) -> list[str]:
 
 def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
-    first = list(refused(document.get("doubted", {})).values())
+    not_used = refused(document.get("doubted", {})).values()
+    first = [one for one in document["warnings"] if one in not_used or one.startswith(GOES_BACK)]
     lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
     lines += _biases(document)
     lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")

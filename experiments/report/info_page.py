@@ -26,6 +26,8 @@ def info_page(
     if read:
         page.numbers(_numbers(document))
         _streams(page, document)
+        for warning in document["warnings"]:
+            page.text(f"Warning: {warning}.")
         _effects(page, document["effects"], next_call)
         if document["notes"]:
             page.heading("Notes")

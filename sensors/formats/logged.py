@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,9 @@ from sinan.sensors.recording import QUATERNION, REQUIRED_COLUMNS, Environment, R
 
 #: A quaternion whose norm is off one by more is none: autopilots log zeros or NaN before they have an attitude.
 _UNIT = 0.01
+#: A clock goes back where it does so by more than a few steps, and rows of more than a second are left out for it: what
+#: is late by less, or for less, was written out of order.
+_FEW_STEPS, _LASTS = 3.0, 1.0
 #: Samples are averages where they are taken over at least this part of the step to the next.
 _FILLED = 0.5
 #: A clock that leaps by more than a day within a log is damaged: no flight has such a gap, a stamp with a wrong bit
@@ -66,12 +69,13 @@ def recording_of(
         names = f" (there are {', '.join(there[:_MOST_NAMES])}{more}; `sinan info` lists all)" if there else ""
         raise InputError(path, f"no {what}{names}", "a log that has it")
     start = min(float(stream.t[0]) for stream in streams.values())
+    twice = [(begin - start, end - start) for begin, end in goes_back(stream for stream in found.values() if stream)]
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)
     recording = Recording(
         path.stem, "flight", streams, sensors=sensors or {}, environment=Environment(field_unit=FIELD_UNIT),
         origin=origin, source=str(path), notes=(*said, *chosen), truth=_reference(attitude, start, reference),
-        log_start=start,
+        log_start=start, goes_back=tuple(twice),
     )  # fmt: skip
     check_units(recording)
     return recording
@@ -143,6 +147,38 @@ def sound(name: str, stream: Stream) -> tuple[Stream, list[str]]:
     if lost := int(np.sum(~together)):
         notes.append(f"{name}: {lost} rows left out: their time is more than a day from the others'")
     return stream.rows(together), notes
+
+
+def goes_back(streams: Iterable[Stream]) -> list[tuple[float, float]]:
+    """Times that a log's clock passes twice, as it goes back and rows before and after are read: from and to, in order.
+
+    What overlaps in several streams is one.
+    """
+    found: list[tuple[float, float]] = []
+    for begin, end in sorted(one for stream in streams for one in _passed_twice(stream.t[np.isfinite(stream.t)])):
+        if found and begin <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], end)
+        else:
+            found.append((begin, end))
+    return found
+
+
+def _passed_twice(t: FloatArray) -> list[tuple[float, float]]:
+    """The same of one clock: where it goes back furthest in each run of rows that `rising` leaves out amid others."""
+    lost = ~rising(t)
+    if not np.any(lost):
+        return []
+    step = float(np.median(np.diff(t[~lost]))) if np.sum(~lost) > 1 else np.inf
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]])))
+    found = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        if first == 0 or stop == len(t) or (stop - first) * step <= _LASTS:
+            continue
+        around = t[first - 1 : stop + 1]
+        k = int(np.argmin(np.diff(around)))
+        if around[k] - around[k + 1] > _FEW_STEPS * step:
+            found.append((float(around[k + 1]), float(around[k])))
+    return found
 
 
 def _without_leap(t: FloatArray) -> BoolArray:

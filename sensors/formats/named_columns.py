@@ -18,7 +18,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats.coarse_clock import spread
 from sinan.sensors.formats.column_names import FINE, FREE, GRAVITY, INDICATED, Meaning, meanings, says_unit, words_of
 from sinan.sensors.formats.geodetic import to_ned
-from sinan.sensors.formats.logged import sound
+from sinan.sensors.formats.logged import goes_back, sound
 from sinan.sensors.formats.plausible import HECTOPASCALS, check_field, check_units, sign_of_force
 from sinan.sensors.formats.units import FIELD_UNIT, UNITS
 from sinan.sensors.held import held
@@ -94,13 +94,15 @@ def recording_of_names(path: Path, columns: Mapping[str, FloatArray]) -> Recordi
     if not streams:
         raise InputError(path, "no row of numbers", "readings")
     start = min(float(stream.t[0]) for stream in streams.values())
+    twice = tuple((begin - start, end - start) for begin, end in goes_back(found.values()))
     streams = {name: Stream(stream.t - start, stream.columns) for name, stream in streams.items()}
     streams, origin, chosen = to_ned(path, streams, None)
     notes += _axes(streams.get("imu"))
     environment = Environment(field_unit=FIELD_UNIT if fields and "" not in fields else "")
     recording = Recording(
-        path.stem, kind, streams, environment=environment, origin=origin, source=str(path), notes=(*notes, *chosen)
-    )
+        path.stem, kind, streams, environment=environment, origin=origin, source=str(path), notes=(*notes, *chosen),
+        goes_back=twice,
+    )  # fmt: skip
     check_units(recording)
     if environment.field_unit:
         check_field(recording)

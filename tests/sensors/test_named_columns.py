@@ -14,6 +14,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.formats import open_log
 from sinan.sensors.formats.column_names import Meaning, meaning
 from sinan.sensors.recording import ACCEL, GYRO, MAG, POSITION, Recording
+from sinan.sensors.window import clock_warnings, window
 
 GRAVITY = 9.80665
 
@@ -248,6 +249,25 @@ def cut(path: Path, text: str) -> Path:
 
 
 CUT = "the last line is cut off after 4 of 10 columns, left out"
+
+
+def test_a_clock_that_goes_back_for_seconds_is_told_with_what_avoids_it(tmp_path: Path) -> None:
+    """Of thirty seconds the clock goes back by five after fifteen; one that goes back for ten rows is no word."""
+    t = 0.01 * np.arange(3000)
+    late = np.where(t < 15.0, t, t - 5.0)
+    swapped = np.concatenate([t[:500], t[500:510][::-1], t[510:]])
+    said = {}
+    for name, stamps in (("late", late), ("swapped", swapped)):
+        rows = "".join(f"{1000.0 * one:.0f},0,0,-1,0,0,0,20,0,40\n" for one in stamps)
+        (tmp_path / f"{name}.csv").write_text(f"{HEADER}\n{rows}")
+        said[name] = open_log(tmp_path / f"{name}.csv")
+    (sentence,) = clock_warnings(said["late"])
+    assert sentence.startswith("the clock goes back by 4.99 s at 14.99 s: ")
+    assert sentence.endswith(": `--to 10` or `--from 15` leaves it out")
+    assert clock_warnings(window(said["late"], (None, 10.0))) == []
+    assert clock_warnings(window(said["late"], (15.0, None))) == []
+    assert len(clock_warnings(window(said["late"], (11.0, 20.0)))) == 1
+    assert clock_warnings(said["swapped"]) == []
 
 
 def test_a_last_line_that_lost_its_end_is_left_out_with_a_note(tmp_path: Path) -> None:
