@@ -101,9 +101,10 @@ def title(document: Mapping[str, Any]) -> str:
         also = "".join(f", and {one}" for one in rest)
         return f"{first}: {size_words(effects[0])}{also}; {headline_error(document)}"
     parts = [_part(document, effect) for effect in effects[:_MOST_IN_TITLE]]
-    unsure = [bool(effect["confused_with"]) for effect in effects[_MOST_IN_TITLE:]]
-    for count, which in ((unsure.count(False), ""), (unsure.count(True), " that these data cannot tell from others")):
-        parts += [counted(count, "more effect") + which] if count else []
+    for unsure, which in ((False, ""), (True, " that these data cannot tell from others")):
+        names = [effect["name"] for effect in effects[_MOST_IN_TITLE:] if bool(effect["confused_with"]) is unsure]
+        more = f"{counted(len(names), 'more effect')}{which} ({', '.join(dict.fromkeys(names))})"
+        parts += [more] if names else []
     parts += rest
     text = ", ".join(parts[:-1]) + ", and " + parts[-1]
     return f"{text[0].upper()}{text[1:]}: {headline_error(document)}"
@@ -152,14 +153,28 @@ def says(document: Mapping[str, Any]) -> str:
         return "no effect passes the test"
     if _cannot_tell(known):
         return "what is named passes the test on all data; the held-out part holds nothing that could confirm it"
-    return f"what is named passes the test on all data, and predicts the {_part_of_data(document)}"
+    untold = _names([effect for effect in known if effect["predicts"] is None])
+    if not untold:
+        return f"what is named passes the test on all data, and predicts the {_part_of_data(document)}"
+    told = [effect for effect in known if effect["predicts"] is not None]
+    return (
+        f"what is named passes the test on all data; {_names(told)} {'predict' if len(told) > 1 else 'predicts'} the "
+        f"{_part_of_data(document)}, which cannot tell of {untold}"
+    )
+
+
+def _names(effects: Sequence[Mapping[str, Any]]) -> str:
+    """The names of effects as a list in a sentence, of an interval with when it is."""
+    whens = [f" {interval_words(effect)}" if effect.get("interval") else "" for effect in effects]
+    *first, last = [f"{effect['name']}{when}" for effect, when in zip(effects, whens, strict=True)] or [""]
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _later_rivals(document: Mapping[str, Any]) -> str:
     """An effect after the first is not to be told from others."""
     effect = next(effect for effect in document["effects"] if effect["confused_with"])
-    sure = [one["name"] for one in document["effects"] if not one["confused_with"]]
-    there = f"{', '.join(sure[:-1])} and {sure[-1]} are" if len(sure) > 1 else f"{sure[0]} is"
+    sure = [one for one in document["effects"] if not one["confused_with"]]
+    there = f"{_names(sure)} {'are' if len(sure) > 1 else 'is'}"
     others = " or ".join(effect["confused_with"])
     return f"{there} there; these data cannot tell whether {effect['name']} is, or {others}"
 

@@ -498,10 +498,15 @@ def test_title_of_what_cannot_be_told_apart_names_every_candidate() -> None:
 
 
 def test_title_counts_what_is_there_apart_from_what_may_be_another() -> None:
+    """Each with its name."""
     (one,) = a_document()["effects"]
     unsure = {**one, "confused_with": ["laser.mount_offset"]}
-    text = title(a_document(verdict="ambiguous", effects=[one, one, one, unsure]))
-    assert ", 1 more effect, and 1 more effect that these data cannot tell from others: residual" in text
+    brief = {**one, "name": "baro.transient"}
+    text = title(a_document(verdict="ambiguous", effects=[one, one, brief, one, brief, unsure]))
+    assert (
+        ", 3 more effects (baro.transient, sonar.mount_offset), and 1 more effect that these data cannot tell from "
+        "others (sonar.mount_offset): residual" in text
+    )
 
 
 def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:

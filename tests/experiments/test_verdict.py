@@ -27,6 +27,7 @@ from sinan.experiments.report.verdict_words import (
     errors_against_a_truth,
     lead,
     next_with_parameters,
+    says,
     title,
     trace_summary,
     what_next,
@@ -280,6 +281,23 @@ def test_what_no_held_out_reading_can_tell_has_no_proof_in_the_head_line() -> No
     assert title(document).endswith("0.20 m; not confirmed: the last third cannot show it")
     assert "only the evidence speaks for it. On all data the RMS of the sonar residual goes 0.210 → 0.060 m" in lead(
         document
+    )
+
+
+def test_the_sentence_says_of_which_effects_withheld_readings_cannot_tell() -> None:
+    document = a_document()
+    (one,) = document["effects"]
+    assert says(document) == "what is named passes the test on all data, and predicts the last third of the data"
+    scale = {**one, "name": "mag.scale"}
+    brief = {**one, "name": "baro.transient", "predicts": None, "interval": [3.0, 5.0]}
+    document["effects"] = [one, brief]
+    assert says(document).endswith(
+        "; sonar.mount_offset predicts the last third of the data, which cannot tell of baro.transient from 3 s to 5 s"
+    )
+    document["effects"] = [one, brief, scale, {**one, "name": "gps.outliers", "predicts": None}]
+    assert says(document).endswith(
+        "; sonar.mount_offset and mag.scale predict the last third of the data, which cannot tell of baro.transient "
+        "from 3 s to 5 s and gps.outliers"
     )
 
 
