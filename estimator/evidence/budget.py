@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sinan.estimator.evidence.weighing import in_weight
 from sinan.estimator.filter.inputs import RunInputs
 from sinan.estimator.filter.journal import Journal
 from sinan.sensors.arrays import BoolArray, FloatArray
@@ -71,9 +72,9 @@ def budget_of(stream: str, unit: str, plain: Journal, final: Journal) -> Budget 
     colour = min(colour, 1.0 - white)  # with which the states go, the other way
     share = min(left, 1.0) / total
     first = slice(0, 3)  # of a fix the position
-    sure, known = 1.0 / predicted[there][:, first], tells[there][:, first]
-    squares = weight[:, None] * sure * before.nu[had][same][:, first] ** 2
-    rms = float(np.sqrt(np.sum(squares, where=known) / np.sum(sure, where=known)))
+    known = tells[there][:, first]
+    weighed = in_weight(before.nu[had][same][:, first], predicted[there][:, first], known, weight)
+    rms = float(np.sqrt(np.mean(weighed**2, where=known)))
     return Budget(
         stream, unit, rms, effects=1.0 - left / total, white=share * white, colour=share * colour,
         motion=share * (1.0 - white - colour), unnamed=max(left - 1.0, 0.0) / total, predicted=1.0 / left,

@@ -7,7 +7,7 @@ knows none of them; it sees fits, evidence and residuals.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.score import Evidence, Statistic
 from sinan.estimator.evidence.term import Model, Term
+from sinan.estimator.evidence.weighing import in_weight
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 from sinan.sensors.effects import Effect
 from sinan.sensors.effects.declaration import IMPLAUSIBLE as IMPLAUSIBLE
@@ -138,6 +139,8 @@ class StreamResidual:
     covariates : (n,) each, what the residual may follow
     row : (n,) number of the reading in its recording, the same in every fit of it
     zero : what `t` shows where words and figures count from (`sensors.window.told_from`) [s]
+    variance : (n, size) that the model predicts of each residual; None: the same of all
+    weight : (n,) of doubtful readings; None: of none
     """
 
     stream: str
@@ -150,6 +153,8 @@ class StreamResidual:
     covariates: Mapping[str, FloatArray]
     row: IntArray
     zero: float = 0.0
+    variance: FloatArray | None = None
+    weight: FloatArray | None = None
 
     @property
     def counted(self) -> bool:
@@ -183,6 +188,26 @@ class StreamResidual:
         mean = np.sum(self.whitened, axis=0) / np.maximum(np.sum(self.tells, axis=0), 1)
         return np.where(self.tells, self.whitened - mean, 0.0)
 
+    @property
+    def weighed(self) -> StreamResidual:
+        """The same with each residual in its weight (`in_weight`), whose RMS is what people read; position and velocity
+        of a fix each by itself.
+        """
+        if self.variance is None:
+            return self
+        parts = [slice(k, k + 3) for k in range(0, self.residual.shape[1], 3)]
+        weighed = [in_weight(self.residual[:, p], self.variance[:, p], self.tells[:, p], self.weight) for p in parts]
+        return replace(self, residual=np.concatenate(weighed, axis=1), variance=None, weight=None)
+
+    def as_sure_as(self, other: StreamResidual) -> StreamResidual:
+        """The same with what another model predicts of the readings that both have."""
+        if self.variance is None or other.variance is None:
+            return self
+        _, mine, theirs = np.intersect1d(self.row, other.row, return_indices=True)
+        variance = self.variance.copy()
+        variance[mine] = other.variance[theirs]
+        return replace(self, variance=variance)
+
     def rows(self, keep: BoolArray) -> StreamResidual:
         """The rows of a mask."""
         covariates = {name: value[keep] for name, value in self.covariates.items()}
@@ -197,6 +222,8 @@ class StreamResidual:
             covariates,
             self.row[keep],
             self.zero,
+            None if self.variance is None else self.variance[keep],
+            None if self.weight is None else self.weight[keep],
         )
 
 

@@ -57,7 +57,7 @@ def residuals_over_time(
     ----------
     held_out : which they are, in words; empty: none is shaded, since readings all over are withheld in turn
     """
-    zero, before, after = before.zero, _told(before), _told(after)
+    zero, before, after = before.zero, _told(before).as_sure_as(after), _told(after)
     figure, axes = new_figure(2, 1, 2.3, sharex=True, sharey=True)
     for one, r, colour, label in (
         (axes[0, 0], before, BEFORE, "plain model"),
@@ -71,12 +71,12 @@ def residuals_over_time(
         one.axhline(0.0, color=SOFT, lw=0.8)
         for start, end in intervals:
             one.axvspan(start - zero, end - zero, color=DISTURBED, alpha=0.35, lw=0)
-        size = f"{r.rms:.3g} {stream_unit(r.stream, r.unit)}".strip()
+        size = f"{r.weighed.rms:.3g} {stream_unit(r.stream, r.unit)}".strip()
         one.set_title(f"{label}: RMS {size} over all data", loc="left", fontsize=10)
         one.set_ylabel(
             axis_label(f"{SENSORS.get(r.stream, r.stream)}\nresidual", stream_unit(r.stream, r.unit)), fontsize=9
         )
-    _limit(axes[0, 0], np.concatenate([before.residual.ravel(), after.residual.ravel()]))
+    _limit(axes[0, 0], [before, after])
     note = f"shaded: {held_out}, not used in the proof's fit" if held_out else "no reading withheld"
     axes[1, 0].set_xlabel(_time_label(before.t, note), fontsize=9)
     return figure
@@ -135,6 +135,8 @@ def effect_over_time(before: StreamResidual, after: StreamResidual, name: str, i
         for k, component in enumerate(r.residual[rows].T):
             one.plot(r.t[rows], component, ".", ms=5, color=colour, alpha=0.6, label=label if k == 0 else None)
     one.axhline(0.0, color=SOFT, lw=0.8)
+    near = [r.rows((r.t >= t0 - around) & (r.t <= t1 + around)) for r in (before.as_sure_as(after), after)]
+    _limit(one, [r for r in near if len(r.t)])
     one.set_xlabel(_time_label(before.t, "yellow: when it acts"), fontsize=9)
     one.set_ylabel(axis_label(f"{SENSORS.get(before.stream, before.stream)} residual", unit), fontsize=9)
     one.legend(frameon=False, fontsize=9)
@@ -219,10 +221,13 @@ def _time_label(t: FloatArray, note: str) -> str:
     return f"{'reading' if counted else 'time / s'}    ({note})"
 
 
-def _limit(one: Axes, values: FloatArray) -> None:
-    """Let the axis hold all but the wildest thousandth: the first innovations of a filter would hide the rest."""
-    reach = 1.6 * float(np.quantile(np.abs(values), 0.998))
-    if reach > 0.0 and np.max(np.abs(values)) > 2.0 * reach:
+def _limit(one: Axes, residuals: Sequence[StreamResidual]) -> None:
+    """Let the axis hold all but the wildest thousandth of what the model could predict: the first innovations of a
+    filter would hide the rest. Readings that it doubts are shown.
+    """
+    weighed = [replace(r, weight=None).weighed.residual.ravel() for r in residuals]
+    reach = 1.6 * float(np.quantile(np.abs(np.concatenate(weighed)), 0.998)) if weighed else 0.0
+    if reach > 0.0 and max(np.max(np.abs(r.residual)) for r in residuals) > 2.0 * reach:
         one.set_ylim(-reach, reach)
 
 

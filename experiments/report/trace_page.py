@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 #: Candidates that the chart and the table show unfolded.
 _SHOWN = 12
 _LN10 = float(np.log(10.0))
+#: Of the RMS of a flight's innovations.
+_WEIGHT = " In the RMS each reading has the weight that its predicted variance gives it."
 
 
 def trace_figures(traced: Traced, document: Mapping[str, Any]) -> dict[str, tuple[Figure, str]]:
@@ -203,6 +205,7 @@ def _error_figures(part: Part) -> dict[str, tuple[Figure, str]]:
         name = "residuals" if stream == verdict.proof.stream else f"residuals_{stream}"
         caption = (
             f"Residual (reading minus prediction) of the {words.SENSORS.get(stream, stream)}, fitted to all data."
+            + (_WEIGHT if before[stream].variance is not None else "")
             + (" Yellow: while the effect acts." if intervals else "")
         )
         made[name] = figures.residuals_over_time(before[stream], after[stream], shaded, intervals), caption
@@ -263,16 +266,18 @@ def _local_caption(before: StreamResidual, after: StreamResidual, term: Term, is
     ----------
     is_last : no other effect was added after it, so what the others gain is its doing
     """
+    before = before.as_sure_as(after)
     masks = [term.covers(r.t) for r in (before, after)]
     parts = [(masks, "the yellow part"), ([~mask for mask in masks], "all the rest")]
     rms = {
-        part: [float(np.sqrt(np.mean(r.residual[mask] ** 2))) for r, mask in zip((before, after), keep, strict=True)]
+        part: [r.rows(mask).weighed.rms for r, mask in zip((before, after), keep, strict=True)]
         for keep, part in parts
         if all(np.any(mask) for mask in keep)
     }
     unit = words.stream_unit(before.stream, before.unit)
     sizes = " and ".join(f"{f'{words.change(*pair)} {unit}'.strip()} in {part}" for part, pair in rms.items())
     text = f"The residual around the interval, before {term.name} was added and in the final model: RMS {sizes}."
+    text += _WEIGHT if before.variance is not None else ""
     if is_last and len(rms) == 2 and rms["all the rest"][1] < rms["all the rest"][0]:
         text += (
             f" Without {term.name} the whole model is pulled towards the yellow readings, at the cost of the others: "

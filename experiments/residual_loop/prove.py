@@ -92,7 +92,7 @@ class Proof:
     ----------
     stream : whose errors are compared
     before, after : held out
-    in_sample_before, in_sample_after : on all data, fitted on all data
+    in_sample_before, in_sample_after : on all data, fitted on all data, each reading in its weight
     untested : effects that act on no held-out reading, or whose size the rest cannot tell, so that only the evidence
         speaks for them
     compared : the plain and the final model whose held-out errors these are
@@ -265,7 +265,9 @@ def prove(source: Source, selection: Selection, rng: np.random.Generator) -> Pro
     unknown = _unknown(selection, known)
     before, after = (_known(source, unknown, source.held_out(fit)) for fit in (plain, fitting))
     all_before, all_after = source.residuals(selection.plain), source.residuals(selection.final)
-    of_all = before, after, all_before, all_after
+    sure = {r.stream: r for r in all_after}
+    all_before = [r.as_sure_as(sure.get(r.stream, r)).weighed for r in all_before]
+    of_all = before, after, all_before, [r.weighed for r in all_after]
     stream = stream_in_question(source, selection, set.intersection(*({r.stream for r in part} for part in of_all)))
     first, second, third, fourth = (errors_of(r, stream, rng, noise) for r in of_all)
     contributions = tuple(

@@ -11,6 +11,7 @@ from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
+from sinan.experiments.report.trace_figures import effect_over_time, residuals_over_time
 from sinan.experiments.scenarios import load_scenario, parse_effect
 from sinan.sensors.recording import Recording, Stream
 from sinan.sensors.simulate import simulate
@@ -60,16 +61,43 @@ def test_noise_believed_too_large_is_said_and_its_parts_share_what_is_there() ->
 
 def test_the_first_reading_from_which_a_zero_is_found_counts_as_little_as_it_is_known() -> None:
     """A barometer's zero of 180 m is in its first innovation alone."""
+    near, off = (_budget_of(one, "baro").rms for one in (_with_a_zero_of(0.0), _with_a_zero_of(180.0)))
+    assert off == pytest.approx(near, rel=0.05)
+
+
+def test_a_figure_of_residuals_tells_the_rms_of_the_budget_and_is_drawn_as_large() -> None:
+    """Not that of the first innovation, 180 m."""
+    source = FlightSource(Flight.of(_with_a_zero_of(180.0)))
+    plain = source.fit(())
+    baro = next(one for one in source.residuals(plain) if one.stream == "baro")
+    budget = next(one for one in source.budget(plain, plain) if one.stream == "baro")
+    assert baro.rms > 5.0 * budget.rms
+    assert baro.weighed.rms == pytest.approx(budget.rms, rel=1e-9)
+    upper, _ = residuals_over_time(baro, baro, "").axes
+    assert f"RMS {budget.rms:.3g} m over" in upper.get_title(loc="left")
+    assert upper.get_ylim()[1] < 10.0 * budget.rms
+    begin = float(baro.t[0])
+    (around,) = effect_over_time(baro, baro, "baro.transient", (begin, begin + 3.0)).axes
+    assert around.get_ylim()[1] < 10.0 * budget.rms
+
+
+def test_a_model_that_predicts_little_is_weighed_as_the_other_where_both_have_a_reading() -> None:
+    source = FlightSource(Flight.of(_with_a_zero_of(0.0)))
+    baro = next(one for one in source.residuals(source.fit(())) if one.stream == "baro")
+    assert baro.variance is not None
+    known = np.arange(len(baro.t)) > 0
+    bolder = replace(baro.rows(known), variance=4.0 * baro.variance[known])
+    taken = baro.as_sure_as(bolder).variance
+    assert taken == pytest.approx(baro.variance * np.where(known, 4.0, 1.0)[:, None])
+
+
+def _with_a_zero_of(metres: float) -> Recording:
+    """A figure of eight whose barometer may have any zero."""
     recording, _ = simulate(load_scenario("figure_eight"), np.random.default_rng(31))
     baro = recording.streams["baro"]
-    far = Stream(baro.t, {**baro.columns, "height": baro["height"] + 180.0})
-    spec = replace(recording.spec("baro"), bias_std=200.0)
-    open_zero = recording.replace(sensors={**recording.sensors, "baro": spec})
-    near, off = (
-        _budget_of(one, "baro").rms
-        for one in (open_zero, open_zero.replace(streams={**recording.streams, "baro": far}))
-    )
-    assert off == pytest.approx(near, rel=0.05)
+    far = Stream(baro.t, {**baro.columns, "height": baro["height"] + metres})
+    sensors = {**recording.sensors, "baro": replace(recording.spec("baro"), bias_std=200.0)}
+    return recording.replace(sensors=sensors, streams={**recording.streams, "baro": far})
 
 
 def _budget_of(recording: Recording, stream: str) -> Budget:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sinan.estimator.evidence.source import StreamResidual
+from sinan.estimator.evidence.term import Term
 from sinan.experiments.calibrate import as_json, calibrate_triad
 from sinan.experiments.commands.calibrate import run as calibrate
 from sinan.experiments.commands.demo import HIDDEN, hidden_and_found
@@ -25,7 +27,7 @@ from sinan.experiments.report.estimate_words import warnings_of as innovation_wa
 from sinan.experiments.report.figures import biases_over_time
 from sinan.experiments.report.monte_carlo_words import remark
 from sinan.experiments.report.page import Page
-from sinan.experiments.report.trace_page import evidence, trace_figures, trace_page
+from sinan.experiments.report.trace_page import _local_caption, evidence, trace_figures, trace_page
 from sinan.experiments.report.trace_words import (
     REFUSED,
     effect_line,
@@ -527,3 +529,15 @@ def test_lead_warns_where_a_part_of_the_data_chooses_other_names() -> None:
 )
 def test_what_remains_is_said_in_words(kind: str, follows: str, said: str) -> None:
     assert said in remaining_sentence({"stream": "baro", "kind": kind, "excess": 0.5, "follows": follows})
+
+
+def test_the_text_of_an_interval_gives_a_first_innovation_its_weight() -> None:
+    """Its error of 186 m is predicted, and no part of the RMS of 0.1 m beside the interval."""
+    t, tells = np.arange(60.0), np.ones((60, 1), dtype=np.bool_)
+    error = np.where(np.arange(60) % 2, 0.1, -0.1)[:, None]
+    variance = np.full((60, 1), 0.01)
+    error[0], variance[0] = 186.0, 1e4
+    after = StreamResidual("baro", t, error, error, tells, ~tells[:, 0], "m", {}, np.arange(60), 0.0, variance)
+    before = replace(after, residual=error + np.where((t >= 40.0) & (t < 45.0), 2.0, 0.0)[:, None])
+    text = _local_caption(before, after, Term("baro.transient", (40.0, 45.0)), is_last=False)
+    assert "RMS 1.98 → 0.10 m in the yellow part and 0.10 → 0.10 m in all the rest" in text

@@ -19,6 +19,7 @@ from sinan.estimator.evidence.flights.passes import Fitted, FlightPasses
 from sinan.estimator.evidence.flights.withheld import Window
 from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
+from sinan.estimator.evidence.weighing import in_weight
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD
 from sinan.estimator.filter.journal import StreamJournal
@@ -244,8 +245,7 @@ class Prediction:
             return []
         each = np.concatenate([np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3] for one, keep in seen])
         variance = np.mean(each, axis=1, where=tells[:, :3])
-        sure = np.mean(variance**-1.0) ** -1.0 / variance
-        nu, white = nu * np.sqrt(sure)[:, None], np.where(tells, white, 0.0)
+        nu, white = in_weight(nu, variance[:, None]), np.where(tells, white, 0.0)
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
         residual = StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])

@@ -523,6 +523,8 @@ class FlightSource(OfFlight):
                         {},
                         one.index[keep],
                         told_from(self.recording),
+                        np.diagonal(one.S[keep], axis1=1, axis2=2),
+                        one.weight[keep],
                     )
                 )
         return rows
