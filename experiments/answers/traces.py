@@ -197,7 +197,8 @@ def trace(
 def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> dict[str, Any]:
     """The report of a trace with its words."""
     in_parts = recording.kind == "poses" and recording.environment.magnetic_field is None
-    log = Log(asked.input_of(recording), asked.map_file, asked.choice, in_parts, len(recording.breaks))
+    poses = recording.kind == "poses"
+    log = Log(asked.input_of(recording), asked.map_file, asked.choice, in_parts, len(recording.breaks), poses)
     document = worded(report(traced), asked.name_of(recording), log)
     document["window"] = asked.window
     taken = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]

@@ -110,7 +110,7 @@ class Page:
 
         Parameters
         ----------
-        kind : of the verdicts of a trace, the one whose colour it has
+        kind : of the verdicts of a trace, the one whose colour it has; another: grey
         """
         self._parts.insert(0, f'<p class="verdict {html.escape(kind)}">{html.escape(word)}</p>')
 

@@ -96,7 +96,7 @@ def trace_page(
 def _head(document: Mapping[str, Any]) -> Page:
     """A page that begins with the verdict, what to do next, what the log was, and what it could not tell."""
     page = Page(document["headline"], f"{verdict_words.name_of(document)}. {verdict_words.lead(document)}")
-    page.verdict(_in_a_word(document), document["verdict"])
+    page.verdict(_in_a_word(document), "unseen" if verdict_words.shows_nothing(document) else document["verdict"])
     _found_table(page, document)
     page.text(f"Verdict `{document['verdict']}`: {document['says']}.")
     if document["verdict"] == "unexplained" and document["remaining"]:
@@ -125,6 +125,8 @@ def _in_a_word(document: Mapping[str, Any]) -> str:
     """The verdict in a word or two, for the coloured mark."""
     if document["verdict"] == "effects":
         return f"{words.counted(len(verdict_words.reported(document)), 'effect')} found"
+    if verdict_words.shows_nothing(document):
+        return "nothing could be seen"
     return "no effect found" if document["verdict"] == "no_effect" else str(document["verdict"])
 
 

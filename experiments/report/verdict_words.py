@@ -66,7 +66,8 @@ def worded(document: Mapping[str, Any], called: str = "", log: Log | None = None
 @dataclass(frozen=True)
 class Log:
     """A log as the user names it, the map that reads it, which of several sensors are read, whether sizes of
-    what adds to the field are parts of it, as of poses that do not declare theirs, and how many are traced with it.
+    what adds to the field are parts of it, as of poses that do not declare theirs, how many are traced with it, and
+    whether it is of poses.
     """
 
     input: str = "INPUT"
@@ -74,6 +75,7 @@ class Log:
     choice: Choice = FIRST
     in_parts: bool = False
     others: int = 0
+    poses: bool = False
 
 
 def reported(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -115,9 +117,17 @@ def _title_without_names(document: Mapping[str, Any]) -> str:
         return "The model misses something, and no effect of the catalogue predicts it"
     if document["verdict"] != "no_effect":
         return "The model misses something that no effect of the catalogue explains"
+    if shows_nothing(document):
+        left = [item for item in document["remaining"] if not _is_less_than_expected(item)]
+        but = "; but the residual is not pure noise" if left else ""
+        return f"Nothing was found, and nothing could have been: no effect of a size that occurs shows in this log{but}"
     if document["remaining"]:
         return "No effect of the catalogue was found, but the residual is not pure noise"
     return "Nothing wrong was found: the residual looks like pure noise"
+
+
+def _is_less_than_expected(item: Mapping[str, Any]) -> bool:
+    return item["kind"] == "variance" and item["excess"] is not None and item["excess"] < 0.0
 
 
 def _part(document: Mapping[str, Any], effect: Mapping[str, Any]) -> str:
@@ -150,7 +160,8 @@ def says(document: Mapping[str, Any]) -> str:
             return f"an effect passes the test on all data, but does not predict the {_part_of_data(document)}"
         return f"the residual has structure that no effect of the catalogue explains{names}"
     if document["verdict"] == "no_effect":
-        return "no effect passes the test"
+        would = ", nor would one of a size that occurs" if shows_nothing(document) else ""
+        return f"no effect passes the test{would}"
     if _cannot_tell(known):
         return "what is named passes the test on all data; the held-out part holds nothing that could confirm it"
     untold = _names([effect for effect in known if effect["predicts"] is None])
@@ -182,9 +193,12 @@ def _later_rivals(document: Mapping[str, Any]) -> str:
 def what_next(document: Mapping[str, Any], log: Log) -> str:
     """What to do, a sentence or two."""
     if document["verdict"] == "no_effect":
-        shown = [seen_up_to(candidate, _OCCURS) for candidate in document["candidates"] if _may_last(candidate)]
+        shown = _would_be_seen(document)
         seen = f"{sum(shown)} of {len(shown)} effects would have been seen at sizes that occur"
-        return f'nothing that this log shows needs correcting; {seen} ("What would have been seen" lists from where on)'
+        where = '"What would have been seen" lists from where on'
+        if not any(shown):
+            return f"record {_MORE_POSES if log.poses else _LONGER}, and trace that: of this log {seen} ({where})"
+        return f"nothing that this log shows needs correcting; {seen} ({where})"
     if document["verdict"] == "ambiguous":
         measure = "measure one of them yourself, such as a lever arm with a ruler, and declare it"
         return f"{document['separates']}; or {measure}" if document["separates"] else measure
@@ -206,6 +220,21 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
 
 #: Plausible sizes up to which an effect occurs: two sigma of what is sold.
 _OCCURS = 2.0
+
+
+#: What shows the effects that another log could not.
+_LONGER = "a longer log, a minute or more, that turns about all three axes"
+_MORE_POSES = "more poses, with each axis up, down and between"
+
+
+def shows_nothing(document: Mapping[str, Any]) -> bool:
+    """Whether nothing was found where no effect that lasts would have been at a size that occurs."""
+    return document["verdict"] == "no_effect" and not any(_would_be_seen(document))
+
+
+def _would_be_seen(document: Mapping[str, Any]) -> list[bool]:
+    """Whether each effect that lasts would have been found at a size that occurs."""
+    return [seen_up_to(candidate, _OCCURS) for candidate in document["candidates"] if _may_last(candidate)]
 
 
 def _may_last(candidate: Mapping[str, Any]) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sinan.estimator.evidence.budget import Budget
 from sinan.estimator.evidence.score import Statistic
-from sinan.estimator.evidence.source import LocalFinding, Source
+from sinan.estimator.evidence.source import LocalFinding
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.judged import Judged
 from sinan.experiments.residual_loop.prove import Change, Errors
@@ -86,7 +86,7 @@ def _error(part: Part, verdict: Verdict) -> dict[str, object]:
 
 
 def _candidates_of(part: Part, others: Sequence[Judged]) -> list[dict[str, object]]:
-    lasting = [_candidate(part.source, s, others) for s in _candidates(part)]
+    lasting = [_candidate(part, s, others) for s in _candidates(part)]
     return lasting + [_local_candidate(found, others) for found in part.trace.selection.plain_local]
 
 
@@ -123,6 +123,13 @@ def _clock(part: Part) -> tuple[bool, float]:
     """
     residuals = part.source.residuals(part.trace.selection.plain)
     return all(r.counted for r in residuals), residuals[0].zero
+
+
+def _duration(part: Part) -> float:
+    """How long the readings last, which no time that they show exceeds [s]; without time stamps infinite."""
+    residuals = part.source.residuals(part.trace.selection.plain)
+    t = np.concatenate([r.t for r in residuals])
+    return float("inf") if all(r.counted for r in residuals) else float(np.ptp(t))
 
 
 def _named(part: Part, named: Named) -> dict[str, object]:
@@ -178,9 +185,11 @@ def _errors(errors: Errors) -> dict[str, object]:
     }
 
 
-def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
+def _candidate(part: Part, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
     entry = Term(s.name).effect
-    size, units = source.field.of(entry)
+    size, units = part.source.field.of(entry)
+    sizes = zip(size * s.detectable_from, units, strict=True)
+    longest = _duration(part)
     return {
         "name": s.name,
         "parameters": [p.name for p in entry.parameters],
@@ -189,7 +198,7 @@ def _candidate(source: Source, s: Statistic, others: Sequence[Judged]) -> dict[s
         "dof": s.dof,
         "p_value": s.p_value,
         "scatter": s.scatter,
-        "detectable_from": [finite_or_none(size * d) for d in s.detectable_from],
+        "detectable_from": [None if unit == "s" and d > longest else finite_or_none(d) for d, unit in sizes],
         **_judgement(s.name, [one for one in others if one.term.interval is None]),
     }
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from sinan.calibration.levels.preparation import prepared
 from sinan.experiments.bias_observability.case import case_of_recording
 from sinan.experiments.calibrate import calibrate_turns
+from sinan.experiments.report.trace_words import detectable_sentence
 from sinan.experiments.residual_loop.open_source import pose_source
+from sinan.experiments.residual_loop.report import report
 from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Environment, Recording
 from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +67,16 @@ def test_a_flight_of_a_few_rows_is_traced_or_refused(flight: Recording, rows: in
     except InputError:
         return
     assert not part.trace.selection.findings
+
+
+def test_a_lateness_longer_than_the_log_is_not_visible_in_it(flight: Recording) -> None:
+    """A hover hardly tells when its compass was read."""
+    brief = between(flight, 0.0, 1.0)
+    traced = trace_recording(brief.replace(streams={n: brief.streams[n] for n in ("imu", "mag", "gps")}))
+    (part,) = traced.parts
+    plain = {s.name: s.detectable_from[0] for s in part.trace.selection.final_statistics}
+    assert plain["mag.time_offset"] > 1.0
+    told = {c["name"]: c for c in cast(Sequence[Mapping[str, Any]], report(traced)["candidates"])}
+    assert told["mag.time_offset"]["detectable_from"] == [None]
+    assert detectable_sentence(told["mag.time_offset"]) == "mag.time_offset: not visible in these data"
+    assert told["gps.lever_arm"]["detectable_from"] != [None] * 3

@@ -20,7 +20,7 @@ from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.source import Fit
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.answers.traces import slow_imu
-from sinan.experiments.report.trace_page import trace_page
+from sinan.experiments.report.trace_page import _head, trace_page
 from sinan.experiments.report.verdict_words import (
     Log,
     declared_lines,
@@ -305,6 +305,7 @@ def test_the_sentence_says_of_which_effects_withheld_readings_cannot_tell() -> N
     ("verdict", "changes", "said"),
     [
         ("no_effect", {"effects": [], "candidates": []}, "What would have been seen"),
+        ("no_effect", {"effects": [], "candidates": []}, "record a longer log, a minute or more"),
         ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or measure one of them yourself"),
         ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
     ],
@@ -326,6 +327,33 @@ def test_of_nothing_found_it_says_how_many_effects_would_have_been_seen() -> Non
     ]
     told = what_next(a_document(verdict="no_effect", effects=[], candidates=candidates), Log())
     assert "2 of 4 effects would have been seen at sizes that occur" in told
+
+
+def test_a_log_that_shows_nothing_is_not_told_to_be_without_fault(tmp_path: Path) -> None:
+    """No effect would have been seen at two plausible sizes: not in the head line, nor in what to do next."""
+    blind = {"name": "gyro.scale", "unit": ["1"] * 3, "detectable_from": [None, 0.061, 5.0]}
+    document = a_document(verdict="no_effect", effects=[], candidates=[blind])
+    assert title(document).startswith("Nothing was found, and nothing could have been: no effect of a size that")
+    assert says(document) == "no effect passes the test, nor would one of a size that occurs"
+    told = what_next(document, Log())
+    assert "nothing that this log shows needs correcting" not in told
+    assert "record a longer log, a minute or more, that turns about all three axes" in told
+    assert "of this log 0 of 1 effects would have been seen" in told
+    assert "record more poses" in what_next(document, Log(poses=True))
+    for excess, ending in ((0.5, "the residual is not pure noise"), (-0.9, "shows in this log")):
+        left = [{"stream": "mag", "kind": "variance", "excess": excess}]
+        assert title({**document, "remaining": left}).endswith(ending)
+    seen = a_document(verdict="no_effect", effects=[], candidates=[{**blind, "detectable_from": [0.01] * 3}])
+    assert title(seen) == "Nothing wrong was found: the residual looks like pure noise"
+    assert says(seen) == "no effect passes the test"
+    marks = []
+    for one in (document, seen):
+        asked = {"dof": 3, "p_value": 0.5}
+        known = {**worded(one), "candidates": [{**c, **asked} for c in one["candidates"]], "p_value_needed": 1e-3}
+        _head({**known, "alpha": 0.01}).write(tmp_path / "page.html")
+        marks.append((tmp_path / "page.html").read_text())
+    assert '<p class="verdict unseen">nothing could be seen</p>' in marks[0]
+    assert '<p class="verdict no_effect">no effect found</p>' in marks[1]
 
 
 def test_next_names_the_parameters_of_the_flight_controller() -> None:
