@@ -492,6 +492,23 @@ def _p(log10_p: float) -> str:
     return f"{10.0**log10_p:.2g}" if log10_p > -4.0 else f"10^{log10_p:.0f}"
 
 
+def _what_remains(document: Mapping[str, Any]) -> list[str]:
+    """What the residual still has, or that it looks like noise; what passed its test and is not in the model."""
+    left = list(document["rolled_back"])
+    texts = [
+        f"{name} passed the test on all data, but does not reduce the error on held-out data: it may be chance, and is "
+        "not in the model"
+        for name in left
+    ]
+    failed = [str(effect["name"]) for effect in verdict_words.not_predicting(document)]
+    texts += [f"{name} passed the test on all data, does not predict, and is not in the model" for name in failed]
+    if document["remaining"]:
+        return texts + [trace_words.remaining_sentence(item) for item in document["remaining"]]
+    noise = "the remaining residual is white, and as large as the noise"
+    beside = f"apart from what {' or '.join([*left, *failed])} would explain, " if texts else "nothing: "
+    return [*texts, f"{beside}{noise}"]
+
+
 def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     """What could not be seen, and why."""
     page.heading("What remains")
@@ -499,11 +516,7 @@ def _honesty(page: Page, document: Mapping[str, Any]) -> None:
     if document["effects"] and error["same_names_on_fitting_part"] is not None:
         same = "the same" if error["same_names_on_fitting_part"] else "other"
         page.text(f"Fitted to one part of the data alone, the search chooses {same} effects.")
-    for name in document["rolled_back"]:
-        page.text(f"{name} passed the test on all data, but does not reduce the error on held-out data.")
-    for item in document["remaining"]:
-        page.text(f"{_capital(trace_words.remaining_sentence(item))}.")
-    if not document["remaining"]:
-        page.text("Nothing: the remaining residual is white, and as large as the noise.")
+    for text in _what_remains(document):
+        page.text(f"{_capital(text)}.")
     for one in document["left_out"]:
         page.text(f"The {words.SENSORS[one['sensor']]} was not traced: {one['why']}.")

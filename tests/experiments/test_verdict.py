@@ -20,7 +20,7 @@ from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.source import Fit
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.answers.traces import slow_imu
-from sinan.experiments.report.trace_page import _head, trace_page
+from sinan.experiments.report.trace_page import _head, _what_remains, trace_page
 from sinan.experiments.report.verdict_words import (
     Log,
     declared_lines,
@@ -354,6 +354,18 @@ def test_a_log_that_shows_nothing_is_not_told_to_be_without_fault(tmp_path: Path
         marks.append((tmp_path / "page.html").read_text())
     assert '<p class="verdict unseen">nothing could be seen</p>' in marks[0]
     assert '<p class="verdict no_effect">no effect found</p>' in marks[1]
+
+
+def test_what_passed_its_test_is_no_part_of_a_residual_of_which_nothing_is_left() -> None:
+    """The one must not contradict the other."""
+    beside = {"rolled_back": ["accel.lever_arm"], "effects": []}
+    first, second = _what_remains(a_document(**beside))
+    assert first.startswith("accel.lever_arm passed the test on all data, but does not reduce the error")
+    assert second.startswith("apart from what accel.lever_arm would explain, the remaining residual is white")
+    (alone,) = _what_remains(a_document(rolled_back=[], effects=[]))
+    assert alone == "nothing: the remaining residual is white, and as large as the noise"
+    failed = [{**a_document()["effects"][0], "predicts": False}]
+    assert "sonar.mount_offset would explain" in _what_remains(a_document(rolled_back=[], effects=failed))[-1]
 
 
 def test_next_names_the_parameters_of_the_flight_controller() -> None:
