@@ -412,7 +412,7 @@ def _twin_table(page: Page, document: Mapping[str, Any]) -> None:
     rows = []
     for twin, known in zip(document["twins"], errors, strict=True):
         failed = f" ({trace_words.NOT_PREDICTING})" if twin["predicts"] is False else ""
-        sizes = [f"{twin['name']}{failed}", trace_words.size_words(twin)]
+        sizes = [f"{twin['name']}{failed}", trace_words.size_and_sigma(twin)]
         rows.append(sizes + [known.get(name, "-") for name in head])
     page.table(["effect", "size", *head], rows)
 

@@ -43,8 +43,11 @@ NOT_PREDICTING = "does not predict"
 
 def size_words(effect: Mapping[str, Any]) -> str:
     """The size of an effect in a few words: its largest parameter, or when it acted."""
-    if effect.get("interval"):
-        return interval_words(effect)
+    return interval_words(effect) if effect.get("interval") else _amount(effect)
+
+
+def _amount(effect: Mapping[str, Any]) -> str:
+    """The largest parameter of an effect."""
     if effect["name"].endswith(".outliers"):
         return f"{100 * effect['beta'][0]:.2g} % of them"
     k = int(np.argmax(np.abs(effect["beta"])))
@@ -57,11 +60,13 @@ def size_words(effect: Mapping[str, Any]) -> str:
 
 
 def size_and_sigma(effect: Mapping[str, Any]) -> str:
-    """The size of an effect with its 1-sigma where it is one number, else in a few words."""
-    if effect.get("interval") or effect["name"].endswith(".outliers") or len(effect["beta"]) > 1:
-        return size_words(effect)
-    (_, value, unit), *_ = parameter_rows(effect)
-    return f"{value} {unit}".replace(" ", "\N{NO-BREAK SPACE}")
+    """The size of an effect with its 1-sigma where it is one number, else in a few words; and when it acted."""
+    if effect["name"].endswith(".outliers") or len(effect["beta"]) > 1:
+        amount = _amount(effect)
+    else:
+        (_, value, unit), *_ = parameter_rows(effect)
+        amount = f"{value} {unit}".replace(" ", "\N{NO-BREAK SPACE}")
+    return f"{amount}, {interval_words(effect)}" if effect.get("interval") else amount
 
 
 def interval_words(effect: Mapping[str, Any]) -> str:

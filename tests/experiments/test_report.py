@@ -34,6 +34,7 @@ from sinan.experiments.report.trace_words import (
     interval_words,
     known_together,
     remaining_sentence,
+    size_and_sigma,
     size_words,
 )
 from sinan.experiments.report.verdict_words import Log, lead, title, trace_summary, what_next, worded
@@ -541,3 +542,11 @@ def test_the_text_of_an_interval_gives_a_first_innovation_its_weight() -> None:
     before = replace(after, residual=error + np.where((t >= 40.0) & (t < 45.0), 2.0, 0.0)[:, None])
     text = _local_caption(before, after, Term("baro.transient", (40.0, 45.0)), is_last=False)
     assert "RMS 1.98 → 0.10 m in the yellow part and 0.10 → 0.10 m in all the rest" in text
+
+
+def test_the_size_of_what_acts_for_a_while_is_told_with_when_it_acts() -> None:
+    one = {**a_document()["effects"][0], "name": "baro.transient", "interval": [45.0, 57.0], "std": [0.01]}
+    assert size_words(one) == "from 45 s to 57 s"
+    assert size_and_sigma(one).replace("\N{NO-BREAK SPACE}", " ") == "0.200 ± 0.010 m, from 45 s to 57 s"
+    three = {**one, "name": "accel.step", "beta": [0.1, -0.3, 0.0], "std": [0.01] * 3, "unit": ["m/s^2"] * 3}
+    assert size_and_sigma(three) == "up to 0.30 m/s², from 45 s on"
