@@ -92,6 +92,11 @@ class Levels:
             return ()
         return tuple((np.sqrt(np.diag(self.covariance)) * [size.spread for size in self.found]).tolist())
 
+    @property
+    def sigma_of(self) -> dict[tuple[str, str], float]:
+        """The same by sensor and key; empty where they are not known."""
+        return {(size.sensor, size.key): sigma for size, sigma in zip(self.found, self.sigmas, strict=False)}
+
     def flight(self, recording: Recording) -> Flight:
         """A recording with the model that these sizes make."""
         return Flight.of(

@@ -261,6 +261,18 @@ def near_level_or_a_place(recording: Recording) -> Prepared:
     return max((as_declared(recording), prepared(recording, late=False)), key=log_likelihood)
 
 
+#: A time of fewer sigma than this may be none, and is not told: by chance alone 2 norm.sf(2) = 4.6 % have more.
+_TOLD = 2.0
+
+
+def _in_ms(time: float, sigma: float | None) -> str:
+    """How long a time is, with its 1-sigma where that is known, to one digit of it."""
+    if not sigma:
+        return f"{abs(1e3 * time):.0f} ms"
+    digits = max(-int(np.floor(np.log10(1e3 * sigma))), 0)
+    return f"{abs(1e3 * time):.{digits}f} ± {1e3 * sigma:.{digits}f} ms"
+
+
 def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
     """One line a sensor: the sizes that were found or taken from the class of instrument; times from `zero` [s] on."""
     lines = []
@@ -268,16 +280,22 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
         parts = [f"{s.key} {levels.value(s):.2g}" for s in levels.found if s.sensor == sensor]
         lines.append(f"{sensor}: {', '.join(parts)}: the likeliest, near those of its class")
     sought = {size.key: size for size in levels.found if size.sensor == "latency"}
+    sigmas = {key: sigma for (sensor, key), sigma in levels.sigma_of.items() if sensor == "latency"}
     for sensor, late in levels.latency.items():
+        sigma = sigmas.get(sensor)
+        if sigma is not None and abs(late) < _TOLD * sigma:
+            continue
         when = "late" if late >= 0.0 else "early"
         size = sought.get(sensor)
         most = size is not None and abs(size.theta(late)) > 0.99 * size.bounds[1]
         found = "the most that is sought here; a trace names what is later" if most else "by the likelihood"
-        lines.append(f"{sensor}: stamps {abs(1e3 * late):.0f} ms {when}, {found}")
+        lines.append(f"{sensor}: stamps {_in_ms(late, sigma)} {when}, {found}")
     if any(size.is_of_position for size in levels.found):
-        age = "older" if levels.lead >= 0.0 else "younger"
-        ms = f"{abs(1e3 * levels.lead):.0f} ms"
-        lines.append(f"gps: velocities {ms} {age} than the places of fixes, by the likelihood")
+        sigma = float(np.hypot(sigmas.get("gps", 0.0), sigmas.get("gps_position", 0.0)))
+        if abs(levels.lead) >= _TOLD * sigma:
+            age = "older" if levels.lead >= 0.0 else "younger"
+            ms = _in_ms(levels.lead, sigma)
+            lines.append(f"gps: velocities {ms} {age} than the places of fixes, by the likelihood")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
         lines.append(f"upset at {upset.t - zero:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")

@@ -289,10 +289,24 @@ def test_a_flight_that_declares_everything_assumes_nothing() -> None:
 
 def test_a_lateness_at_its_bound_is_told_as_such(bare: Recording) -> None:
     size = Size("latency", "mag", 0.01, 0.01, linear=True)
-    levels = replace(first_levels(bare, [], None, None), found=(size,))
+    levels = replace(first_levels(bare, [], None, None), found=(size,), covariance=np.array([[0.16]]))
     told = [level_notes(replace(levels, latency={"mag": late}))[-1] for late in (0.02, 0.05)]
-    assert told[0] == "mag: stamps 20 ms late, by the likelihood"
+    assert told[0] == "mag: stamps 20 ± 4 ms late, by the likelihood"
     assert "the most that is sought" in told[1]
+
+
+def test_a_lateness_that_may_be_none_is_not_told(bare: Recording) -> None:
+    """Within two sigma, 8 ms; nor how old a velocity is that is known to 5 ms."""
+    late, position = (Size("latency", key, 0.01, 0.01, linear=True) for key in ("gps", "gps_position"))
+    found, none = (late, position), first_levels(bare, [], None, None)
+    levels = replace(none, found=found, covariance=np.diag([0.16, 0.09]))
+    told = {
+        (one, lead): " ".join(level_notes(replace(levels, latency={"gps": one}, lead=lead)))
+        for one, lead in ((0.0079, 0.0099), (0.0081, 0.0101))
+    }
+    assert told[0.0079, 0.0099] == ""
+    assert "gps: stamps 8 ± 4 ms late" in told[0.0081, 0.0101]
+    assert "gps: velocities 10 ± 5 ms older than the places" in told[0.0081, 0.0101]
 
 
 def test_a_barometer_is_held_against_the_first_fix_that_tells_a_height() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -160,8 +161,11 @@ def test_it_is_told_with_its_sigma(levels: Levels) -> None:
     assert (row.subject, row.unit, row.value) == ("gps", "s", pytest.approx(levels.lead))
     assert row.sigma is not None
     assert abs(row.value - LEAD) < 4.0 * row.sigma
-    told = f"gps: velocities {1e3 * levels.lead:.0f} ms older than the places of fixes, by the likelihood"
-    assert told in level_notes(levels)
+    (told,) = [note for note in level_notes(levels) if note.startswith("gps: velocities")]
+    said, sigma = re.findall(r"[\d.]+", told)
+    assert float(said) == pytest.approx(1e3 * levels.lead, abs=0.5)
+    assert float(sigma) == pytest.approx(1e3 * row.sigma, rel=0.5)
+    assert told.endswith("ms older than the places of fixes, by the likelihood")
     younger = replace(levels, lead=-levels.lead)
     assert told.replace("older", "younger") in level_notes(younger)
 
