@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ class BiasCourse:
     ----------
     name : of the sensor
     t : (m,) s
-    value, sigma : (m, components)
+    value, sigma : (m, components); NaN in the middle of a gap of the IMU that is long enough to be seen
     truth : (m, components), or empty
     field_unit : of the log's magnetometer; empty: not known
     """
@@ -86,7 +87,7 @@ def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> l
     truth = Stream(np.empty(0), {}) if target is None else target.reference
     layout = journal.model.layout
     step = max(1, len(journal.imu_t) // most)
-    t, x, var = journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step]
+    t, x, var = _broken(gaps_of(journal), journal.imu_t[::step], journal.imu_x[::step], journal.imu_var[::step])
     courses = []
     for name in layout.names:
         if name.startswith("b_"):
@@ -95,6 +96,40 @@ def bias_courses(journal: Journal, target: Mounted | None, most: int = 600) -> l
             sigma = np.sqrt(var[:, layout.slice(name)])
             courses.append(BiasCourse(name[2:], t, x[:, layout.nominal(name)], sigma, there, field_unit_of(journal)))
     return courses
+
+
+def gaps_of(journal: Journal) -> list[tuple[float, float]]:
+    """From when to when the IMU was silent [s], in order."""
+    notes = [note for note in journal.notes if isinstance(note, Note)]
+    return sorted((note.start, note.stop) for note in notes if (note.stream, note.kind) == ("imu", "gap"))
+
+
+def _broken(
+    gaps: Sequence[tuple[float, float]], t: FloatArray, x: FloatArray, var: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Instants, states and variances without those inside a gap that is longer than a usual step of these; NaN in the
+    middle of it, which breaks a line.
+    """
+    least = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    for start, stop in gaps:
+        if stop - start > least:
+            keep = (t <= start) | (t >= stop)
+            t, x, var = t[keep], x[keep], var[keep]
+            at = np.searchsorted(t, start, side="right")
+            t = np.insert(t, at, 0.5 * (start + stop))
+            x, var = (np.insert(values, at, np.nan, axis=0) for values in (x, var))
+    return t, x, var
+
+
+def _gaps_told(journal: Journal, zero: float) -> dict[str, Any]:
+    """How many gaps the IMU has, how long all are [s], and from when to when the longest lasts."""
+    gaps = gaps_of(journal)
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
+    return {
+        "count": len(gaps),
+        "total": sum(stop - start for start, stop in gaps),
+        "longest": None if longest is None else [at - zero for at in longest],
+    }
 
 
 def field_unit_of(journal: Journal) -> str:
@@ -114,6 +149,7 @@ def report_of(journal: Journal) -> dict[str, Any]:
         "recording": recording.name,
         "field_unit": field_unit_of(journal) or None,
         "duration": journal.t_end - journal.t_start,
+        "gaps": _gaps_told(journal, told_from(recording)),
         "bias": {sensor: end[layout.nominal(block)].tolist() for sensor, block in biases.items()},
         "bias_std": {sensor: sigma[layout.slice(block)].tolist() for sensor, block in biases.items()},
         "nis": {name: finite_or_none(value.mean) for name, value in consistency.items()},

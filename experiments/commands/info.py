@@ -122,12 +122,12 @@ def _could_see(recording: Recording) -> tuple[list[str], dict[str, list[str]]]:
 
 
 def _stream(recording: Recording, name: str, stream: Stream, begin: float) -> dict[str, Any]:
-    """Rows, rate, gaps and units of a stream."""
+    """Rows, rate (one over the median step, which no gap changes), gaps and units of a stream."""
     t = np.unique(stream.t)  # the points of one picture have one instant
     count, longest, at = gaps(t)
     return {
         "rows": len(stream),
-        "rate_hz": (len(t) - 1) / float(t[-1] - t[0]) if len(t) > 1 else None,
+        "rate_hz": 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else None,
         "from": float(stream.t[0]) - begin,
         "to": float(stream.t[-1]) - begin,
         "gaps": {"count": count, "longest": longest, "at": None if at is None else at - begin},

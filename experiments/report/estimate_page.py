@@ -6,10 +6,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sinan.experiments.estimate import BiasCourse
 from sinan.experiments.report import figures
 from sinan.experiments.report.assumption_table import assumption_table
-from sinan.experiments.report.estimate_words import innovations, not_as_expected, size_of_innovations, what_next
+from sinan.experiments.report.estimate_words import (
+    gaps_in_words,
+    innovations,
+    not_as_expected,
+    size_of_innovations,
+    what_next,
+)
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.words import (
     SENSORS,
@@ -37,9 +45,9 @@ def estimate_page(
     courses : the biases over time
     review : the recording over time
     """
-    page = Page(
-        f"{name}: the filter's estimate", f"{number(document['duration'])} s of flight. {size_of_innovations(document)}"
-    )
+    silent = f", {silence}" if (silence := gaps_in_words(document)) else ""
+    lasts = f"{number(document['duration'])} s of flight{silent}"
+    page = Page(f"{name}: the filter's estimate", f"{lasts}. {size_of_innovations(document)}")
     outside = not_as_expected(document)
     agrees = not outside
     page.verdict("consistent" if agrees else "not as expected", "no_effect" if agrees else "ambiguous")
@@ -68,9 +76,12 @@ def bias_part(page: Page, document: Mapping[str, Any], courses: Sequence[BiasCou
     """The biases over time and, as numbers, at the end."""
     page.heading("Biases")
     known = any(course.truth.size for course in courses)
+    is_broken = any(np.any(np.isnan(course.value)) for course in courses)
     page.figure(
         figures.biases_over_time(courses),
-        "Each bias, as the filter estimates it, with its 3-sigma band" + ("; black: the truth." if known else "."),
+        "Each bias, as the filter estimates it, with its 3-sigma band"
+        + ("; black: the truth." if known else ".")
+        + (" Lines break where the IMU was silent." if is_broken else ""),
     )
     head = ["bias", "unit", "at the end ± 1 sigma"]
     rows = [[row.name, row.unit, with_sigma(row.value, row.sigma)] for row in bias_rows(document)]

@@ -20,7 +20,7 @@ from sinan.experiments.report.words import (
     reference_rows,
     with_sigma,
 )
-from sinan.sensors.window import GOES_BACK
+from sinan.sensors.window import GOES_BACK, second_words
 
 #: NIS outside its 95 % interval and outside these bounds is remarked upon: a declared noise is rarely known to a tenth.
 _NIS_LOW, _NIS_HIGH = 0.8, 1.25
@@ -79,7 +79,8 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
     """Biases with their uncertainty, NIS, and errors against the reference where there is one."""
     not_used = refused(document.get("doubted", {})).values()
     first = [one for one in document["warnings"] if one in not_used or one.startswith(GOES_BACK)]
-    lines = [f"{name}: {number(document['duration'])} s", *(f"  warning: {warning}" for warning in first)]
+    silent = f", {silence}" if (silence := gaps_in_words(document)) else ""
+    lines = [f"{name}: {number(document['duration'])} s{silent}", *(f"  warning: {warning}" for warning in first)]
     lines += _biases(document)
     lines.append("  innovations: NIS a degree of freedom (1: as large as the filter expects), readings refused")
     for sensor, nis in document["nis"].items():
@@ -91,6 +92,17 @@ def summary(name: str, document: Mapping[str, Any]) -> str:
     lines += [f"  note: {note}" for note in notes]
     lines += [f"  warning: {warning}" for warning in document["warnings"] if warning not in first]
     return "\n".join([*lines, f"  {size_of_innovations(document)}", f"  next: {what_next(document)}"])
+
+
+def gaps_in_words(document: Mapping[str, Any]) -> str:
+    """How long the IMU was silent, and when for longest; empty where it never was."""
+    gaps = document.get("gaps") or {"count": 0}
+    if not gaps["count"]:
+        return ""
+    start, stop = map(second_words, gaps["longest"])
+    if gaps["count"] == 1:
+        return f"without IMU from {start} s to {stop} s"
+    return f"{number(gaps['total'])} s of it in {gaps['count']} gaps of the IMU, the longest from {start} s to {stop} s"
 
 
 def _biases(document: Mapping[str, Any]) -> list[str]:

@@ -73,7 +73,7 @@ def lines(x: FloatArray, curves: Mapping[str, FloatArray], x_label: str, y_label
 
 
 def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
-    """Each component of each bias with its 3-sigma band, and the truth where it is known."""
+    """Each component of each bias with its 3-sigma band, both broken at NaN, and the truth where it is known."""
     columns = max((course.value.shape[1] for course in courses), default=1)
     figure, axes = new_figure(max(len(courses), 1), columns, 1.6, sharex=True)
     for row, course in enumerate(courses):
@@ -90,7 +90,7 @@ def biases_over_time(courses: Sequence[BiasCourse]) -> Figure:
             settled = slice(len(band) // 10, None)  # the first tenth, where the band is wide, would hide the rest
             shown = [value[settled] - 1.6 * band[settled], value[settled] + 1.6 * band[settled]]
             shown += [course.truth[:, k]] if course.truth.size else []
-            low, high = min(map(np.min, shown)), max(map(np.max, shown))
+            low, high = min(map(np.nanmin, shown)), max(map(np.nanmax, shown))
             if high > low:  # a bias that is taken as known has no band
                 one.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
             axis = component_name(course.name, k, course.value.shape[1])

@@ -66,8 +66,8 @@ def _streams(page: Page, document: Mapping[str, Any]) -> None:
                      f"{stream['to']:.4g}", columns_in_words(stream["columns"]), holes])  # fmt: skip
     page.table(["stream", "rows", "rate / Hz", "from / s", "to / s", "columns", "gaps"], rows, (1, 2, 3, 4))
     page.text(
-        "The rate is that of all readings over all the time, gaps too. A gap is where three or more readings in a row "
-        "are missing at the usual rate.",
+        "The rate is one over the median step. A gap is where three or more readings in a row are missing at that "
+        "rate.",
         note=True,
     )
     known = document["reference"]

@@ -13,8 +13,13 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.flight_model import flight_model
 from sinan.estimator.filter.run_filter import run_filter
 from sinan.estimator.filter.smoother import smooth
+from sinan.experiments.answers.estimates import estimate
 from sinan.experiments.commands import estimate as estimate_command
 from sinan.experiments.datasets import resolve
+from sinan.experiments.estimate import bias_courses, report_of
+from sinan.experiments.report.estimate_words import gaps_in_words
+from sinan.experiments.report.estimate_words import summary as estimate_summary
+from sinan.experiments.report.figures import biases_over_time
 from sinan.experiments.scenarios import load_scenario
 from sinan.sensors.formats.plain import write_recording
 from sinan.sensors.recording import Truth
@@ -56,3 +61,45 @@ def test_its_states_are_written_and_its_biases_where_it_begins(flight: Path, tmp
     bias = model.layout.nominal("b_gyro")
     assert np.allclose(found["bias_at_start"]["gyro"], known.x[0, bias])
     assert np.all(np.array(found["bias_at_start_std"]["gyro"]) < 0.9 * model.gyro.bias.std)
+
+
+def test_a_bias_is_not_drawn_where_the_imu_was_silent(flight: Path) -> None:
+    """Ten seconds without a sample, through which a line would look estimated."""
+    recording = resolve(str(flight))
+    imu = recording.streams["imu"]
+    silent = recording.replace(streams={**recording.streams, "imu": imu.rows((imu.t <= 10.0) | (imu.t >= 20.0))})
+    journal = run_filter(Flight(silent, flight_model(silent)), engine="numba")
+    courses = bias_courses(journal, None)
+    for course in courses:
+        inside = (course.t > 10.0) & (course.t < 20.0)
+        assert course.t[inside] == pytest.approx([15.0], abs=0.1)
+        assert np.all(np.isnan(course.value[inside]))
+        assert np.all(np.isnan(course.sigma[inside]))
+        assert np.all(np.isfinite(course.value[~inside]))
+    for one in biases_over_time(courses).axes:
+        assert not one.get_visible() or np.all(np.isfinite(one.get_ylim()))
+    document = report_of(journal)
+    assert document["gaps"]["count"] == 1
+    assert document["gaps"]["longest"] == pytest.approx([10.0, 20.0], abs=0.02)
+    assert gaps_in_words(document) == "without IMU from 10 s to 20 s"
+    whole = report_of(run_filter(Flight(recording, flight_model(recording)), engine="numba"))
+    assert gaps_in_words(whole) == ""
+    several = {"gaps": {"count": 3, "total": 12.5, "longest": [10.0, 20.0]}}
+    assert gaps_in_words(several) == "12.5 s of it in 3 gaps of the IMU, the longest from 10 s to 20 s"
+
+
+def test_gaps_too_short_to_be_seen_leave_a_line_whole(flight: Path) -> None:
+    """Five samples lost every second."""
+    recording = resolve(str(flight))
+    imu = recording.streams["imu"]
+    broken = recording.replace(streams={**recording.streams, "imu": imu.rows(np.arange(len(imu)) % 100 >= 5)})
+    journal = run_filter(Flight(broken, flight_model(broken)), engine="numba")
+    assert report_of(journal)["gaps"]["count"] > 10
+    assert all(np.all(np.isfinite(course.value)) for course in bias_courses(journal, None, most=100))
+
+
+def test_the_first_line_says_that_the_imu_was_silent(flight: Path) -> None:
+    answer = estimate(resolve(str(flight)))
+    gaps = {"count": 1, "total": 10.0, "longest": [10.0, 20.0]}
+    first, *_ = estimate_summary("hover", {**answer.document, "gaps": gaps}).splitlines()
+    assert first.endswith(" s, without IMU from 10 s to 20 s")

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sinan.experiments.commands.cli import app
-from sinan.experiments.commands.info import gaps, run
+from sinan.experiments.commands.info import gaps, recorded, run
 from sinan.sensors.errors import InputError
 from sinan.sensors.formats.choice import Choice
 from sinan.sensors.formats.plain import read_recording, write_recording
@@ -76,6 +76,17 @@ def test_a_page_of_what_is_no_recording_says_why(tmp_path: Path) -> None:
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "Nothing can be estimated from it:" in text
     assert "<img" not in text
+
+
+def test_a_gap_changes_no_rate() -> None:
+    """40 s of 100 Hz and 20 s of nothing between."""
+    t = 0.01 * np.arange(6000)
+    imu = flight().streams["imu"]
+    still = {name: np.zeros(4000) + values[0] for name, values in imu.columns.items()}
+    silent = flight().replace(streams={"imu": Stream(t[(t < 20.0) | (t >= 40.0)], still)})
+    told = recorded(silent)["streams"]["imu"]
+    assert told["rate_hz"] == pytest.approx(100.0)
+    assert told["gaps"]["count"] == 1
 
 
 def test_a_gap_is_where_three_readings_are_missing() -> None:
@@ -175,7 +186,7 @@ def test_a_measured_log(measured_data: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("SINAN_DATA", str(measured_data))
     assert run(name, None, None) == text.replace(str(measured_data / name), name)
     assert "PX4_FMU_V6XRT, 1135 parameters, flight of 95.13 s" in text
-    assert re.search(r"baro +477 rows +5\.0\d+ Hz", text)  # over 95 s, though most steps are of 0.173 s
+    assert re.search(r"baro +477 rows +5\.7\d+ Hz", text)  # most steps are of 0.173 s, though 477 in 95 s are 5.0 Hz
     assert "3 gaps, the longest 6 s at 60.27 s" in text
     assert "--imu 0 to 2, --mag 0 to 1, --baro 0 to 1" in text
 
