@@ -29,6 +29,8 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "bias_std": ("bias at the start", ""),
     "bias_walk": ("random walk of the bias", "/sqrt(s)"),
 }
+#: The source of bounds of a motion that nothing measures.
+OF_BOUNDS = "log: likeliest of the bounds tried"
 #: Of noise in step with the motion: subject, quantity, unit.
 IN_STEP = {
     "accel": ("accel", "variance per mean square of second differences", ""),
@@ -73,7 +75,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
             ("distance from its place (1 sigma)", levels.bounds.place, "m"),
             ("speed (1 sigma)", levels.bounds.speed, "m/s"),
         ):
-            rows.append(Assumption("motion", quantity, value, unit, None, True, "log: likeliest of the bounds tried"))
+            rows.append(Assumption("motion", quantity, value, unit, None, True, OF_BOUNDS))
     if levels.m_n is not None and levels.field is not None:
         rows += _of_the_field(recording, levels.m_n, levels.field)
     if levels.tail is not None:

@@ -24,7 +24,7 @@ from sinan.sensors.errors import InputError
 from sinan.sensors.recording import Recording
 
 #: Iterations of the search at most, what one gains at least of log L, and a round of it: bound of work
-#: (`bounds_of_work sizes`). Half of the first moves a size by 0.3 sigma, half of the second by 0.12.
+#: (`bounds_of_work sizes`). Half and twice of the second move a size by 0.03 and 0.06 sigma, of the others by none.
 MOST, GAINED, SETTLED = 20, 0.05, 1.0
 #: How often one step of the IMU is halved at most in the search for a lateness, where what a log tells is finer: bound
 #: of work (`bounds_of_work sizes`).
@@ -34,7 +34,7 @@ ROUNDS = 6
 #: The same in the whole of a long log, from where its excerpts left them: bound of work (`bounds_of_work long`).
 SETTLING = 2
 #: Parts of a log whose gradients show how well it tells the sizes, three for each of up to twenty: bound of work
-#: (`bounds_of_work sizes`). Half and twice move a size by 0.06 and 0.11 of its sigma.
+#: (`bounds_of_work sizes`). Half and twice move a size by 0.11 and 0.03 of its sigma.
 PARTS = 64
 
 

@@ -199,11 +199,11 @@ def document_of(recording: Recording, traced: Traced, asked: Asked = PLAIN) -> d
     in_parts = recording.kind == "poses" and recording.environment.magnetic_field is None
     poses = recording.kind == "poses"
     log = Log(asked.input_of(recording), asked.map_file, asked.choice, in_parts, len(recording.breaks), poses)
-    document = worded(report(traced), asked.name_of(recording), log)
+    assumed = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
+    document = worded({**report(traced), "assumptions": assumed}, asked.name_of(recording), log)
     document["window"] = asked.window
     taken = [note for part in traced.parts for note in taken_from_the_log(recording, part.source)]
     document["notes"] = [*taken, *told_from_note(recording)]
-    document["assumptions"] = [row for part in traced.parts for row in as_rows(_assumptions(part.source))]
     doubted = [one for part in traced.parts for one in _not_believed(part.source)]
     document["warnings"] = [*clock_warnings(recording), *slow_imu(recording), *doubted]
     document["not_seen"] = not_seen(recording, document)

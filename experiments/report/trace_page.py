@@ -16,6 +16,7 @@ from sinan.experiments.report.assumption_table import assumption_table
 from sinan.experiments.report.page import Drawn, Page
 from sinan.experiments.report.trace_figures import Bar
 from sinan.experiments.residual_loop.report import held_out_part
+from sinan.experiments.residual_loop.trials import ROLLED_BACK
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -496,8 +497,8 @@ def _what_remains(document: Mapping[str, Any]) -> list[str]:
     """What the residual still has, or that it looks like noise; what passed its test and is not in the model."""
     left = list(document["rolled_back"])
     texts = [
-        f"{name} passed the test on all data, but does not reduce the error on held-out data: it may be chance, and is "
-        "not in the model"
+        f"{name} passed the test on all data, but {trace_words.REFUSED[ROLLED_BACK][1]}: it may be chance, and is not "
+        "in the model"
         for name in left
     ]
     failed = [str(effect["name"]) for effect in verdict_words.not_predicting(document)]

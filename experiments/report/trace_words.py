@@ -35,7 +35,7 @@ REFUSED = {
         "it was not tried: stronger ones came first, or enough effects were found",
     ),
     GIVEN_ERROR: ("other error", "it does not stand out from the error that no effect of the catalogue explains"),
-    ROLLED_BACK: ("held out", "it does not reduce the error on held-out data"),
+    ROLLED_BACK: ("held out", "held-out data do not bear it out, or do so only with a motion that is assumed"),
 }
 #: The mark of an effect that passes its test on all data but does not predict the held-out part.
 NOT_PREDICTING = "does not predict"

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.calibration.levels.assumptions import OF_BOUNDS
 from sinan.experiments.report.trace_words import (
     NOT_PREDICTING,
     REFUSED,
@@ -213,7 +214,9 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
             if document["remaining"]
             else []
         )
-        return "; ".join([*longer, *remains, "check axes, units and clocks"])
+        place = ["log a position (GPS) too, or stay near one place: where it was is only assumed"]
+        is_bounded = any(one["source"] == OF_BOUNDS for one in document.get("assumptions", ()))
+        return "; ".join([*longer, *remains, *(place if is_bounded else []), "check axes, units and clocks"])
     lines = declared_lines(document, log.in_parts)
     return "; ".join(_use(effect, lines, log) for effect in _kinds(reported(document)))
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sinan.calibration.levels.assumptions import OF_BOUNDS
 from sinan.calibration.poses.evidence.poses import NormPoses
 from sinan.calibration.poses.evidence.source import LeastSquaresSource
 from sinan.estimator.evidence.source import Fit
@@ -308,6 +309,7 @@ def test_the_sentence_says_of_which_effects_withheld_readings_cannot_tell() -> N
         ("no_effect", {"effects": [], "candidates": []}, "record a longer log, a minute or more"),
         ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or measure one of them yourself"),
         ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
+        ("unexplained", {"remaining": [], "assumptions": [{"source": OF_BOUNDS}]}, "log a position (GPS) too"),
     ],
 )
 def test_every_verdict_says_what_to_do_next(verdict: str, changes: Mapping[str, Any], said: str) -> None:
@@ -360,7 +362,7 @@ def test_what_passed_its_test_is_no_part_of_a_residual_of_which_nothing_is_left(
     """The one must not contradict the other."""
     beside = {"rolled_back": ["accel.lever_arm"], "effects": []}
     first, second = _what_remains(a_document(**beside))
-    assert first.startswith("accel.lever_arm passed the test on all data, but does not reduce the error")
+    assert first.startswith("accel.lever_arm passed the test on all data, but held-out data do not bear it out")
     assert second.startswith("apart from what accel.lever_arm would explain, the remaining residual is white")
     (alone,) = _what_remains(a_document(rolled_back=[], effects=[]))
     assert alone == "nothing: the remaining residual is white, and as large as the noise"
