@@ -48,7 +48,7 @@ from sinan.sensors.camera import LOOKS_AHEAD, Intrinsics
 from sinan.sensors.errors import InputError
 from sinan.sensors.geomagnetism import direction_at, field_along
 from sinan.sensors.pseudorange import Pseudoranges, pseudoranges
-from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, POSITION, Recording, SensorSpec, Stream
+from sinan.sensors.recording import ACCEL, GYRO, MAG, NO_HEIGHT, POSITION, Initial, Recording, SensorSpec, Stream
 from sinan.sensors.rotation import (
     matrix_from_quaternion,
     quaternion_exp,
@@ -59,6 +59,7 @@ from sinan.sensors.rotation import (
     rpy_from_quaternion,
 )
 from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 
 #: Lowest elevation of a satellite [rad].
 MASK = np.deg2rad(10.0)
@@ -652,6 +653,14 @@ def _sold() -> Answer:
     return _of_trace(_of_20_s(_bare(_recording("figure_eight", "gps.latency=0.15")), "mag", "gps"))
 
 
+def _assumed() -> Answer:
+    """What is named in a figure of eight, nothing hidden in it, whose place nothing measures."""
+    whole = _bare(_recording("figure_eight")).replace(truth=None, initial=Initial(), origin=None)
+    environment = replace(whole.environment, magnetic_field=None)
+    streams = {name: whole.streams[name] for name in ("imu", "mag")}
+    return _of_trace(between(whole.replace(streams=streams, environment=environment), 0.0, 30.0))
+
+
 CASES: Mapping[str, Callable[[], Answer]] = {
     "poses": _poses,
     "turns": lambda: _of_trace(_recording("gyro_poses", "gyro.g_sensitivity=" + ",".join(["0.0005"] * 9)), "gyro"),
@@ -695,4 +704,5 @@ CASES: Mapping[str, Callable[[], Answer]] = {
     "magnet": _magnet,
     "shaky": _shaky,
     "sold": _sold,
+    "assumed": _assumed,
 }

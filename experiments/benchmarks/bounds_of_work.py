@@ -129,6 +129,7 @@ CHOICES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "turns": {"sinan.calibration.poses.segments": ("MARGIN", "STILL_FACTORS")},
     "flight": {_FLIGHTS + "prediction": ("WINDOW", "EVERY"), _INTERVALS + "onsets": ("_EDGE",)},
     "sold": {_FLIGHTS + "source": ("SOLD",)},
+    "assumed": {_FLIGHTS + "source": ("_LESS",)},
     "misfits": {_CAMERAS + "camera": ("_FAR", "_LEAST_VIEWS")},
     "fields": {_LEVELS + "fields": ("BESIDE_STEEL", "ELSEWHERE", "FIELD_STD")},
     "iron": {_LEVELS + "fields": ("NEVER_CALIBRATED",)},

@@ -80,8 +80,9 @@ SOLD = 2.0
 #: How far the end of an interval may be off before it is looked for about its own fit, as a share of the log: bound of
 #: work (`bounds_of_work flight`).
 _RELOCATION = 0.01
-#: Times as wide as they were found that bounds of a motion are for an effect to stand without them: a choice, the step
-#: of what they are found among (`calibration.levels.fit.WIDER`).
+#: Times as wide as they were found that bounds of a motion are for an effect to stand without them, the step of what
+#: they are found among: a choice, half of which names a step in a clean figure of eight, and twice nothing
+#: (`bounds_of_work assumed`).
 _LESS = 3.0
 
 
