@@ -81,20 +81,34 @@ def calibrate_triad(recording: Recording, readings: TriadReadings, axes: str) ->
 def not_calibrated(recording: Recording) -> dict[str, InputError]:
     """The sensors in poses that a quick look already says cannot be calibrated, nor traced, each with the reason.
 
-    Of an accelerometer and a magnetometer a part of the readings is fitted; a gyroscope needs rests.
+    Of an accelerometer and a magnetometer a part of the readings is fitted, and all where that does not pass; a
+    gyroscope needs rests.
     """
     why = dict[str, InputError]()
     for sensor in sensors_in_poses(recording):
         try:
             readings = triad_readings(recording, "accel" if sensor == "gyro" else sensor)
-            if sensor != "gyro":
-                step = -(-len(readings.t) // _ENOUGH_TO_SEE)
-                sigma = None if readings.sigma is None else readings.sigma[::step]
-                some = replace(readings, t=readings.t[::step], reading=readings.reading[::step], sigma=sigma)
-                calibrate_triad(recording, some, "none")
+            if sensor != "gyro" and not _passes(recording, _some_of(readings)):
+                calibrate_triad(recording, readings, "none")
         except InputError as error:
             why[sensor] = error
     return why
+
+
+def _some_of(readings: TriadReadings) -> TriadReadings:
+    """Every so many readings, `_ENOUGH_TO_SEE` at most."""
+    step = -(-len(readings.t) // _ENOUGH_TO_SEE)
+    sigma = None if readings.sigma is None else readings.sigma[::step]
+    return replace(readings, t=readings.t[::step], reading=readings.reading[::step], sigma=sigma)
+
+
+def _passes(recording: Recording, readings: TriadReadings) -> bool:
+    """Whether a triad can be calibrated by these readings."""
+    try:
+        calibrate_triad(recording, readings, "none")
+    except InputError:
+        return False
+    return True
 
 
 def calibrate_turns(recording: Recording, axes: str, gravity: float | None) -> GyroCalibration:

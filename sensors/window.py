@@ -20,6 +20,8 @@ _CLOCKS = ("imu", "poses")
 GOES_BACK = "the clock goes back"
 #: A part of a log that is shorter is nothing to go on with [s].
 _WORTH_A_LOOK = 1.0
+#: Stamps that differ by less are of one instant: the finest that logs write are microseconds, 1e-6 [s].
+_ROUNDING = 1e-6
 #: A clock that shows less at the first sample counts from there as well as words tell it: a tenth of a second is their
 #: last digit from 100 s on [s].
 NEAR_ZERO = 0.1
@@ -114,9 +116,8 @@ def between(recording: Recording, begin: float, end: float) -> Recording:
     if not streams or ("imu" in recording.streams and "imu" not in streams):
         found = f"fewer than {LEAST_ROWS} samples from {begin - start:g} s to {end - start:g} s after the first"
         raise InputError(recording.where, found, f"a part of its {stop - start:.5g} s")
-    recording = recording.replace(
-        goes_back=tuple(one for one in recording.goes_back if begin <= one[1] and end > one[0])
-    )
+    still = tuple(one for one in recording.goes_back if begin <= one[1] and end > one[0] + _ROUNDING)
+    recording = recording.replace(goes_back=still)
     truth = recording.truth
     if truth is not None:
         seen = _rows(truth.stream, begin, end)

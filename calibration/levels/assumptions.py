@@ -54,10 +54,10 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     rows = []
     for size in sizes:
         if size.is_of_position:
-            each = [known.get(("latency", key), LATE_FIX.spread) for key in ("gps", "gps_position")]
             what = "how much older than its position the velocity of a fix is"
-            source = FOUND if (size.sensor, size.key) in known else CLASS
-            rows.append(Assumption("gps", what, levels.lead, "s", hypot(*each), False, source))
+            is_found = (size.sensor, size.key) in known
+            sigma = levels.lead_sigma if is_found else hypot(LATE_FIX.spread, size.spread)
+            rows.append(Assumption("gps", what, levels.lead, "s", sigma, False, FOUND if is_found else CLASS))
             continue
         if size.sensor == "bounds" or (size.sensor == "latency" and size.key not in levels.latency):
             continue

@@ -97,6 +97,13 @@ class Levels:
         """The same by sensor and key; empty where they are not known."""
         return {(size.sensor, size.key): sigma for size, sigma in zip(self.found, self.sigmas, strict=False)}
 
+    @property
+    def lead_sigma(self) -> float:
+        """1-sigma of `lead`, the lateness of the velocity less that of the position [s]; 0: neither was sought."""
+        signs = {"gps": 1.0, "gps_position": -1.0}
+        by = np.array([signs.get(s.key, 0.0) * s.spread if s.sensor == "latency" else 0.0 for s in self.found])
+        return 0.0 if self.covariance is None else float(np.sqrt(by @ self.covariance @ by))
+
     def flight(self, recording: Recording) -> Flight:
         """A recording with the model that these sizes make."""
         return Flight.of(

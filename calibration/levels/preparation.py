@@ -290,12 +290,10 @@ def level_notes(levels: Levels, zero: float = 0.0) -> list[str]:
         most = size is not None and abs(size.theta(late)) > 0.99 * size.bounds[1]
         found = "the most that is sought here; a trace names what is later" if most else "by the likelihood"
         lines.append(f"{sensor}: stamps {_in_ms(late, sigma)} {when}, {found}")
-    if any(size.is_of_position for size in levels.found):
-        sigma = float(np.hypot(sigmas.get("gps", 0.0), sigmas.get("gps_position", 0.0)))
-        if abs(levels.lead) >= _TOLD * sigma:
-            age = "older" if levels.lead >= 0.0 else "younger"
-            ms = _in_ms(levels.lead, sigma)
-            lines.append(f"gps: velocities {ms} {age} than the places of fixes, by the likelihood")
+    if any(size.is_of_position for size in levels.found) and abs(levels.lead) >= _TOLD * levels.lead_sigma:
+        age = "older" if levels.lead >= 0.0 else "younger"
+        ms = _in_ms(levels.lead, levels.lead_sigma)
+        lines.append(f"gps: velocities {ms} {age} than the places of fixes, by the likelihood")
     for upset in levels.upsets:
         grown = f"attitude by {upset.attitude:g} rad, of the velocity by {upset.velocity:g} m/s"
         lines.append(f"upset at {upset.t - zero:.1f} s: 1-sigma of the {grown} larger; fixes in a row were doubted")

@@ -174,6 +174,8 @@ class Problem:
 
         best, highest = theta, -np.inf
         free = np.array([not size.linear for size in self.sizes])
+        if not np.any(free):
+            return theta, self.value(theta)
         low, high = np.array([size.bounds for size in self.sizes])[free].T
         information = self._information(theta, times=False)[np.ix_(free, free)]
         unit = np.linalg.inv(np.linalg.cholesky(information)).T  # unit' information unit = 1

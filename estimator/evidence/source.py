@@ -345,9 +345,13 @@ class Source(Protocol):
         needed.
         """
 
+    @property
+    def assumes_motion(self) -> bool:
+        """Whether bounds of a motion stand for what nothing measures."""
+
     def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
-        """Growth of 2 log L by what a fit has and another has not, where less is assumed of a motion that nothing
-        measures; infinite where nothing is assumed of it.
+        """Growth of 2 log L by what a fit has and another has not, where less is assumed of the motion; infinite where
+        nothing is assumed of it.
         """
 
     def held_out(self, fit: Fit) -> Sequence[StreamResidual]:

@@ -53,6 +53,8 @@ def in_plain_words(wrong: Mapping[str, Any]) -> str:
     said = repr(value) if isinstance(value, str) else f"{value}"
     if sort in _IS_NOT:
         return f"{said} is not {_IS_NOT[sort]}"
+    if str(value).lower() == "nan":
+        return f"{value} is not a number"
     if sort in _BEYOND:
         bound, is_so = _BEYOND[sort]
         return f"{value} is {is_so} {wrong['ctx'][bound]:.12g}"

@@ -121,7 +121,8 @@ def _title_without_names(document: Mapping[str, Any]) -> str:
     if shows_nothing(document):
         left = [item for item in document["remaining"] if not _is_less_than_expected(item)]
         but = "; but the residual is not pure noise" if left else ""
-        return f"Nothing was found, and nothing could have been: no effect of a size that occurs shows in this log{but}"
+        lasting = "no lasting effect of a size that occurs shows in this log"
+        return f"Nothing was found, and nothing could have been: {lasting}{but}"
     if document["remaining"]:
         return "No effect of the catalogue was found, but the residual is not pure noise"
     return "Nothing wrong was found: the residual looks like pure noise"
@@ -197,7 +198,7 @@ def what_next(document: Mapping[str, Any], log: Log) -> str:
         shown = _would_be_seen(document)
         seen = f"{sum(shown)} of {len(shown)} effects would have been seen at sizes that occur"
         where = '"What would have been seen" lists from where on'
-        if not any(shown):
+        if shows_nothing(document):
             return f"record {_MORE_POSES if log.poses else _LONGER}, and trace that: of this log {seen} ({where})"
         return f"nothing that this log shows needs correcting; {seen} ({where})"
     if document["verdict"] == "ambiguous":
@@ -232,7 +233,8 @@ _MORE_POSES = "more poses, with each axis up, down and between"
 
 def shows_nothing(document: Mapping[str, Any]) -> bool:
     """Whether nothing was found where no effect that lasts would have been at a size that occurs."""
-    return document["verdict"] == "no_effect" and not any(_would_be_seen(document))
+    seen = _would_be_seen(document)
+    return document["verdict"] == "no_effect" and bool(seen) and not any(seen)
 
 
 def _would_be_seen(document: Mapping[str, Any]) -> list[bool]:

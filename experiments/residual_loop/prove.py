@@ -356,17 +356,13 @@ def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[
     fit, fallen = selection.final, dict[Term, bool]()
     for finding in reversed(selection.findings):
         term = finding.term
-        if not term.in_mean:
+        is_brief = not can_be_predicted(term)
+        if not term.in_mean or (is_brief and not source.assumes_motion):
             continue
         without = fit_without(source, fit, term)
-        assuming_less = source.gain_assuming_less(fit, without)
-        gain = min(without.deviance - fit.deviance, finding.gain, assuming_less)
+        gain = min(without.deviance - fit.deviance, finding.gain, source.gain_assuming_less(fit, without))
         log_odds = partial(log_odds_of, source, fit, finding, gain)
-        if can_be_predicted(term):
-            is_there = source.bears_out(fit, without, log_odds, needed)
-        else:
-            is_there = not np.isfinite(assuming_less) or log_odds(1.0) > 0.0
-        if not is_there:
+        if not (log_odds(1.0) > 0.0 if is_brief else source.bears_out(fit, without, log_odds, needed)):
             fallen[term] = source.predicts(fit, without, surely=False)
             fit = without
     return dict(reversed(fallen.items()))

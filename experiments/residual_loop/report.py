@@ -86,7 +86,8 @@ def _error(part: Part, verdict: Verdict) -> dict[str, object]:
 
 
 def _candidates_of(part: Part, others: Sequence[Judged]) -> list[dict[str, object]]:
-    lasting = [_candidate(part, s, others) for s in _candidates(part)]
+    longest = _duration(part)
+    lasting = [_candidate(part, s, others, longest) for s in _candidates(part)]
     return lasting + [_local_candidate(found, others) for found in part.trace.selection.plain_local]
 
 
@@ -185,11 +186,10 @@ def _errors(errors: Errors) -> dict[str, object]:
     }
 
 
-def _candidate(part: Part, s: Statistic, others: Sequence[Judged]) -> dict[str, object]:
+def _candidate(part: Part, s: Statistic, others: Sequence[Judged], longest: float) -> dict[str, object]:
     entry = Term(s.name).effect
     size, units = part.source.field.of(entry)
     sizes = zip(size * s.detectable_from, units, strict=True)
-    longest = _duration(part)
     return {
         "name": s.name,
         "parameters": [p.name for p in entry.parameters],

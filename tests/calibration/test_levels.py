@@ -23,8 +23,11 @@ from sinan.sensors import registry
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import Bounds
 from sinan.sensors.noise import colour, random_walk
-from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Recording, SensorSpec, Stream
+from sinan.sensors.recording import MAG, NO_HEIGHT, POSITION, VELOCITY, Initial, Recording, SensorSpec, Stream
+from sinan.sensors.simulate import simulate
+from sinan.sensors.window import between
 from tests.estimator.analytic_flight import SLOW_IMU, SPECS, fly
+from tests.flights import scenario_at
 
 #: A size from a minute of readings.
 FACTOR = 1.6
@@ -330,3 +333,15 @@ def test_a_barometer_may_count_from_the_sea_where_a_laser_sees_the_ground() -> N
     journal = prepared(recording).run()
     assert journal.nis_per_dof()["baro"] < 2.0
     assert np.all(journal.stream("baro").weight[:20] > 0.1)
+
+
+def test_a_log_of_which_only_a_lateness_is_open_is_opened() -> None:
+    """IMU and a compass whose bias is declared."""
+    recording, _ = simulate(scenario_at(50.0, "figure_eight"), np.random.default_rng(3), [])
+    recording = between(recording, 10.0, 22.0)
+    streams = {name: recording.streams[name] for name in ("imu", "mag")}
+    bare = recording.replace(streams=streams, sensors={"mag": SensorSpec(bias_std=0.03)}, initial=Initial())
+    levels = prepared(bare).levels
+    assert [(size.sensor, size.key) for size in levels.found] == [("latency", "mag")]
+    assert abs(levels.latency["mag"]) < 3.0 * levels.sigmas[0]
+    assert np.isfinite(levels.log_posterior)

@@ -205,6 +205,7 @@ def test_a_position_may_have_commas_or_blanks(given: list[str]) -> None:
         ("calibrate acel x", "'acel' is not one of 'accel', 'gyro', 'mag', 'all'"),
         ("calibrate accel x --axes most", "'most' is not one of 'none', 'triangular', 'full'"),
         ("trace x --to abc", "'abc' is not a number"),
+        ("trace x --alpha nan", "nan is not a number"),
         ("trace x --imu 1.5", "'1.5' is not a whole number"),
         ("trace x --alpha 7", "7 is more than 0.5"),
         ("montecarlo square --runs 0", "0 is less than 1"),

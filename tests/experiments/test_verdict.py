@@ -302,11 +302,14 @@ def test_the_sentence_says_of_which_effects_withheld_readings_cannot_tell() -> N
     )
 
 
+UNSEEN = {"name": "gyro.scale", "unit": ["1"] * 3, "detectable_from": [None, 0.061, 5.0]}
+
+
 @pytest.mark.parametrize(
     ("verdict", "changes", "said"),
     [
         ("no_effect", {"effects": [], "candidates": []}, "What would have been seen"),
-        ("no_effect", {"effects": [], "candidates": []}, "record a longer log, a minute or more"),
+        ("no_effect", {"effects": [], "candidates": [UNSEEN]}, "record a longer log, a minute or more"),
         ("ambiguous", {"separates": "fly several heights"}, "fly several heights; or measure one of them yourself"),
         ("unexplained", {"remaining": [{"stream": "mag"}]}, "read what remains"),
         ("unexplained", {"remaining": [], "assumptions": [{"source": OF_BOUNDS}]}, "log a position (GPS) too"),
@@ -333,9 +336,8 @@ def test_of_nothing_found_it_says_how_many_effects_would_have_been_seen() -> Non
 
 def test_a_log_that_shows_nothing_is_not_told_to_be_without_fault(tmp_path: Path) -> None:
     """No effect would have been seen at two plausible sizes: not in the head line, nor in what to do next."""
-    blind = {"name": "gyro.scale", "unit": ["1"] * 3, "detectable_from": [None, 0.061, 5.0]}
-    document = a_document(verdict="no_effect", effects=[], candidates=[blind])
-    assert title(document).startswith("Nothing was found, and nothing could have been: no effect of a size that")
+    document = a_document(verdict="no_effect", effects=[], candidates=[UNSEEN])
+    assert title(document).startswith("Nothing was found, and nothing could have been: no lasting effect of a size")
     assert says(document) == "no effect passes the test, nor would one of a size that occurs"
     told = what_next(document, Log())
     assert "nothing that this log shows needs correcting" not in told
@@ -345,7 +347,7 @@ def test_a_log_that_shows_nothing_is_not_told_to_be_without_fault(tmp_path: Path
     for excess, ending in ((0.5, "the residual is not pure noise"), (-0.9, "shows in this log")):
         left = [{"stream": "mag", "kind": "variance", "excess": excess}]
         assert title({**document, "remaining": left}).endswith(ending)
-    seen = a_document(verdict="no_effect", effects=[], candidates=[{**blind, "detectable_from": [0.01] * 3}])
+    seen = a_document(verdict="no_effect", effects=[], candidates=[{**UNSEEN, "detectable_from": [0.01] * 3}])
     assert title(seen) == "Nothing wrong was found: the residual looks like pure noise"
     assert says(seen) == "no effect passes the test"
     marks = []

@@ -440,8 +440,13 @@ class LeastSquaresSource:
         """The odds alone."""
         return log_odds(1.0)
 
+    @property
+    def assumes_motion(self) -> bool:
+        """No: poses are measured."""
+        return False
+
     def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
-        """Infinite: poses are measured."""
+        """Infinite: nothing is assumed."""
         return np.inf
 
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:

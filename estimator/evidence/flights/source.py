@@ -548,12 +548,17 @@ class FlightSource(OfFlight):
         """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
         return self._prediction.share(fit, without).bears_out(log_odds, needed)
 
+    @property
+    def assumes_motion(self) -> bool:
+        """Whether place or speed are bounded."""
+        return any(isinstance(one, Place | Speed) for one in self.model.sensors.values())
+
     def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
         """With bounds of place and speed `_LESS` times as wide: they are no readings, and so no evidence."""
+        if not self.assumes_motion:
+            return np.inf
         sensors = self.model.sensors
         wider = {name: one.wider(_LESS) for name, one in sensors.items() if isinstance(one, Place | Speed)}
-        if not wider:
-            return np.inf
         passes = self._passes.believing(self.flight.believing(sensors={**sensors, **wider}))
         try:
             return passes.fitted(_state(without).own, "all").deviance - passes.fitted(_state(fit).own, "all").deviance
