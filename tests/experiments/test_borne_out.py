@@ -32,6 +32,7 @@ class Two(Linear):
     """
 
     is_predicting = True
+    assumes_motion = False
     candidates = (effect(TRUE), effect(IMPOSTOR))
     families = 2
 
@@ -74,6 +75,10 @@ class Two(Linear):
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """The impostor's odds are enough."""
         return IMPOSTOR in fit.keys and log_odds(1.0) > needed
+
+    def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
+        """Nothing is assumed."""
+        return np.inf
 
 
 @pytest.mark.parametrize(("better", "names"), [(True, ()), (False, (IMPOSTOR,))])
