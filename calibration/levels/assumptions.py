@@ -50,7 +50,7 @@ def assumptions_of(recording: Recording, levels: Levels, sizes: Sequence[Size]) 
     levels : that are in the model
     sizes : that the recording leaves open
     """
-    known = {(size.sensor, size.key): sigma for size, sigma in zip(levels.found, levels.sigmas, strict=True)}
+    known = levels.sigma_of
     rows = []
     for size in sizes:
         if size.is_of_position:

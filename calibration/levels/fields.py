@@ -216,9 +216,11 @@ def not_told_late(recording: Recording, levels: Levels) -> frozenset[str]:
     if are_samples_declared(recording):
         return frozenset()
     half = 0.5 * float(np.median(np.diff(recording.streams["imu"].t)))
-    sigma = {size.key: s for size, s in zip(levels.found, levels.sigmas, strict=True) if size.sensor == "latency"}
+    sigma = levels.sigma_of
     return frozenset(
-        key for key, late in levels.latency.items() if key in sigma and abs(late) < half + 2.0 * sigma[key]
+        key
+        for key, late in levels.latency.items()
+        if ("latency", key) in sigma and abs(late) < half + 2.0 * sigma["latency", key]
     )
 
 
