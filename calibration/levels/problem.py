@@ -87,34 +87,29 @@ class Problem:
 
     def value_and_gradient(self, theta: FloatArray) -> tuple[float, FloatArray]:
         """Log-posterior and its gradient, of which times have no part."""
-        value, each = self._of_parts(theta, times=False)
+        value, each, _ = self._of_parts(theta, times=False)
         return value, np.sum(each, axis=0) - theta
 
-    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
-        """Log-posterior, and (parts, sizes) the gradients of log L of so many parts, 0: as few as there are."""
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray, FloatArray]:
+        """Log-posterior; (parts, sizes) gradients of log L of so many parts, 0: as few as there are; (sizes,) its
+        curvatures by times, zero of all else. What goes by a time is found over one step of the IMU to each side, or
+        left out.
+        """
         levels = self.levels(theta)
         inputs = self.inputs(levels)
         scores = level_scores(inputs, max(2, len(inputs.imu) // parts) if parts else None)
         here = densities(inputs, scores)
         value = float(np.sum(here)) - 0.5 * float(theta @ theta)
-        return value, self._slopes(theta, levels, inputs, scores, here, times)
-
-    def _slopes(
-        self, theta: FloatArray, levels: Levels, inputs: RunInputs, scores: LevelScores, here: FloatArray, times: bool
-    ) -> FloatArray:
-        """(parts, sizes) gradient of the log-likelihood of each part; by a time over one step of the IMU to each side,
-        or left out.
-        """
-        found = np.zeros((len(scores.first_reading), len(self.sizes)))
+        found, bent = np.zeros((len(scores.first_reading), len(self.sizes))), np.zeros(len(self.sizes))
         for i, size in enumerate(self.sizes):
-            if size.linear:
-                if times:
-                    step = self._step / size.spread
-                    later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
-                    found[:, i] = (later - sooner) / (2.0 * step)
-            else:
+            if not size.linear:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)
-        return found
+            elif times:
+                step = self._step / size.spread
+                later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
+                found[:, i] = (later - sooner) / (2.0 * step)
+                bent[i] = float(np.sum(later + sooner)) / step**2
+        return value, found, bent
 
     def _gained(
         self, theta: FloatArray, i: int, step: float, inputs: RunInputs, here: FloatArray, scores: LevelScores
@@ -160,11 +155,18 @@ class Problem:
         """(sizes, sizes) the information of log and prior.
 
         That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
-        1974), to which the prior adds one. Neglects that the gradients of neighbouring parts go together.
+        1974), to which the prior adds one; of a time, what log L bends by. Where readings scatter less than their noise
+        is said to, so do the gradients, and by their scatter a log would tell less of a time the better its readings
+        are; how times go together with all else is the scatter's. Neglects that gradients of neighbouring parts go
+        together.
         """
-        each = self._of_parts(theta, PARTS, times)[1]
+        _, each, bent = self._of_parts(theta, PARTS, times)
         each -= np.mean(each, axis=0)
-        return np.asarray(each.T @ each + np.eye(len(theta)))
+        scatter = each.T @ each
+        own = np.diag(scatter)
+        bends = (bent < 0.0) & (own > 0.0)
+        scale = np.sqrt(np.divide(-bent, own, out=np.ones(len(theta)), where=bends))
+        return np.asarray(scale[:, None] * scatter * scale + np.eye(len(theta)))
 
     def maximise(self, theta: FloatArray) -> tuple[FloatArray, float]:
         """Times as they are, all else by quasi-Newton, in units in which the log tells all sizes alike and each by
@@ -248,10 +250,10 @@ class _InExcerpts(Problem):
     def value(self, theta: FloatArray, inside: bool = False) -> float:
         return sum(one.value(theta, inside) for one in self._each) + self._counted_again(theta)
 
-    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray]:
-        found = [one._of_parts(theta, parts // len(self._each), times) for one in self._each]
-        value = sum(of_one for of_one, _ in found) + self._counted_again(theta)
-        return value, np.concatenate([each for _, each in found])
+    def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray, FloatArray]:
+        parts_of_each = [one._of_parts(theta, parts // len(self._each), times) for one in self._each]
+        values, each, bent = zip(*parts_of_each, strict=True)
+        return sum(values) + self._counted_again(theta), np.concatenate(each), np.sum(bent, axis=0)
 
     def _counted_again(self, theta: FloatArray) -> float:
         """What takes the prior back that every excerpt has counted, but once."""

@@ -246,6 +246,19 @@ def test_sigmas_are_those_of_the_curvature(bare: Recording, found: Levels) -> No
         assert 0.3 < curvature * sigmas[i] ** 2 < 6.0
 
 
+def test_a_lateness_is_told_as_well_as_its_likelihood_is_narrow() -> None:
+    """One sigma off it is lower by a half, also where a class of instruments is noisier than this compass."""
+    recording, _ = simulate(scenario_at(50.0, "no_aiding"), np.random.default_rng(3), [])
+    ready = prepared(between(recording, 0.0, 30.0).replace(sensors={}, initial=Initial()))
+    problem = Problem(ready.recording, ready.levels.found, ready.levels)
+    theta = problem.theta(ready.levels)
+    k = next(k for k, size in enumerate(ready.levels.found) if size.linear)
+    step = np.eye(len(theta))[k] * ready.levels.sigmas[k] / ready.levels.found[k].spread
+    top, *lower = (problem.value(theta + side * step, inside=True) for side in (0.0, 1.0, -1.0))
+    assert ready.levels.sigmas[k] < 0.5 * ready.levels.found[k].spread
+    assert 0.3 < top - np.mean(lower) < 1.0
+
+
 def test_every_open_size_is_in_the_table_of_assumptions(bare: Recording, found: Levels) -> None:
     rows = assumptions_of(bare, found, sizes_of(bare))
     assert len([row for row in rows if row.source == FOUND]) == len(found.found)
