@@ -15,6 +15,8 @@ from sinan.calibration.levels.problem import Problem
 from sinan.estimator.evidence.flights.open_levels import OpenLevels
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.score import sigma_of_wide, statistic_of
+from sinan.estimator.filter.effect_forms import is_lateness
+from sinan.estimator.filter.flight import Flight
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.simulate import simulate
 from tests.flights import scenario_at
@@ -112,6 +114,8 @@ def test_what_is_detectable_is_by_sources_opened_with_the_sizes_of_either_side()
         at.append([one.evidence(one_plain) for one, one_plain in zip(each, plain, strict=True)])
     found, expected = list[float](), list[float]()
     for s, entry, before in zip(wider, source.candidates, known, strict=True):
+        if is_lateness(entry) and entry.stream in ready.model.latency:  # by what the instants of the IMU's samples are
+            continue
         less, more = (np.array([sigma_of_wide(pair[side], s.name) for pair in at]) for side in (0, 1))
         seen = before.detectable_from < 5.0 * np.array([one.plausible for one in entry.parameters])
         found += np.log(s.detectable_from[seen] / before.detectable_from[seen]).tolist()
@@ -119,4 +123,19 @@ def test_what_is_detectable_is_by_sources_opened_with_the_sizes_of_either_side()
     assert np.max(expected) > 0.3
     assert np.median(np.abs(np.subtract(found, expected))) < 0.02
     assert np.max(np.abs(np.subtract(found, expected))) < 0.3
-    assert FlightSource(ready.flight, ready.recording).detectable(fit, wider) is wider
+    assert FlightSource(ready.flight).detectable(fit, wider) is wider
+
+
+def test_a_lateness_that_nobody_declared_is_detectable_from_half_a_step_of_the_imu_on() -> None:
+    """Of what is declared, and of all else, what the readings say."""
+    ready = opened()
+    flight = Flight(ready.recording, ready.model.replace(latency={"gps": 0.001}))
+    half = 0.5 * float(np.median(np.diff(ready.recording.streams["imu"].t)))
+    for logged, least in ((ready.recording, half), (None, 0.0)):
+        source = FlightSource(flight, logged)
+        evidence = source.evidence(source.fit(()))
+        names = ("gps.latency", "gps.lever_arm")
+        known = [replace(s, detectable_from=1e-4 * np.ones(s.dof)) for s in (statistic_of(evidence, n) for n in names)]
+        late, arm = source.detectable(source.fit(()), known)
+        assert late.detectable_from == pytest.approx(max(least + 2e-4 / np.sqrt(30.0), 1e-4))
+        assert np.array_equal(arm.detectable_from, known[1].detectable_from)

@@ -366,6 +366,15 @@ def test_what_undoes_an_effect_of_the_log_is_not_put_in(minute: Minute, named: f
     assert sized(order_of("mag.time_offset", 2.0, [1.0]), minute, control)[1] == status
 
 
+@pytest.mark.parametrize(("late", "status"), [(-0.009, UNDONE), (0.009, PUT)])
+def test_what_undoes_a_lateness_that_has_no_name_is_not_put_in(minute: Minute, late: float, status: str) -> None:
+    """The model of the control may have one that is too little to be told."""
+    model = minute.ready.model.replace(latency={"mag": late})
+    ready = replace(minute.ready, flight=Flight(minute.ready.recording, model))
+    order = order_of("mag.time_offset", 2.0, [1.0])
+    assert sized(order, replace(minute, ready=ready), report_of(mag__time_offset=[0.006]))[1] == status
+
+
 def test_a_magnetic_size_goes_with_the_field(minute: Minute) -> None:
     """`mag.current` occurs up to 0.03 of the field an ampere."""
     bound = CATALOGUE["mag.current"].high * float(np.linalg.norm(minute.around.field_n))

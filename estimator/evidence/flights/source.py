@@ -35,6 +35,7 @@ from sinan.estimator.evidence.intervals.wrong_readings import (
 from sinan.estimator.evidence.probes import probes_for
 from sinan.estimator.evidence.score import (
     BLOCKS,
+    DETECTABLE_LAMBDA,
     Evidence,
     Statistic,
     sigma_of_wide,
@@ -262,8 +263,9 @@ class FlightSource(OfFlight):
 
     def detectable(self, fit: Fit, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
         """The statistics of effects that are not in a fit, with what is detectable of them where the noise takes a part
-        of it up; as they are where all of the noise is declared.
+        of it up, or what the IMU's samples are decides how late a stream is; as they are where all of it is declared.
         """
+        statistics = self._as_late_as_samples(statistics)
         levels = self._open_levels() if self._open_levels is not None and statistics else None
         if levels is None:
             return statistics
@@ -273,6 +275,22 @@ class FlightSource(OfFlight):
         for k, s in enumerate(statistics):
             less, more = (np.array([pair[side][k] for pair in sides]) for side in (0, 1))
             found.append(replace(s, detectable_from=s.detectable_from * levels.wider(less, more)))
+        return found
+
+    def _as_late_as_samples(self, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
+        """With no less than half a step of the IMU and two sigma for lateness of streams whose model has one that
+        nobody declared, since an instant of the IMU's own is known no better.
+        """
+        late = self.flight.model.latency if self._logged is not None else {}
+        if not late:
+            return statistics
+        found, half = [], 0.5 * float(np.median(np.diff(self.recording.streams["imu"].t)))
+        for s in statistics:
+            entry = Term(s.name).effect
+            if is_lateness(entry) and entry.stream in late:
+                least = half + 2.0 * s.detectable_from / np.sqrt(DETECTABLE_LAMBDA)
+                s = replace(s, detectable_from=np.maximum(s.detectable_from, least))
+            found.append(s)
         return found
 
     def _stds(self, fit: Fit, effects: Sequence[Effect], flight: Flight) -> list[FloatArray]:

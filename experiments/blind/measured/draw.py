@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sinan.estimator.filter.effect_forms import is_lateness
 from sinan.experiments.blind.maker.catalogue import (
     CATALOGUE,
     LOCAL_STREAMS,
@@ -19,6 +20,7 @@ from sinan.experiments.blind.maker.catalogue import (
 from sinan.experiments.blind.maker.turning import random_direction
 from sinan.experiments.blind.measured.minute import Minute, lasting, local, wander_of
 from sinan.sensors.arrays import FloatArray
+from sinan.sensors.effects import effect as effect_of
 from sinan.sensors.effects.streams import STREAMS
 
 #: Sizes of lasting effects in units of what the control's report says is detectable.
@@ -31,7 +33,7 @@ LASTING = 0.6
 OCCURS = 3.0
 #: What became of a draw: an effect was put in; the control's report says that no size of it is visible, or does not ask
 #: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`), or
-#: of an offset that occurs; with what the control names of the same effect it adds up to less than would be found.
+#: of an offset that occurs; with what the control has of the same effect it adds up to less than would be found.
 PUT, NOT_VISIBLE, BEYOND, UNDONE = "put", "not visible", "beyond what occurs", "undoing what the control names"
 
 
@@ -100,14 +102,19 @@ def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hid
     of_field = CATALOGUE[order.name].of_field if order.is_lasting else stream == "mag"
     if np.linalg.norm(beta) > largest * (float(np.linalg.norm(minute.around.field_n)) if of_field else 1.0):
         return None, BEYOND
-    if order.is_lasting and _undoes(order.name, beta, control):
+    if order.is_lasting and _undoes(order.name, beta, minute, control):
         return None, UNDONE
     return Hidden(order.name, beta, order.interval), PUT
 
 
-def _undoes(name: str, beta: FloatArray, control: Mapping[str, Any]) -> bool:
-    """Whether no component of what is put in and what the control names of that effect together would be found."""
+def _undoes(name: str, beta: FloatArray, minute: Minute, control: Mapping[str, Any]) -> bool:
+    """Whether no component of what is put in and what the minute has of that effect together would be found: by name in
+    the control, or a lateness that the model of the control has.
+    """
     own = [np.array(effect["beta"]) for effect in control["effects"] if effect["name"] == name]
+    stream = name.split(".")[0]
+    if not own and is_lateness(effect_of(name)) and stream in minute.ready.model.latency:
+        own = [np.array([minute.ready.model.latency[stream]])]
     return bool(own) and bool(np.all(np.abs(beta + own[0]) < detectable(control)[name]))
 
 
