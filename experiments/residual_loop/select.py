@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sinan.estimator.evidence.alpha import ALPHA
+from sinan.estimator.evidence.flights.prediction import can_be_predicted
 from sinan.estimator.evidence.score import (
     Evidence,
     Statistic,
@@ -146,38 +147,40 @@ def select(
     intervals : whether they are searched; else wrong readings alone are
     """
     most, shortlist = (MOST_GIVEN_ERROR, SHORTLIST_GIVEN_ERROR) if given else (MOST_EFFECTS, SHORTLIST)
-    path = _Path(source, source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha), intervals)
+    fit, threshold = source.fit(tuple(given or ()), given, part), log_p_needed(source, alpha)
+    path = _Path(source, fit, threshold, (lambda _: True) if intervals else None)
     path.take_on(most, shortlist)
     path.drop_what_may_be_none(alpha)
     return path.selection()
 
 
 def select_further(
-    source: Source, alpha: float, start: Selection, barred: frozenset[str], besides: Mapping[Term, FloatArray]
+    source: Source, alpha: float, start: Selection, fallen: Sequence[Finding], besides: Mapping[Term, FloatArray]
 ) -> Selection:
-    """The selection gone on with, from its final model, without options of some keys and without intervals.
+    """The selection gone on with, from its final model, without what the held-out part does not bear out.
 
-    Most intervals are too short to be asked of withheld readings; they must not take the place of what those have
-    spoken against.
+    What lasts may have stood in the place of an interval. Most of those are too short to be asked of withheld readings,
+    and must not take the place of what those have spoken against but where they were as likely (`open_after`).
 
     Parameters
     ----------
     alpha : family-wise error over all candidates
     start : a selection on all data, with no term given
-    barred : keys of what is not tried, as the held-out part does not bear it out
+    fallen : what is not tried again; of intervals none of that name is
     besides : terms that are in the model while others are chosen, with a first estimate
     """
+    barred, is_open = frozenset(f.term.key for f in fallen), open_after(fallen)
     final = start.final
     try:
         fit = source.fit((*final.terms, *besides), {**final.beta, **besides}, final.part) if besides else final
     except InputError:  # no model follows from all of them
         fit, besides = final, {}
     threshold = log_p_needed(source, alpha)
-    path = _Path(source, fit, threshold, False, start, barred)
+    path = _Path(source, fit, threshold, is_open, start, barred)
     path.take_on(MOST_EFFECTS, SHORTLIST)
     if besides:  # what is said is said of the model without them
         found = path.selection()
-        path = _Path(source, fit_without(source, found.final, *besides), threshold, False, found, barred)
+        path = _Path(source, fit_without(source, found.final, *besides), threshold, is_open, found, barred)
     path.drop_what_may_be_none(alpha)
     return replace(
         path.selection(),
@@ -188,11 +191,21 @@ def select_further(
     )
 
 
+def open_after(fallen: Sequence[Finding]) -> Callable[[Term], bool]:
+    """Which intervals may come in the place of what has fallen: those that withheld readings can be asked of, and those
+    that were as likely; none of a name that has fallen.
+    """
+    in_vain = {f.term.name for f in fallen if f.term.interval is not None}
+    as_likely = {rival.term.name for f in fallen for rival in f.rivals}
+    return lambda term: term.name not in in_vain and (can_be_predicted(term) or term.name in as_likely)
+
+
 class _Path:
     """A selection as it goes: the model so far, what is offered to it, and what did not stand.
 
     Attributes
     ----------
+    is_open : which intervals may be taken; None: they are not searched
     findings : effects in the model, in order of discovery
     """
 
@@ -201,11 +214,11 @@ class _Path:
         source: Source,
         fit: Fit,
         threshold: float,
-        intervals: bool,
+        is_open: Callable[[Term], bool] | None,
         start: Selection | None = None,
         barred: frozenset[str] = frozenset(),
     ) -> None:
-        self._source, self._threshold, self._intervals = source, threshold, intervals
+        self._source, self._threshold, self._is_open = source, threshold, is_open
         self._plain = self._fit = fit
         self.findings: list[Finding] = [] if start is None else list(start.findings)
         self._steps: list[Step] = [] if start is None else list(start.steps)
@@ -222,7 +235,7 @@ class _Path:
             evidence = self._source.evidence(self._fit, own_terms_only=True)
             if cannot_be(self._source, self._fit, term, evidence):
                 self._drop(term, IMPOSSIBLE)
-        return Offered(self._source, self._fit, self._intervals)
+        return Offered(self._source, self._fit, self._is_open is not None)
 
     def _drop(self, term: Term, why: str) -> None:
         """Take an effect out of the model."""
@@ -266,8 +279,12 @@ class _Path:
     def best(self, shortlist: int) -> Trial | None:
         """The best that stands of what is offered, with its fit."""
         full = sum(finding.term.interval is not None for finding in self.findings) >= MOST_LOCAL
-        options = self._offered.open_to(full)
+        options = [o for o in self._offered.open_to(full) if o.term.interval is None or self._may_be(o.term)]
         return best_of(self._source, self._fit, options, self._threshold, self._refused, shortlist)
+
+    def _may_be(self, term: Term) -> bool:
+        """Whether an interval may be taken."""
+        return self._is_open is not None and self._is_open(term)
 
     def best_pair(self) -> tuple[Fit, list[Trial]] | None:
         """See `trials.best_pair`."""

@@ -83,24 +83,23 @@ def _borne_out(
     readings can be asked of any model, the selection goes on without it. But where it has predicted them better, only
     not surely, what comes in its place has to be called for besides it.
     """
-    fallen: tuple[Term, ...] = ()
+    fallen: tuple[Finding, ...] = ()
     besides: dict[Term, FloatArray] = {}
     for round_ in range(_MOST_FALLS + 1):
         dropped = rolled_back(source, selection, alpha) if selection.findings else {}
         if not dropped:
             break
-        fallen += tuple(dropped)
+        fallen += tuple(f for f in selection.findings if f.term in dropped)
         final, selection = selection.final, _without(source, selection, tuple(dropped), ROLLED_BACK)
         if not source.is_predicting:
             break
         if round_ < _MOST_FALLS:
             besides |= {term: final.beta[term] for term, better in dropped.items() if better}
-            barred = frozenset(term.key for term in fallen)
-            further = select_further(source, alpha, selection, barred, besides)
+            further = select_further(source, alpha, selection, fallen, besides)
             if further.names != selection.names:
                 selection = further
                 suspects = [one for one in suspects if _is_needed(source, further.final, *one)]
-    return selection, suspects, fallen
+    return selection, suspects, tuple(f.term for f in fallen)
 
 
 def _is_confirmed(

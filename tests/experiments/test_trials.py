@@ -15,7 +15,7 @@ from sinan.estimator.evidence.source import IMPLAUSIBLE, Fit, LocalFinding, Part
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop import trials
 from sinan.experiments.residual_loop.options import Offered, Option, option_of
-from sinan.experiments.residual_loop.select import _Path
+from sinan.experiments.residual_loop.select import _Path, open_after
 from sinan.experiments.residual_loop.trials import IMPOSSIBLE, Finding, Trial, best_of, likeliest, trial
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
@@ -179,6 +179,28 @@ def test_intervals_are_offered_beside_what_lasts_and_stands() -> None:
         assert found.options[0].log_p < -100.0
 
 
+def found(name: str, interval: tuple[float, float] | None, *rivals: Finding) -> Finding:
+    """A finding of which nothing but term and rivals is asked."""
+    return Finding(Term(name, interval), np.ones(1), np.ones(1), -99.0, -99.0, 90.0, 200.0, 200.0, rivals)
+
+
+@pytest.mark.parametrize(
+    ("fallen", "name", "length", "may"),
+    [
+        (found("accel.scale", None), "accel.step", 20.0, True),
+        (found("accel.scale", None), "accel.transient", 4.0, False),
+        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "accel.transient", 4.0, True),
+        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "gyro.transient", 4.0, False),
+        (found("accel.step", (10.0, 30.0)), "accel.step", 19.0, False),
+    ],
+)
+def test_an_interval_comes_in_the_place_of_what_has_fallen(
+    fallen: Finding, name: str, length: float, may: bool
+) -> None:
+    """Where withheld readings can speak against it too, or where it was as likely before they were asked."""
+    assert open_after([fallen])(Term(name, (0.0, length))) == may
+
+
 def test_an_estimate_beyond_where_the_derivatives_hold_is_no_start() -> None:
     """From there on the fit ends where the likelihood is less than without the effect; from zero on it is found."""
 
@@ -208,7 +230,7 @@ def test_what_may_be_none_by_its_own_error_is_no_finding(sigmas: float, stays: b
 
     source, term = cast(Source, One(sigmas, 1.0)), Term("baro.scale")
     fit = source.fit((term,))
-    path = _Path(source, fit, -9.0, intervals=False)
+    path = _Path(source, fit, -9.0, None)
     path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
     path.drop_what_may_be_none(0.01)
     assert path.selection().names == (("baro.scale",) if stays else ())
@@ -229,7 +251,7 @@ def test_what_has_become_one_that_cannot_be_is_no_finding(name: str, size: float
 
     source, term = cast(Source, One(size, sigma, name)), Term(name)
     fit = source.fit((term,))
-    path = _Path(source, fit, -9.0, intervals=False)
+    path = _Path(source, fit, -9.0, None)
     path.findings = [Finding(term, fit.beta[term], fit.std[term], -99.0, -99.0, 90.0, 200.0, 200.0, ())]
     path._offered = path._offer()
     found = path.selection()
@@ -246,7 +268,7 @@ def test_what_could_not_be_is_tried_again_with_another_effect_in_the_model(gone:
         is_predicting = True
 
     source, term = cast(Source, One(2.0, 0.1)), Term("baro.scale")
-    path = _Path(source, source.fit(()), -9.0, intervals=False)
+    path = _Path(source, source.fit(()), -9.0, None)
     for _ in range(gone):
         path._drop(Term("baro.lag"), IMPOSSIBLE)
     fit = source.fit((term,))
