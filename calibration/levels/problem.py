@@ -92,8 +92,8 @@ class Problem:
 
     def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray, FloatArray]:
         """Log-posterior; (parts, sizes) gradients of log L of so many parts, 0: as few as there are; (sizes,) its
-        curvatures by times, zero of all else. What goes by a time is found over one step of the IMU to each side, or
-        left out.
+        curvatures by times, zero of all else. What goes by a time is found over two steps of the IMU to each side, since
+        log L has a tooth at each, or left out.
         """
         levels = self.levels(theta)
         inputs = self.inputs(levels)
@@ -105,7 +105,7 @@ class Problem:
             if not size.linear:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)
             elif times:
-                step = self._step / size.spread
+                step = 2.0 * self._step / size.spread
                 later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
                 found[:, i] = (later - sooner) / (2.0 * step)
                 bent[i] = float(np.sum(later + sooner)) / step**2
