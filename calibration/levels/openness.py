@@ -33,8 +33,12 @@ def open_levels(levels: Levels, flight: Flight) -> OpenLevels | None:
     if not len(axes):
         return None
     top = problem.value(theta)
-    lower = top - 0.5 * np.array([problem.value(theta + axis) + problem.value(theta - axis) for axis in axes])
-    axes /= np.sqrt(2.0 * np.maximum(lower, 0.5))[:, None]
+    wide = np.ones(len(axes), dtype=bool)
+    for _ in range(2):  # what is far too wide is no parabola as far as that
+        lower = np.full(len(axes), 0.5)
+        lower[wide] = [top - 0.5 * (problem.value(theta + axis) + problem.value(theta - axis)) for axis in axes[wide]]
+        axes /= np.sqrt(2.0 * np.maximum(lower, 0.5))[:, None]
+        wide = lower > 1.0
     least, most = np.array([size.bounds for size in sizes]).T
 
     def there(moved: FloatArray) -> Flight:

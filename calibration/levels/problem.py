@@ -92,8 +92,8 @@ class Problem:
 
     def _of_parts(self, theta: FloatArray, parts: int = 0, times: bool = True) -> tuple[float, FloatArray, FloatArray]:
         """Log-posterior; (parts, sizes) gradients of log L of so many parts, 0: as few as there are; (sizes,) its
-        curvatures by times, zero of all else. What goes by a time is found over two steps of the IMU to each side, since
-        log L has a tooth at each, or left out.
+        curvatures by times, zero of all else. What goes by a time is found over one step of the IMU to each
+        side, or left out.
         """
         levels = self.levels(theta)
         inputs = self.inputs(levels)
@@ -105,7 +105,7 @@ class Problem:
             if not size.linear:
                 found[:, i] = size.spread * slopes(inputs, scores, levels, size)
             elif times:
-                step = 2.0 * self._step / size.spread
+                step = self._step / size.spread
                 later, sooner = (self._gained(theta, i, move, inputs, here, scores) for move in (step, -step))
                 found[:, i] = (later - sooner) / (2.0 * step)
                 bent[i] = float(np.sum(later + sooner)) / step**2
@@ -114,12 +114,16 @@ class Problem:
     def _gained(
         self, theta: FloatArray, i: int, step: float, inputs: RunInputs, here: FloatArray, scores: LevelScores
     ) -> FloatArray:
-        """(parts,) what log L of each part gains by a step of one theta; readings of two streams may change places."""
+        """(parts,) what log L of each part gains by a step of one theta, of readings that no lateness moves out of the
+        IMU's time: what begins with another reading has others before its first state has settled. Readings of two
+        streams may change places.
+        """
         moved, gained = theta.copy(), np.zeros(len(here))
         moved[i] += step
         other = run(self.inputs(self.levels(moved)), "numba", 0)
         mine, its = (np.lexsort((one.index, one.sensor)) for one in (inputs.events, other))
-        both = other.accepted[its] & (here[mine] != 0.0)  # not what is before the start in one of them
+        counted = other.accepted & other.is_inside(self._margins, inputs.imu.spans)
+        both = counted[its] & (here[mine] != 0.0)  # not what is before the start in one of them
         gained[mine] = np.where(both, other.log_density[its] - here[mine], 0.0)
         return sums_from(gained, scores.first_reading)
 
@@ -157,16 +161,19 @@ class Problem:
         That of the log is the scatter of its parts' gradients (Berndt, Hall, Hall, Hausman, Ann. Econ. Soc. Meas. 3(4),
         1974), to which the prior adds one; of a time, what log L bends by. Where readings scatter less than their noise
         is said to, so do the gradients, and by their scatter a log would tell less of a time the better its readings
-        are; how times go together with all else is the scatter's. Neglects that gradients of neighbouring parts go
-        together.
+        are; how times go together is the scatter's. Of a time, which moves means, and a size, which makes variances, no
+        information is common to both (Kay, Fundamentals of Statistical Signal Processing, 1993, section 3.9). Neglects
+        that gradients of neighbouring parts go together.
         """
         _, each, bent = self._of_parts(theta, PARTS, times)
         each -= np.mean(each, axis=0)
         scatter = each.T @ each
         own = np.diag(scatter)
-        bends = (bent < 0.0) & (own > 0.0)
-        scale = np.sqrt(np.divide(-bent, own, out=np.ones(len(theta)), where=bends))
-        return np.asarray(scale[:, None] * scatter * scale + np.eye(len(theta)))
+        of_times = np.array([size.linear for size in self.sizes])
+        told = np.where(of_times & (own > 0.0), np.maximum(-bent, 0.0), own)
+        scale = np.sqrt(np.divide(told, own, out=np.zeros(len(theta)), where=own > 0.0))
+        both = of_times[:, None] == of_times
+        return np.asarray(np.where(both, scale[:, None] * scatter * scale, 0.0) + np.eye(len(theta)))
 
     def maximise(self, theta: FloatArray) -> tuple[FloatArray, float]:
         """Times as they are, all else by quasi-Newton, in units in which the log tells all sizes alike and each by
