@@ -193,11 +193,21 @@ def select_further(
 
 def open_after(fallen: Sequence[Finding]) -> Callable[[Term], bool]:
     """Which intervals may come in the place of what has fallen: those that withheld readings can be asked of, and those
-    that were as likely; none of a name that has fallen.
+    that were as likely, by name and where they overlap; none of a name that has fallen.
     """
     in_vain = {f.term.name for f in fallen if f.term.interval is not None}
-    as_likely = {rival.term.name for f in fallen for rival in f.rivals}
-    return lambda term: term.name not in in_vain and (can_be_predicted(term) or term.name in as_likely)
+    as_likely = [rival.term for f in fallen for rival in f.rivals]
+    return lambda term: (
+        term.name not in in_vain
+        and (can_be_predicted(term) or any(one.name == term.name and _overlap(one, term) for one in as_likely))
+    )
+
+
+def _overlap(one: Term, other: Term) -> bool:
+    """Whether the intervals of two terms have a time in common."""
+    if one.interval is None or other.interval is None:
+        return False
+    return max(one.interval[0], other.interval[0]) < min(one.interval[1], other.interval[1])
 
 
 class _Path:
@@ -235,7 +245,9 @@ class _Path:
             evidence = self._source.evidence(self._fit, own_terms_only=True)
             if cannot_be(self._source, self._fit, term, evidence):
                 self._drop(term, IMPOSSIBLE)
-        return Offered(self._source, self._fit, self._is_open is not None)
+        offered = Offered(self._source, self._fit, self._is_open is not None)
+        offered.options = [o for o in offered.options if o.term.interval is None or self._may_be(o.term)]
+        return offered
 
     def _drop(self, term: Term, why: str) -> None:
         """Take an effect out of the model."""
@@ -279,7 +291,7 @@ class _Path:
     def best(self, shortlist: int) -> Trial | None:
         """The best that stands of what is offered, with its fit."""
         full = sum(finding.term.interval is not None for finding in self.findings) >= MOST_LOCAL
-        options = [o for o in self._offered.open_to(full) if o.term.interval is None or self._may_be(o.term)]
+        options = self._offered.open_to(full)
         return best_of(self._source, self._fit, options, self._threshold, self._refused, shortlist)
 
     def _may_be(self, term: Term) -> bool:

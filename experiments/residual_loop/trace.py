@@ -96,7 +96,7 @@ def _borne_out(
         if round_ < _MOST_FALLS:
             besides |= {term: final.beta[term] for term, better in dropped.items() if better}
             further = select_further(source, alpha, selection, fallen, besides)
-            if further.names != selection.names:
+            if {f.term for f in further.findings} != {f.term for f in selection.findings}:
                 selection = further
                 suspects = [one for one in suspects if _is_needed(source, further.final, *one)]
     return selection, suspects, tuple(f.term for f in fallen)

@@ -368,7 +368,7 @@ def test_what_undoes_an_effect_of_the_log_is_not_put_in(minute: Minute, named: f
 
 @pytest.mark.parametrize(("late", "status"), [(-0.009, UNDONE), (0.009, PUT)])
 def test_what_undoes_a_lateness_that_has_no_name_is_not_put_in(minute: Minute, late: float, status: str) -> None:
-    """The model of the control may have one that is too little to be told."""
+    """The log may have one that is too little to be told."""
     model = minute.ready.model.replace(latency={"mag": late})
     ready = replace(minute.ready, flight=Flight(minute.ready.recording, model))
     order = order_of("mag.time_offset", 2.0, [1.0])

@@ -189,8 +189,9 @@ def found(name: str, interval: tuple[float, float] | None, *rivals: Finding) -> 
     [
         (found("accel.scale", None), "accel.step", 20.0, True),
         (found("accel.scale", None), "accel.transient", 4.0, False),
-        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "accel.transient", 4.0, True),
-        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "gyro.transient", 4.0, False),
+        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "accel.transient", 4.0, False),
+        (found("accel.scale", None, found("accel.transient", (3.0, 7.0))), "accel.transient", 4.0, True),
+        (found("accel.scale", None, found("accel.transient", (3.0, 7.0))), "gyro.transient", 4.0, False),
         (found("accel.step", (10.0, 30.0)), "accel.step", 19.0, False),
     ],
 )

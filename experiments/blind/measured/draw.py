@@ -34,7 +34,7 @@ OCCURS = 3.0
 #: What became of a draw: an effect was put in; the control's report says that no size of it is visible, or does not ask
 #: for it; the size is beyond that of a bad or badly mounted instrument (the upper bound of `blind.maker.catalogue`), or
 #: of an offset that occurs; with what the control has of the same effect it adds up to less than would be found.
-PUT, NOT_VISIBLE, BEYOND, UNDONE = "put", "not visible", "beyond what occurs", "undoing what the control names"
+PUT, NOT_VISIBLE, BEYOND, UNDONE = "put", "not visible", "beyond what occurs", "undoing what the log has"
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def sized(order: Order, minute: Minute, control: Mapping[str, Any]) -> tuple[Hid
 
 def _undoes(name: str, beta: FloatArray, minute: Minute, control: Mapping[str, Any]) -> bool:
     """Whether no component of what is put in and what the minute has of that effect together would be found: by name in
-    the control, or a lateness that the model of the control has.
+    the control, or how late the stream is by the log's likelihood, named or not.
     """
     own = [np.array(effect["beta"]) for effect in control["effects"] if effect["name"] == name]
     stream = name.split(".")[0]
