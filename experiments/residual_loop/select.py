@@ -246,7 +246,8 @@ class _Path:
             if cannot_be(self._source, self._fit, term, evidence):
                 self._drop(term, IMPOSSIBLE)
         offered = Offered(self._source, self._fit, self._is_open is not None)
-        offered.options = [o for o in offered.options if o.term.interval is None or self._may_be(o.term)]
+        if self._is_open is not None:
+            offered.options = [o for o in offered.options if o.term.interval is None or self._is_open(o.term)]
         return offered
 
     def _drop(self, term: Term, why: str) -> None:
@@ -293,10 +294,6 @@ class _Path:
         full = sum(finding.term.interval is not None for finding in self.findings) >= MOST_LOCAL
         options = self._offered.open_to(full)
         return best_of(self._source, self._fit, options, self._threshold, self._refused, shortlist)
-
-    def _may_be(self, term: Term) -> bool:
-        """Whether an interval may be taken."""
-        return self._is_open is not None and self._is_open(term)
 
     def best_pair(self) -> tuple[Fit, list[Trial]] | None:
         """See `trials.best_pair`."""

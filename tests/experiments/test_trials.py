@@ -179,7 +179,7 @@ def test_intervals_are_offered_beside_what_lasts_and_stands() -> None:
         assert found.options[0].log_p < -100.0
 
 
-def found(name: str, interval: tuple[float, float] | None, *rivals: Finding) -> Finding:
+def a_finding(name: str, interval: tuple[float, float] | None, *rivals: Finding) -> Finding:
     """A finding of which nothing but term and rivals is asked."""
     return Finding(Term(name, interval), np.ones(1), np.ones(1), -99.0, -99.0, 90.0, 200.0, 200.0, rivals)
 
@@ -187,12 +187,12 @@ def found(name: str, interval: tuple[float, float] | None, *rivals: Finding) -> 
 @pytest.mark.parametrize(
     ("fallen", "name", "length", "may"),
     [
-        (found("accel.scale", None), "accel.step", 20.0, True),
-        (found("accel.scale", None), "accel.transient", 4.0, False),
-        (found("accel.scale", None, found("accel.transient", (18.0, 22.0))), "accel.transient", 4.0, False),
-        (found("accel.scale", None, found("accel.transient", (3.0, 7.0))), "accel.transient", 4.0, True),
-        (found("accel.scale", None, found("accel.transient", (3.0, 7.0))), "gyro.transient", 4.0, False),
-        (found("accel.step", (10.0, 30.0)), "accel.step", 19.0, False),
+        (a_finding("accel.scale", None), "accel.step", 20.0, True),
+        (a_finding("accel.scale", None), "accel.transient", 4.0, False),
+        (a_finding("accel.scale", None, a_finding("accel.transient", (18.0, 22.0))), "accel.transient", 4.0, False),
+        (a_finding("accel.scale", None, a_finding("accel.transient", (3.0, 7.0))), "accel.transient", 4.0, True),
+        (a_finding("accel.scale", None, a_finding("accel.transient", (3.0, 7.0))), "gyro.transient", 4.0, False),
+        (a_finding("accel.step", (10.0, 30.0)), "accel.step", 19.0, False),
     ],
 )
 def test_an_interval_comes_in_the_place_of_what_has_fallen(
