@@ -60,7 +60,7 @@ def pairs_of(imu: Stream, mag: Stream) -> Pairs | None:
     i, j = i[j < len(t)], j[j < len(t)]
     inside = (t[i] >= imu.t[0]) & (t[j] <= imu.t[-1]) & (t[j] - t[i] < 3.0 * _APART)
     samples = np.searchsorted(imu.t, t[j]) - np.searchsorted(imu.t, t[i]) + 1
-    whole = samples * np.median(np.diff(imu.t)) > 0.8 * (t[j] - t[i])
+    whole = samples * imu.step > 0.8 * (t[j] - t[i])
     keep = inside & whole & np.all(np.isfinite(m[i] + m[j]), axis=1)
     i, j = i[keep], j[keep]
     if len(i) < _FEWEST:

@@ -148,7 +148,7 @@ def _vibration(recording: Recording, t: FloatArray) -> FloatArray:
     spec = recording.spec("accel")
     noise = spec.noise_std
     if spec.noise_density is not None and len(imu) > 1:
-        noise = sample_std(spec.noise_density, 1.0 / float(np.median(np.diff(imu.t))))
+        noise = sample_std(spec.noise_density, 1.0 / imu.step)
     key = (id(imu), noise)
     if key not in _POWER:  # the same stream is asked many times in a row
         _POWER.clear()

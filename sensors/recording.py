@@ -68,6 +68,11 @@ class Stream:
     def __getitem__(self, name: str) -> FloatArray:
         return self.columns[name]
 
+    @property
+    def step(self) -> float:
+        """Median time from one row to the next [s]; NaN where there is one row."""
+        return float(np.median(np.diff(self.t)))
+
     def has(self, names: Sequence[str]) -> bool:
         """Whether all the named columns are there."""
         return all(name in self.columns for name in names)

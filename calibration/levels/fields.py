@@ -20,6 +20,7 @@ from sinan.calibration.levels.fit import likeliest, problem_of
 from sinan.calibration.levels.iron import iron_of_turns
 from sinan.calibration.levels.levels import Levels, first_levels, has_its_own_north
 from sinan.calibration.levels.sizes import AS_IT_COMES, CALIBRATED, LITTLE, Iron, sizes_of
+from sinan.estimator.filter.effect_forms import told_late_from
 from sinan.estimator.filter.engine import run
 from sinan.estimator.filter.field import field_of_the_log
 from sinan.sensors.arrays import FloatArray
@@ -210,17 +211,14 @@ def are_samples_declared(recording: Recording) -> bool:
 
 
 def not_told_late(recording: Recording, levels: Levels) -> frozenset[str]:
-    """Streams that may be late by no more than the IMU's own samples, within two sigma: what these are is not declared,
-    so their instants are known to half a step.
-    """
+    """Streams that may be late by no more than the IMU's own samples: what these are is not declared."""
     if are_samples_declared(recording):
         return frozenset()
-    half = 0.5 * float(np.median(np.diff(recording.streams["imu"].t)))
-    sigma = levels.sigma_of
+    step, sigma = recording.streams["imu"].step, levels.sigma_of
     return frozenset(
         key
         for key, late in levels.latency.items()
-        if ("latency", key) in sigma and abs(late) < half + 2.0 * sigma["latency", key]
+        if ("latency", key) in sigma and abs(late) < told_late_from(step, sigma["latency", key])
     )
 
 

@@ -43,7 +43,7 @@ class Problem:
 
     def __init__(self, recording: Recording, sizes: Sequence[Size], first: Levels) -> None:
         self.recording, self.sizes, self.first = recording, tuple(sizes), first
-        self._step = float(np.median(np.diff(recording.streams["imu"].t)))
+        self._step = recording.streams["imu"].step
         moves = [size for size in sizes if size.sensor == "latency" and not size.is_of_position]
         self._margins = {size.key: max(abs(size.at(end)) for end in size.bounds) for size in moves}
         self._readings = Readings.of(first.flight(recording))

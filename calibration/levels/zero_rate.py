@@ -51,7 +51,7 @@ def zero_rate_of(recording: Recording) -> tuple[ZeroRate, Stray] | None:
     noise; where no two windows follow each other it is that of white noise; and at least what the last digit hides.
     """
     imu = recording.streams["imu"]
-    step = float(np.median(np.diff(imu.t)))
+    step = imu.step
     each = max(1, round(MEAN / step))
     n = round(WINDOW / (each * step))
     count = len(imu) // (n * each)

@@ -48,6 +48,9 @@ INVERTED = 1e-9
 #: Rows on which it is found out by which states an effect changes, and those that are evaluated at once, few of which
 #: cost as much as the calls and many of which leave the cache: bound of work (`bounds_of_work brief`).
 PROBES, AT_ONCE = 32, 4000
+#: How many sigmas beyond what the IMU's own instants are known to a stream is told late that no log declares late: by
+#: chance once in twenty, of a normal law norm.isf(0.05 / 2).
+TOLD_LATE = 2.0
 #: What of the motion goes with position, velocity or attitude: an effect that needs none of it does not.
 OF_STATE = frozenset({"p_n", "v_n", "q_nb", "m_b", "airspeed"})
 
@@ -55,6 +58,17 @@ OF_STATE = frozenset({"p_n", "v_n", "q_nb", "m_b", "airspeed"})
 def is_lateness(entry: Effect) -> bool:
     """Whether the effect is a lateness of its stream, which moves the stamps."""
     return entry.name == "gps.latency" or entry.name.endswith(".time_offset")
+
+
+def told_late_from(step: float, sigma: FloatArray | float, sigmas: float = TOLD_LATE) -> FloatArray:
+    """From what lateness on [s] a stream is told late by an IMU whose samples nobody declares: instants or means, their
+    own instants are known to half a step.
+
+    Parameters
+    ----------
+    step, sigma : from one sample of the IMU to the next, and 1-sigma of the lateness [s]
+    """
+    return np.asarray(0.5 * step + sigmas * sigma)
 
 
 @dataclass(frozen=True)

@@ -321,7 +321,7 @@ def flight_model(
         room for
     """
     where, environment = recording.where, recording.environment
-    rate = 1.0 / float(np.median(np.diff(_imu_of(recording).t)))
+    rate = 1.0 / _imu_of(recording).step
     declared = {name: _merged(recording.spec(name), (specs or {}).get(name)) for name in (*DRIVERS, *aiding())}
     sensors, notes = _updating_sensors(recording, declared, set(aiding() if use is None else use), level, bounds)
     sensors = _as_believed(sensors, turned_std, lead) | ({} if zero_rate is None else {zero_rate.name: zero_rate})

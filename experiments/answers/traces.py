@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from sinan.calibration.levels.assumptions import as_rows
 from sinan.estimator.evidence.alpha import ALPHA
 from sinan.estimator.evidence.flights.source import FlightSource
@@ -273,7 +271,7 @@ def slow_imu(recording: Recording) -> list[str]:
     imu = recording.streams.get("imu")
     if recording.kind != "flight" or imu is None or len(imu) < 2:
         return []
-    rate = 1.0 / float(np.median(np.diff(imu.t)))
+    rate = 1.0 / imu.step
     if rate >= SLOW_IMU:
         return []
     return [

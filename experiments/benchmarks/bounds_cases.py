@@ -490,7 +490,7 @@ def _shock() -> Answer:
     recording = _bare(_recording("figure_eight", seed=5))
     imu = recording.streams["imu"]
     pulse = (imu.t >= 30.0) & (imu.t < 30.1)
-    turn = pulse / (np.sum(pulse) * float(np.median(np.diff(imu.t))))
+    turn = pulse / (np.sum(pulse) * imu.step)
     streams = {name: one for name, one in recording.streams.items() if name in ("gps", "baro")}
     streams["imu"] = Stream(imu.t, {**imu.columns, "gyro_z": imu["gyro_z"] + turn})
     recording = recording.replace(streams=streams, truth=None)

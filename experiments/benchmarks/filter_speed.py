@@ -50,7 +50,7 @@ def repeated(recording: Recording, duration: float) -> Recording:
     """The recording cut to `duration`, its readings played again where it is shorter (for speed alone)."""
     from sinan.sensors.recording import Stream
 
-    span = float(recording.streams["imu"].t[-1]) + float(np.median(np.diff(recording.streams["imu"].t)))
+    span = float(recording.streams["imu"].t[-1]) + recording.streams["imu"].step
     streams = {}
     for name, stream in recording.streams.items():
         times = int(np.ceil(duration / span))

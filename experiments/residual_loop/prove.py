@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from sinan.estimator.evidence.score import (
 from sinan.estimator.evidence.source import Fit, Part, Source, StreamResidual, log_p_needed
 from sinan.estimator.evidence.term import Term
 from sinan.experiments.residual_loop.select import Selection
-from sinan.experiments.residual_loop.trials import Finding, fit_without, log_odds_of
+from sinan.experiments.residual_loop.trials import Finding, fit_without, log_odds_of, with_besides
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.bounds import ASSUMED
 from sinan.sensors.errors import InputError
@@ -320,7 +321,12 @@ def _known(source: Source, unknown: Sequence[Term], residuals: Sequence[StreamRe
     return known
 
 
-def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> dict[Term, bool]:
+def rolled_back(
+    source: Source,
+    selection: Selection,
+    alpha: float = ALPHA,
+    besides: Mapping[Term, FloatArray] = MappingProxyType({}),
+) -> dict[Term, bool]:
     """Effects that the held-out data that they act on do not bear out, all that the fitting part knows in the model,
     and of each whether withheld readings are predicted better with it all the same, if by what may be chance.
 
@@ -330,9 +336,12 @@ def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> d
     Parameters
     ----------
     alpha : family-wise error, with which withheld readings of all parts and the odds together bear an effect out
+    besides : what has fallen before though withheld readings of all parts are predicted better with it: in the model in
+        which others are asked, with a first estimate
     """
     if source.is_predicting:
-        return _not_predicted(source, selection, -log_p_needed(source, alpha))
+        fit, _ = with_besides(source, selection.final, besides)
+        return _not_predicted(source, selection, fit, -log_p_needed(source, alpha))
     known = known_from_fitting(source, selection)
     asked = tested(source, selection, known)
     fitted = _fitted_on_the_rest(source, selection, known)
@@ -346,14 +355,15 @@ def rolled_back(source: Source, selection: Selection, alpha: float = ALPHA) -> d
     return dict.fromkeys(reversed(dropped), False)
 
 
-def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[Term, bool]:
+def _not_predicted(source: Source, selection: Selection, fit: Fit, needed: float) -> dict[Term, bool]:
     """See `rolled_back`: effects without which withheld readings are predicted as well, or of which they and the odds
     together say too little; of one that is soon over the odds alone, where a motion is assumed.
 
-    What an effect gains is what it did when it was found, does in the final model without what has fallen before, or
-    does there with less assumed, whichever is least.
+    What an effect gains is what it did when it was found, does in the fit without what has fallen before, or does there
+    with less assumed, whichever is least. What has fallen though readings are predicted better with it stays in the
+    model in which the others are asked: nobody has said that it is not so.
     """
-    fit, fallen = selection.final, dict[Term, bool]()
+    fallen = dict[Term, bool]()
     for finding in reversed(selection.findings):
         term = finding.term
         is_brief = not can_be_predicted(term)
@@ -364,7 +374,7 @@ def _not_predicted(source: Source, selection: Selection, needed: float) -> dict[
         log_odds = partial(log_odds_of, source, fit, finding, gain)
         if not (log_odds(1.0) > 0.0 if is_brief else source.bears_out(fit, without, log_odds, needed)):
             fallen[term] = source.predicts(fit, without, surely=False)
-            fit = without
+            fit = fit if fallen[term] else without
     return dict(reversed(fallen.items()))
 
 

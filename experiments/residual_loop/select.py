@@ -36,9 +36,9 @@ from sinan.experiments.residual_loop.trials import (
     cannot_be,
     fit_without,
     refitted,
+    with_besides,
 )
 from sinan.sensors.arrays import FloatArray
-from sinan.sensors.errors import InputError
 
 #: Effects beyond this number are not looked for, and what then remains is reported as unexplained: bound of work
 #: (`bounds_of_work poses`).
@@ -170,17 +170,13 @@ def select_further(
     besides : terms that are in the model while others are chosen, with a first estimate
     """
     barred, is_open = frozenset(f.term.key for f in fallen), open_after(fallen)
-    final = start.final
-    try:
-        fit = source.fit((*final.terms, *besides), {**final.beta, **besides}, final.part) if besides else final
-    except InputError:  # no model follows from all of them
-        fit, besides = final, {}
+    fit, beside = with_besides(source, start.final, besides)
     threshold = log_p_needed(source, alpha)
     path = _Path(source, fit, threshold, is_open, start, barred)
     path.take_on(MOST_EFFECTS, SHORTLIST)
-    if besides:  # what is said is said of the model without them
+    if beside:  # what is said is said of the model without them
         found = path.selection()
-        path = _Path(source, fit_without(source, found.final, *besides), threshold, is_open, found, barred)
+        path = _Path(source, fit_without(source, found.final, *beside), threshold, is_open, found, barred)
     path.drop_what_may_be_none(alpha)
     return replace(
         path.selection(),

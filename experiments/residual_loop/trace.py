@@ -86,7 +86,7 @@ def _borne_out(
     fallen: tuple[Finding, ...] = ()
     besides: dict[Term, FloatArray] = {}
     for round_ in range(_MOST_FALLS + 1):
-        dropped = rolled_back(source, selection, alpha) if selection.findings else {}
+        dropped = rolled_back(source, selection, alpha, besides) if selection.findings else {}
         if not dropped:
             break
         fallen += tuple(f for f in selection.findings if f.term in dropped)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -316,6 +316,16 @@ def fit_without(source: Source, fit: Fit, *dropped: Term) -> Fit:
     """The fit of the same part without some of its terms, from where the others are."""
     rest = [term for term in fit.terms if term not in dropped]
     return source.fit(rest, {term: fit.beta[term] for term in rest}, fit.part)
+
+
+def with_besides(source: Source, fit: Fit, besides: Mapping[Term, FloatArray]) -> tuple[Fit, tuple[Term, ...]]:
+    """A fit with further terms in its model, and which those are: none where no model follows from all of them."""
+    if not besides:
+        return fit, ()
+    try:
+        return source.fit((*fit.terms, *besides), {**fit.beta, **besides}, fit.part), tuple(besides)
+    except InputError:
+        return fit, ()
 
 
 def refitted(source: Source, fit: Fit) -> Fit:

@@ -74,7 +74,7 @@ def _covariates(recording: Recording, sensor: str) -> set[str]:
     found = {name for name, values in covariates.items() if np.any(np.ptp(values, axis=0) > 0.0)}
     imu = recording.streams.get("imu")
     if sensor == "accel" and imu is not None and len(imu) > 1:
-        rate = 1.0 / float(np.median(np.diff(imu.t)))
+        rate = 1.0 / imu.step
         fast = rate >= 4.0 * CORNER and len(imu) >= 2.0 * WINDOW * rate
         if fast and np.any(np.ptp(imu.array(ACCEL), axis=0) > 0.0):
             found.add("vibration")

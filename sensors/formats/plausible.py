@@ -137,7 +137,7 @@ def _points_anywhere(stream: Stream) -> bool:
 def _check_time(recording: Recording, imu: Stream) -> None:
     if len(imu) < _FEWEST:
         return
-    step = float(np.median(np.diff(imu.t)))
+    step = imu.step
     if step < _SHORTEST_STEP:
         found = f"a median step of {step:.4g} s between samples: time looks like days (MATLAB's datenum) read as s"
         raise InputError(recording.where, found, "seconds, or a map whose `time` has a unit", "stream imu")

@@ -29,6 +29,7 @@ class Two(Linear):
     Parameters
     ----------
     better : whether withheld readings are predicted better with the true effect; surely they never are
+    sizes : of both, in plausible sizes
     """
 
     is_predicting = True
@@ -36,12 +37,12 @@ class Two(Linear):
     candidates = (effect(TRUE), effect(IMPOSTOR))
     families = 2
 
-    def __init__(self, better: bool) -> None:
+    def __init__(self, better: bool, sizes: tuple[float, float] = (2.0, 0.0)) -> None:
         self._better = better
         self._plausible = np.array([entry.parameters[0].plausible for entry in self.candidates])
         Q = np.linalg.qr(np.random.default_rng(1).standard_normal((400, 3)))[0]
         self._W = 10.0 * np.stack([Q[:, 0], 0.6 * Q[:, 0] + 0.8 * Q[:, 1]], axis=1) / self._plausible
-        self._white = self._W[:, 0] * 2.0 * self._plausible[0] + 10.0 * Q[:, 2]
+        self._white = self._W @ (sizes * self._plausible) + 10.0 * Q[:, 2]
 
     def _columns(self, terms: Sequence[Term]) -> list[int]:
         return [(TRUE, IMPOSTOR).index(term.name) for term in terms]
@@ -79,6 +80,32 @@ class Two(Linear):
     def gain_assuming_less(self, fit: Fit, without: Fit) -> float:
         """Nothing is assumed."""
         return np.inf
+
+
+class Hiding(Two):
+    """Both are there, and withheld readings bear the second out while the first is in the model, and only then."""
+
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
+        """The second given the first."""
+        return IMPOSTOR in fit.keys and IMPOSTOR not in without.keys and TRUE in without.keys
+
+    def predicts(self, fit: Fit, without: Fit, surely: bool = True) -> bool:
+        """Either perhaps."""
+        return self._better and not surely
+
+
+@pytest.mark.parametrize(("better", "names"), [(True, (IMPOSTOR,)), (False, ())])
+def test_what_has_fallen_but_may_be_so_is_in_the_model_in_which_others_are_asked(
+    better: bool, names: tuple[str, ...]
+) -> None:
+    """In the round in which it falls, and in the next, though not in the model that is reported."""
+    source = cast(Source, Hiding(better, (2.0, 3.0)))
+    selection = select(source, ALPHA)
+    assert selection.names == (IMPOSTOR, TRUE)
+    found, _, fallen = _borne_out(source, selection, [], ALPHA)
+    assert {term.name for term in fallen} == {TRUE, IMPOSTOR} - set(names)
+    assert found.names == names
+    assert {term.name for term in found.final.terms} == set(names)
 
 
 @pytest.mark.parametrize(("better", "names"), [(True, ()), (False, (IMPOSTOR,))])

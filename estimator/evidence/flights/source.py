@@ -56,7 +56,7 @@ from sinan.estimator.evidence.source import (
     held_out,
 )
 from sinan.estimator.evidence.term import Term
-from sinan.estimator.filter.effect_forms import Terms, is_lateness
+from sinan.estimator.filter.effect_forms import TOLD_LATE, Terms, is_lateness, told_late_from
 from sinan.estimator.filter.events import readings
 from sinan.estimator.filter.faults import Note
 from sinan.estimator.filter.flight import Flight, OfFlight
@@ -78,6 +78,8 @@ from sinan.sensors.window import told_from
 #: the prior holds what the motion hardly shows; instruments that are sold have one. A choice, half and twice of which
 #: move a lateness by 0.4 % of its sigma (`bounds_of_work sold`).
 SOLD = 2.0
+#: Sigmas below their mean above which nine of ten estimates lie: of a normal law norm.ppf(0.9).
+NINE_IN_TEN = 1.3
 #: How far the end of an interval may be off before it is looked for about its own fit, as a share of the log: bound of
 #: work (`bounds_of_work flight`).
 _RELOCATION = 0.01
@@ -277,18 +279,16 @@ class FlightSource(OfFlight):
         return self._as_late_as_samples(found)
 
     def _as_late_as_samples(self, statistics: Sequence[Statistic]) -> Sequence[Statistic]:
-        """With no less than half a step of the IMU for lateness of streams whose model has one that is not told, since
-        an instant of the IMU's own is known no better; and 2 sigma more, with which it is told, and 1.3 for nine times
-        in ten.
-        """
+        """With no less than what is told nine times in ten for lateness of streams whose model has one that is not."""
         late = self.flight.model.latency if self._logged is not None else {}
         if not late:
             return statistics
-        found, half = [], 0.5 * float(np.median(np.diff(self.recording.streams["imu"].t)))
+        found, step = [], self.recording.streams["imu"].step
         for s in statistics:
             entry = Term(s.name).effect
             if is_lateness(entry) and entry.stream in late:
-                least = half + 3.3 * s.detectable_from / np.sqrt(DETECTABLE_LAMBDA)
+                std = s.detectable_from / np.sqrt(DETECTABLE_LAMBDA)
+                least = told_late_from(step, std, TOLD_LATE + NINE_IN_TEN)
                 s = replace(s, detectable_from=np.maximum(s.detectable_from, least))
             found.append(s)
         return found

@@ -42,7 +42,7 @@ class Shaken:
     @staticmethod
     def of(imu: Stream) -> Shaken:
         """Variance of what the running mean leaves."""
-        step = float(np.median(np.diff(imu.t)))
+        step = imu.step
         f_b = imu.array(ACCEL)
         quick = f_b - running_mean(f_b, SLOW / step)
         power = running_mean(quick**2, OVER / step)
