@@ -123,9 +123,9 @@ def test_nothing_comes_in_the_place_of_what_withheld_readings_are_not_sure_of(
 
 
 def share_of(value: float, squares: Sequence[float], off: Sequence[float]) -> Share:
-    """A share of which each window's products are off by so much."""
+    """A share of which each window's products are off by so much, of readings that err each by itself."""
     each = np.array(squares)
-    return Share(value * each + np.array(off), each)
+    return Share(value * each + np.array(off), each, each)
 
 
 def odds_of(gain: float) -> Callable[[float], float]:
@@ -133,21 +133,55 @@ def odds_of(gain: float) -> Callable[[float], float]:
     return lambda scatter: 0.5 * gain / scatter - 2.0
 
 
-def test_what_withheld_readings_say_is_the_ratio_of_two_normal_laws() -> None:
+def of_windows(n: int) -> Share:
+    """A share of one in so many windows, without a scatter."""
+    return Share(np.ones(n), np.ones(n), np.ones(n))
+
+
+def test_what_withheld_readings_say_is_the_ratio_of_two_laws_of_student() -> None:
     share = share_of(0.8, [4.0] * 4, [3.0, -3.0, 3.0, -3.0])
     assert share.std**2 == pytest.approx(36.0 * 4.0 / 3.0 / 16.0**2)  # cluster-robust, of four windows
     assert share.scatter == pytest.approx(48.0 / 16.0)
-    log_ratio = float(stats.norm.logpdf(0.8, 1.0, share.std) - stats.norm.logpdf(0.8, 0.0, share.std))
-    told = 12.0 / share.scatter - 2.0 + log_ratio
+    one, none = (float(stats.t.logpdf(0.8, 3, loc, share.std)) for loc in (1.0, 0.0))
+    assert share.log_odds == pytest.approx(one - none)
+    told = 12.0 / share.scatter - 2.0 + share.log_odds
     assert share.bears_out(odds_of(24.0), told - 1e-9)
     assert not share.bears_out(odds_of(24.0), told + 1e-9)
 
 
+def test_a_share_is_known_no_better_than_by_readings_that_err_each_by_itself() -> None:
+    share = share_of(0.9, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
+    one, none = (float(stats.t.logpdf(0.9, 3, loc, 0.5)) for loc in (1.0, 0.0))
+    assert share.log_odds == pytest.approx(one - none)
+
+
 def test_errors_of_seconds_that_the_model_knows_leave_the_odds_as_they_are() -> None:
-    share = share_of(0.6, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
-    assert share.scatter == 1.0
-    assert share.bears_out(odds_of(20.0), 8.0 + 0.1 * 4.0 - 1e-9)
-    assert not share.bears_out(odds_of(20.0), 8.0 + 0.1 * 4.0 + 1e-9)
+    """The windows scatter twelve times as much as readings would that err each by itself."""
+    products, squares = np.array([9.0, 1.0, 8.0, 2.0]), np.full(4, 4.0)
+    known, unknown = (Share(products, squares, times * squares) for times in (20.0, 1.0))
+    assert known.std == unknown.std
+    assert known.scatter == 1.0
+    assert unknown.scatter == pytest.approx(unknown.std**2 * 16.0)
+    for share in (known, unknown):
+        assert share.weighed(odds_of(20.0)) - share.log_odds == pytest.approx(10.0 / share.scatter - 2.0)
+
+
+def test_what_the_model_believes_not_to_know_is_not_told_by_windows_that_happen_to_agree() -> None:
+    squares = np.full(6, 4.0)
+    share = Share(squares, squares, 24.0 * squares)
+    assert share.std == 0.0
+    assert share.sigma == pytest.approx(1.0)
+    assert share.value == 1.0
+    assert not share.is_there
+    assert not share.bears_out(odds_of(1e4), 1.0)
+
+
+def test_seconds_have_not_to_tell_once_more_what_a_step_has_told() -> None:
+    """They may not speak against it."""
+    for value, is_told in ((0.6, True), (0.4, False)):
+        share = share_of(value, [1.0] * 4, [0.6, -0.6, 0.6, -0.6])
+        assert share.bears_out(odds_of(40.0), 8.0, lasts=False) == is_told
+        assert not share.bears_out(odds_of(40.0), 8.0)
 
 
 def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
@@ -162,17 +196,24 @@ def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
 
 @pytest.mark.parametrize(
     "share",
-    [share_of(0.4, [1.0] * 4, [0.0] * 4), Share(np.ones(1), np.ones(1)), Share(np.zeros(0), np.zeros(0))],
+    [
+        share_of(0.4, [1.0] * 4, [0.0] * 4),
+        share_of(0.7, [1.0] * 4, [0.6, -0.6, 0.6, -0.6]),
+        of_windows(1),
+        Share(np.zeros(0), np.zeros(0), np.zeros(0)),
+    ],
 )
-def test_what_does_not_predict_better_or_in_one_window_alone_is_not_borne_out(share: Share) -> None:
+def test_what_withheld_readings_do_not_speak_for_is_not_borne_out_by_any_odds(share: Share) -> None:
+    """Worse with it; better, but by what an impostor may be; in one window alone; in none."""
     assert not share.bears_out(odds_of(1e4), 1.0)
 
 
 @pytest.mark.parametrize("value", [0.4, -3.0])
 def test_between_two_a_share_below_one_half_takes_off_what_one_above_adds(value: float) -> None:
-    share = share_of(value, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
-    assert share.weighed(odds_of(20.0)) == pytest.approx(8.0 + (max(value, 0.0) - 0.5) * 4.0)
+    below, above = (share_of(one, [1.0] * 4, [0.1, -0.1, 0.1, -0.1]) for one in (value, 1.0 - value))
+    assert below.weighed(odds_of(20.0)) + above.weighed(odds_of(20.0)) == pytest.approx(16.0)
+    assert below.log_odds < 0.0
 
 
 def test_between_two_one_window_alone_leaves_the_odds() -> None:
-    assert Share(np.ones(1), np.ones(1)).weighed(odds_of(1e4)) == odds_of(1e4)(1.0)
+    assert of_windows(1).weighed(odds_of(1e4)) == odds_of(1e4)(1.0)

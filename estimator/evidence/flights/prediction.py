@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,10 +22,10 @@ from sinan.estimator.evidence.source import Fit, StreamResidual
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.evidence.weighing import in_weight
 from sinan.estimator.filter.effect_forms import Terms
-from sinan.estimator.filter.events import WITHHELD
+from sinan.estimator.filter.events import WITHHELD, variances
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of, stray_over_centre
-from sinan.sensors.arrays import BoolArray, FloatArray
+from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
 
 #: Readings are withheld for so long, once in so long [s], so that a filter has half of that to find back: a choice.
 #: Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work flight`).
@@ -34,6 +35,8 @@ WINDOW, EVERY = 5.0, 7.5
 SHORTEST_ASKED = 2.0 * EVERY
 #: Level at which a model counts as the better one: a stated risk.
 LEVEL = 0.05
+#: Logarithm of the odds that count as positive evidence (Kass and Raftery 1995: 2 log of the odds above 2).
+POSITIVE = 1.0
 #: Parts of a log, each predicted by what the others say of the effects: three quarters of it, which know an effect to
 #: sqrt(4/3) times the sigma of all, 15 % more.
 FOLDS = 4
@@ -52,10 +55,12 @@ class Share:
     Attributes
     ----------
     products, squares : (n,) sums of d e and of d d in each window of a stream
+    believed : (n,) variance of each product by the model
     """
 
     products: FloatArray
     squares: FloatArray
+    believed: FloatArray
 
     @property
     def value(self) -> float:
@@ -72,34 +77,57 @@ class Share:
         return float(np.sqrt(np.sum(left**2) * n / (n - 1)) / np.sum(self.squares))
 
     @property
-    def scatter(self) -> float:
-        """Variance of it over that of withheld readings which err each by itself, as much as the model believes, at
-        least 1.
+    def believed_std(self) -> float:
+        """1-sigma of it, by the model."""
+        return float(np.sqrt(np.sum(self.believed)) / max(float(np.sum(self.squares)), 1e-300))
+
+    @property
+    def sigma(self) -> float:
+        """1-sigma of it, from the windows or by the model, whichever is larger: windows of two streams at one time go
+        together, too.
         """
-        return max(1.0, self.std**2 * float(np.sum(self.squares)))
+        return max(self.std, self.believed_std)
+
+    @property
+    def scatter(self) -> float:
+        """Variance of it over that which the model believes, at least 1."""
+        return max(1.0, (self.std / max(self.believed_std, 1e-300)) ** 2)
+
+    @property
+    def log_odds(self) -> float:
+        """Logarithm of the odds for a share of 1 against one of 0, as which one beyond these counts.
+
+        The share is distributed as t about either.
+        """
+        n = np.count_nonzero(self.squares)
+        if n < 2:
+            return 0.0
+        value = min(max(self.value, 0.0), 1.0)
+        of_none, of_all = (np.log1p((off / self.sigma) ** 2 / (n - 1)) for off in (value, 1.0 - value))
+        return float(0.5 * n * (of_none - of_all))
 
     def weighed(self, log_odds: Callable[[float], float]) -> float:
-        """Logarithm of the odds for what has this share, by withheld readings and by those of one step ahead together:
+        """Logarithm of the odds for what has this share, by withheld readings and by those of one step ahead together.
 
-            log_odds(scatter) + (value - 1/2) / variance,   variance = scatter / sum of squares
-
-        The share is normal about 1 with it and about 0 without, and counts for no more than that. Where the errors of
-        seconds are larger than the model believes, what it makes of the errors of one step counts for less.
+        Where the errors of seconds are larger than the model believes, what it makes of those of one step counts less.
 
         Parameters
         ----------
         log_odds : by the likelihood of the log, where noise has so many times the variance of the model
         """
-        if not np.isfinite(self.std):
-            return log_odds(1.0)
-        scatter = self.scatter
-        return log_odds(scatter) + (min(max(self.value, 0.0), 1.0) - 0.5) * float(np.sum(self.squares)) / scatter
+        return log_odds(self.scatter if np.isfinite(self.std) else 1.0) + self.log_odds
 
-    def bears_out(self, log_odds: Callable[[float], float], needed: float) -> bool:
-        """Whether withheld readings are predicted better with the effect, and all odds together exceed what is needed
-        where it may have been found by chance.
+    def bears_out(self, log_odds: Callable[[float], float], needed: float, lasts: bool = True) -> bool:
+        """Whether withheld readings speak for the effect, and all odds together exceed what is needed where it may have
+        been found by chance.
+
+        Parameters
+        ----------
+        lasts : what takes the shape of an effect that lasts gains as much one step ahead, but is not there over
+            seconds; an offset that comes and goes within a step is told by that, and seconds have not to speak against
+            it
         """
-        return bool(np.isfinite(self.std)) and self.value > 0.5 and self.weighed(log_odds) > needed
+        return self.log_odds > (POSITIVE if lasts else 0.0) and self.weighed(log_odds) > needed
 
     @property
     def is_there(self) -> bool:
@@ -109,7 +137,7 @@ class Share:
         from scipy import stats
 
         n = np.count_nonzero(self.squares)
-        return bool(n > 1 and self.value > max(0.5, float(stats.t.isf(LEVEL, n - 1)) * self.std))
+        return bool(n > 1 and self.value > max(0.5, float(stats.t.isf(LEVEL, n - 1)) * self.sigma))
 
 
 def can_be_predicted(term: Term) -> bool:
@@ -119,10 +147,13 @@ def can_be_predicted(term: Term) -> bool:
 
 @dataclass(frozen=True)
 class _Withheld:
-    """Withheld readings of one stream: what is off of them, and (n,) the logarithm of their normal density."""
+    """Withheld readings of one stream: what is off of them; (n,) the logarithm of their normal density; and (n, m) what
+    part of the variance of a whitened error is white noise of the reading itself.
+    """
 
     residual: StreamResidual
     normal: FloatArray
+    own: FloatArray
 
 
 class Prediction:
@@ -151,7 +182,7 @@ class Prediction:
     def share(self, fit: Fit, without: Fit) -> Share:
         """Of what a fit has and another has not."""
         before, after = self._of(without), {one.residual.stream: one.residual for one in self._of(fit)}
-        products, squares = list[FloatArray](), list[FloatArray]()
+        sums = [(np.zeros(0), np.zeros(0), np.zeros(0))]
         for held in before:
             one, other = held.residual, after.get(held.residual.stream)
             if other is None:
@@ -163,10 +194,10 @@ class Prediction:
             normal = held.normal[mine] + 0.5 * (own - nis)
             weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine], normal)
             number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
-            _, place = np.unique(number, return_inverse=True)
-            products.append(np.asarray(np.bincount(place, weight * np.sum(d * e, axis=1)), dtype=np.float64))
-            squares.append(np.asarray(np.bincount(place, weight * np.sum(d * d, axis=1)), dtype=np.float64))
-        return Share(np.concatenate([np.zeros(0), *products]), np.concatenate([np.zeros(0), *squares]))
+            first = np.flatnonzero(np.diff(number, prepend=-1))
+            if len(first):
+                sums.append(_sums(e, d, weight[:, None], held.own[mine], first))
+        return Share(*map(np.concatenate, zip(*sums, strict=True)))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings of each instrument less what the fit predicts of them, up to `WINDOW` seconds on.
@@ -191,11 +222,11 @@ class Prediction:
         if known is not None:
             return known
         asked = [(state.along, self._windows)]
-        if fit.part == "all" and fit.in_mean:
+        if fit.part == "all":  # without effects too: what is known of the biases is then the same
             asked = []
             for first, last in zip(self._edges[:-1], self._edges[1:], strict=True):
                 mine = [window for window in self._windows if first <= window[0] + 0.5 * WINDOW < last]
-                own = self._given(fit, first, last, mine)
+                own = self._given(fit, first, last, mine) if fit.in_mean else state.own
                 asked.append((self._passes.along(own, state.motion), mine))
         found = []
         for name, unit in self._streams:
@@ -250,4 +281,30 @@ class Prediction:
         held = t[order] > self._passes.split
         residual = StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])
         normal = np.concatenate([one.loglik[keep] for one, keep in seen])
-        return [_Withheld(residual, normal[order])]
+        S = np.concatenate([one.S[keep] for one, keep in seen])
+        own = _own_part(S, variances(self._passes.flight, name)[row])
+        return [_Withheld(residual, normal[order], own[order])]
+
+
+def _own_part(S: FloatArray, r: FloatArray) -> FloatArray:
+    """(n, m) of each whitened error the variance that comes of white noise r (n, m) of the reading: S = L L', L^-1 r
+    L^-T.
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(S))
+    return np.asarray(np.minimum(np.einsum("kij,kj->ki", inverse**2, r), 1.0))
+
+
+def _sums(
+    e: FloatArray, d: FloatArray, weight: FloatArray, own: FloatArray, first: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of windows of errors e and changes d (n, m) that begin at rows `first`: products, squares, and what variance the
+    model believes the products to have.
+
+    White noise is each reading's own. The rest, of the state, is the same through a window, to the sign: an upper
+    bound, which a walk that begins with the window falls short of by a third or so.
+    """
+    per_window = partial(np.add.reduceat, indices=first, axis=0)
+    common = per_window(weight * d * np.sqrt(1.0 - own))
+    own_part = per_window(np.sum(weight * d**2 * own, axis=1))
+    products, squares = (per_window(np.sum(weight * d * one, axis=1)) for one in (e, d))
+    return products, squares, own_part + np.sum(common**2, axis=1)

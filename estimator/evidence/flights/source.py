@@ -564,7 +564,8 @@ class FlightSource(OfFlight):
 
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
         """What withheld readings say of an effect, together with its odds; see `Share.bears_out`."""
-        return self._prediction.share(fit, without).bears_out(log_odds, needed)
+        lasts = any(term.interval is None for term in fit.terms if term not in without.terms)
+        return self._prediction.share(fit, without).bears_out(log_odds, needed, lasts)
 
     @property
     def assumes_motion(self) -> bool:
