@@ -71,7 +71,7 @@ class Stream:
     @property
     def step(self) -> float:
         """Median time from one row to the next [s]; NaN where there is one row."""
-        return float(np.median(np.diff(self.t)))
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else float("nan")
 
     def has(self, names: Sequence[str]) -> bool:
         """Whether all the named columns are there."""

@@ -340,9 +340,9 @@ class Source(Protocol):
         """
 
     def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
-        """Whether withheld readings are predicted better with an effect, where effects are proved by that, and how sure
-        they are of it, together with its odds by how many times as large as in the model noise is, exceeds what is
-        needed.
+        """Whether withheld readings speak for an effect, where effects are proved by that, and for one that lasts by
+        positive evidence of their own; and whether they and its odds, by how many times as large as in the model noise
+        is, together exceed what is needed.
         """
 
     @property

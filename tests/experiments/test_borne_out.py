@@ -10,13 +10,16 @@ import pytest
 from scipy import stats
 
 from sinan.estimator.evidence.flights.prediction import Share
+from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.score import Evidence
 from sinan.estimator.evidence.source import Fit, Part, Source
 from sinan.estimator.evidence.term import Term
+from sinan.estimator.filter.flight import Flight
 from sinan.experiments.residual_loop.select import select
 from sinan.experiments.residual_loop.trace import _borne_out
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.effects import effect
+from tests.estimator.analytic_flight import fly
 from tests.linear_source import Linear, in_blocks
 
 TRUE, IMPOSTOR = "baro.scale", "baro.temperature"
@@ -94,6 +97,24 @@ class Hiding(Two):
         return self._better and not surely
 
 
+class Hidden(Hiding):
+    """Both are there, and withheld readings bear the second out only while the first is not in the model."""
+
+    def bears_out(self, fit: Fit, without: Fit, log_odds: Callable[[float], float], needed: float) -> bool:
+        """The second without the first."""
+        return IMPOSTOR in fit.keys and IMPOSTOR not in without.keys and TRUE not in without.keys
+
+
+@pytest.mark.parametrize(("better", "names"), [(True, ()), (False, (IMPOSTOR,))])
+def test_what_withheld_readings_speak_against_is_not_in_the_model_in_which_others_are_asked(
+    better: bool, names: tuple[str, ...]
+) -> None:
+    source = cast(Source, Hidden(better, (2.0, 3.0)))
+    selection = select(source, ALPHA)
+    assert selection.names == (IMPOSTOR, TRUE)
+    assert _borne_out(source, selection, [], ALPHA)[0].names == names
+
+
 @pytest.mark.parametrize(("better", "names"), [(True, (IMPOSTOR,)), (False, ())])
 def test_what_has_fallen_but_may_be_so_is_in_the_model_in_which_others_are_asked(
     better: bool, names: tuple[str, ...]
@@ -139,49 +160,79 @@ def of_windows(n: int) -> Share:
 
 
 def test_what_withheld_readings_say_is_the_ratio_of_two_laws_of_student() -> None:
+    """Four windows with 36 where 16 is believed, and the belief as one more: 52 of five where 4 is believed of each."""
     share = share_of(0.8, [4.0] * 4, [3.0, -3.0, 3.0, -3.0])
-    assert share.std**2 == pytest.approx(36.0 * 4.0 / 3.0 / 16.0**2)  # cluster-robust, of four windows
-    assert share.scatter == pytest.approx(48.0 / 16.0)
-    one, none = (float(stats.t.logpdf(0.8, 3, loc, share.std)) for loc in (1.0, 0.0))
-    assert share.log_odds == pytest.approx(one - none)
-    told = 12.0 / share.scatter - 2.0 + share.log_odds
+    assert share.windows == 4.0
+    assert share.scatter == pytest.approx((4.0 + 36.0) / 4.0 / 4.0)
+    assert share.sigma**2 == pytest.approx(share.scatter * 16.0 / 16.0**2)
+    one, none = (float(stats.t.logpdf(0.8, 4, loc, share.sigma)) for loc in (1.0, 0.0))
+    assert share.log_ratio == pytest.approx(one - none)
+    told = 12.0 / share.scatter - 2.0 + share.log_ratio
     assert share.bears_out(odds_of(24.0), told - 1e-9)
     assert not share.bears_out(odds_of(24.0), told + 1e-9)
 
 
-def test_a_share_is_known_no_better_than_by_readings_that_err_each_by_itself() -> None:
+def test_of_many_windows_the_belief_counts_for_little_and_their_scatter_is_what_it_is() -> None:
+    """Products of four times the variance that is believed, in 4000 windows: the cluster-robust sigma."""
+    squares = np.full(4000, 3.0)
+    off = np.sqrt(4.0 * squares) * np.random.default_rng(7).standard_normal(4000)
+    share = Share(squares + off, squares, squares)
+    left = share.products - share.value * squares
+    assert share.sigma == pytest.approx(float(np.sqrt(np.sum(left**2)) / np.sum(squares)), rel=1e-3)
+    assert share.scatter == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_share_is_known_no_better_than_the_model_believes() -> None:
     share = share_of(0.9, [1.0] * 4, [0.1, -0.1, 0.1, -0.1])
-    one, none = (float(stats.t.logpdf(0.9, 3, loc, 0.5)) for loc in (1.0, 0.0))
-    assert share.log_odds == pytest.approx(one - none)
+    one, none = (float(stats.t.logpdf(0.9, 4, loc, 0.5)) for loc in (1.0, 0.0))
+    assert share.log_ratio == pytest.approx(one - none)
+
+
+def test_windows_that_tell_next_to_nothing_are_none() -> None:
+    """One that tells, and nine with a thousand-millionth of it, are as good as one alone."""
+    share = Share(np.full(10, 1e-7), np.full(10, 1e-7), np.full(10, 1e-7))
+    share.products[0] = share.squares[0] = share.believed[0] = 100.0
+    alone = Share(*(one[:1] for one in (share.products, share.squares, share.believed)))
+    assert share.windows == pytest.approx(1.0)
+    assert share.log_ratio == pytest.approx(alone.log_ratio, rel=1e-6)
+    one, none = (float(stats.cauchy.logpdf(1.0, loc, 0.1)) for loc in (1.0, 0.0))
+    assert share.log_ratio == pytest.approx(one - none)
 
 
 def test_errors_of_seconds_that_the_model_knows_leave_the_odds_as_they_are() -> None:
     """The windows scatter twelve times as much as readings would that err each by itself."""
     products, squares = np.array([9.0, 1.0, 8.0, 2.0]), np.full(4, 4.0)
     known, unknown = (Share(products, squares, times * squares) for times in (20.0, 1.0))
-    assert known.std == unknown.std
     assert known.scatter == 1.0
-    assert unknown.scatter == pytest.approx(unknown.std**2 * 16.0)
+    assert unknown.scatter == pytest.approx(0.25 + 50.0 / 16.0)
     for share in (known, unknown):
-        assert share.weighed(odds_of(20.0)) - share.log_odds == pytest.approx(10.0 / share.scatter - 2.0)
+        assert share.weighed(odds_of(20.0)) - share.log_ratio == pytest.approx(10.0 / share.scatter - 2.0)
 
 
 def test_what_the_model_believes_not_to_know_is_not_told_by_windows_that_happen_to_agree() -> None:
     squares = np.full(6, 4.0)
     share = Share(squares, squares, 24.0 * squares)
-    assert share.std == 0.0
     assert share.sigma == pytest.approx(1.0)
     assert share.value == 1.0
     assert not share.is_there
     assert not share.bears_out(odds_of(1e4), 1.0)
 
 
-def test_seconds_have_not_to_tell_once_more_what_a_step_has_told() -> None:
-    """They may not speak against it."""
+def test_of_what_comes_and_goes_seconds_have_to_say_no_more_than_rather_yes() -> None:
     for value, is_told in ((0.6, True), (0.4, False)):
         share = share_of(value, [1.0] * 4, [0.6, -0.6, 0.6, -0.6])
         assert share.bears_out(odds_of(40.0), 8.0, lasts=False) == is_told
         assert not share.bears_out(odds_of(40.0), 8.0)
+
+
+@pytest.mark.parametrize(("term", "is_told"), [(Term("baro.step", (10.0, 40.0)), True), (Term("baro.scale"), False)])
+def test_a_flight_asks_more_of_what_lasts(term: Term, is_told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording, _ = fly(3, duration=20.0, sensors=("baro",))
+    source = FlightSource(Flight.of(recording), recording)
+    share = share_of(0.6, [1.0] * 4, [0.6, -0.6, 0.6, -0.6])
+    monkeypatch.setattr(source._prediction, "share", lambda fit, without: share)
+    fit, without = (Fit(terms, {}, {}, 0.0, "all", None) for terms in ((term,), ()))
+    assert source.bears_out(fit, without, odds_of(40.0), 8.0) == is_told
 
 
 def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
@@ -201,19 +252,21 @@ def test_more_than_what_was_fitted_bears_nothing_out_the_better() -> None:
         share_of(0.7, [1.0] * 4, [0.6, -0.6, 0.6, -0.6]),
         of_windows(1),
         Share(np.zeros(0), np.zeros(0), np.zeros(0)),
+        Share(np.zeros(4), np.zeros(4), np.zeros(4)),
     ],
 )
 def test_what_withheld_readings_do_not_speak_for_is_not_borne_out_by_any_odds(share: Share) -> None:
-    """Worse with it; better, but by what an impostor may be; in one window alone; in none."""
+    """Worse with it; better, but by what an impostor may be; one window of one sigma; none; none that tells."""
     assert not share.bears_out(odds_of(1e4), 1.0)
+    assert not share.is_there
 
 
 @pytest.mark.parametrize("value", [0.4, -3.0])
 def test_between_two_a_share_below_one_half_takes_off_what_one_above_adds(value: float) -> None:
     below, above = (share_of(one, [1.0] * 4, [0.1, -0.1, 0.1, -0.1]) for one in (value, 1.0 - value))
     assert below.weighed(odds_of(20.0)) + above.weighed(odds_of(20.0)) == pytest.approx(16.0)
-    assert below.log_odds < 0.0
+    assert below.log_ratio < 0.0
 
 
-def test_between_two_one_window_alone_leaves_the_odds() -> None:
-    assert of_windows(1).weighed(odds_of(1e4)) == odds_of(1e4)(1.0)
+def test_between_two_windows_that_tell_nothing_leave_the_odds() -> None:
+    assert Share(np.zeros(4), np.zeros(4), np.zeros(4)).weighed(odds_of(1e4)) == odds_of(1e4)(1.0)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,6 +22,7 @@ from sinan.estimator.evidence.term import Term
 from sinan.estimator.evidence.weighing import in_weight
 from sinan.estimator.filter.effect_forms import Terms
 from sinan.estimator.filter.events import WITHHELD, variances
+from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of, stray_over_centre
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
@@ -40,8 +40,8 @@ POSITIVE = 1.0
 #: Parts of a log, each predicted by what the others say of the effects: three quarters of it, which know an effect to
 #: sqrt(4/3) times the sigma of all, 15 % more.
 FOLDS = 4
-#: A log with fewer windows tells no scatter of them: at `LEVEL` a share would have to be t.isf(0.05, 1) = 6.3 sigma of
-#: two windows, and t.isf(0.05, 2) = 2.9 of three.
+#: A log with fewer windows hardly tells how they scatter: at `LEVEL` a share would have to be t.isf(0.05, 2) = 2.9
+#: sigma of two windows, and t.isf(0.05, 3) = 2.4 of three.
 LEAST_WINDOWS = 3
 
 
@@ -50,11 +50,11 @@ class Share:
     """How much of what an effect predicts of withheld readings is there: 1 of a true effect, 0 of one that is not.
 
     With e the whitened error without the effect and d what the effect changes of it, the squares grow less with it
-    where the share is above one half; the windows, in which errors go together, tell how well it is known.
+    where the share is above one half. How well it is known the model says, as if it were one window, and each window.
 
     Attributes
     ----------
-    products, squares : (n,) sums of d e and of d d in each window of a stream
+    products, squares : (n,) sums of d e and of d d in each window, of all streams
     believed : (n,) variance of each product by the model
     """
 
@@ -68,43 +68,40 @@ class Share:
         return float(np.sum(self.products) / max(float(np.sum(self.squares)), 1e-300))
 
     @property
-    def std(self) -> float:
-        """1-sigma of it, from the scatter of the windows (cluster-robust)."""
-        n = np.count_nonzero(self.squares)
-        if n < 2:
-            return float("inf")
-        left = self.products - self.value * self.squares
-        return float(np.sqrt(np.sum(left**2) * n / (n - 1)) / np.sum(self.squares))
-
-    @property
-    def believed_std(self) -> float:
-        """1-sigma of it, by the model."""
-        return float(np.sqrt(np.sum(self.believed)) / max(float(np.sum(self.squares)), 1e-300))
-
-    @property
-    def sigma(self) -> float:
-        """1-sigma of it, from the windows or by the model, whichever is larger: windows of two streams at one time go
-        together, too.
-        """
-        return max(self.std, self.believed_std)
+    def windows(self) -> float:
+        """As how many windows that tell equally much these count (L. Kish, Survey Sampling, 1965): 0 if none tells."""
+        return float(np.sum(self.squares) ** 2 / max(float(np.sum(self.squares**2)), 1e-300))
 
     @property
     def scatter(self) -> float:
-        """Variance of it over that which the model believes, at least 1."""
-        return max(1.0, (self.std / max(self.believed_std, 1e-300)) ** 2)
+        """Variance of the products over what the model believes, at least 1.
+
+        The belief counts as one window more: a unit of information (R. E. Kass, L. Wasserman, J. Am. Stat. Assoc. 90
+        (1995) 928).
+        """
+        if self.windows == 0.0:
+            return 1.0
+        left = self.products - self.value * self.squares
+        return max(1.0, 1.0 / self.windows + float(np.sum(left**2) / np.sum(self.believed)))
 
     @property
-    def log_odds(self) -> float:
-        """Logarithm of the odds for a share of 1 against one of 0, as which one beyond these counts.
+    def sigma(self) -> float:
+        """1-sigma of the value, by the model and the windows."""
+        believed = float(np.sum(self.believed)) / max(float(np.sum(self.squares)), 1e-300) ** 2
+        return float(np.sqrt(self.scatter * believed))
 
-        The share is distributed as t about either.
+    @property
+    def log_ratio(self) -> float:
+        """Logarithm of the ratio of likelihoods of a share of 1 and one of 0, as which one beyond these counts.
+
+        The value is distributed as Student's t about either, with as many degrees of freedom as there are windows.
         """
-        n = np.count_nonzero(self.squares)
-        if n < 2:
+        n = self.windows
+        if n == 0.0:
             return 0.0
         value = min(max(self.value, 0.0), 1.0)
-        of_none, of_all = (np.log1p((off / self.sigma) ** 2 / (n - 1)) for off in (value, 1.0 - value))
-        return float(0.5 * n * (of_none - of_all))
+        of_none, of_all = (np.log1p((off / self.sigma) ** 2 / n) for off in (value, 1.0 - value))
+        return float(0.5 * (n + 1.0) * (of_none - of_all))
 
     def weighed(self, log_odds: Callable[[float], float]) -> float:
         """Logarithm of the odds for what has this share, by withheld readings and by those of one step ahead together.
@@ -115,7 +112,7 @@ class Share:
         ----------
         log_odds : by the likelihood of the log, where noise has so many times the variance of the model
         """
-        return log_odds(self.scatter if np.isfinite(self.std) else 1.0) + self.log_odds
+        return log_odds(self.scatter) + self.log_ratio
 
     def bears_out(self, log_odds: Callable[[float], float], needed: float, lasts: bool = True) -> bool:
         """Whether withheld readings speak for the effect, and all odds together exceed what is needed where it may have
@@ -124,10 +121,10 @@ class Share:
         Parameters
         ----------
         lasts : what takes the shape of an effect that lasts gains as much one step ahead, but is not there over
-            seconds; an offset that comes and goes within a step is told by that, and seconds have not to speak against
-            it
+            seconds; an offset that comes and goes within a step is told by that, and of seconds no more is asked than
+            that they rather speak for it
         """
-        return self.log_odds > (POSITIVE if lasts else 0.0) and self.weighed(log_odds) > needed
+        return self.log_ratio > (POSITIVE if lasts else 0.0) and self.weighed(log_odds) > needed
 
     @property
     def is_there(self) -> bool:
@@ -136,8 +133,8 @@ class Share:
         """
         from scipy import stats
 
-        n = np.count_nonzero(self.squares)
-        return bool(n > 1 and self.value > max(0.5, float(stats.t.isf(LEVEL, n - 1)) * self.sigma))
+        n = self.windows
+        return bool(n > 0.0 and self.value > max(0.5, float(stats.t.isf(LEVEL, n)) * self.sigma))
 
 
 def can_be_predicted(term: Term) -> bool:
@@ -147,13 +144,14 @@ def can_be_predicted(term: Term) -> bool:
 
 @dataclass(frozen=True)
 class _Withheld:
-    """Withheld readings of one stream: what is off of them; (n,) the logarithm of their normal density; and (n, m) what
-    part of the variance of a whitened error is white noise of the reading itself.
+    """Withheld readings of one stream: what is off of them; (n,) the logarithm of their normal density; (n, m, m) the
+    L^-1 that whitens them, S = L L', and the part of S that is no white noise of the reading itself.
     """
 
     residual: StreamResidual
     normal: FloatArray
-    own: FloatArray
+    whitening: FloatArray
+    state: FloatArray
 
 
 class Prediction:
@@ -182,22 +180,27 @@ class Prediction:
     def share(self, fit: Fit, without: Fit) -> Share:
         """Of what a fit has and another has not."""
         before, after = self._of(without), {one.residual.stream: one.residual for one in self._of(fit)}
-        sums = [(np.zeros(0), np.zeros(0), np.zeros(0))]
+        sums = np.zeros((3, len(self._windows)))
         for held in before:
             one, other = held.residual, after.get(held.residual.stream)
             if other is None:
                 continue
             _, mine, same = np.intersect1d(one.row, other.row, return_indices=True)  # a lateness moves all stamps
             e, d = one.whitened[mine], one.whitened[mine] - other.whitened[same]
-            own = np.sum(e**2, axis=1)
-            nis = np.minimum(own, np.sum((e - d) ** 2, axis=1))
-            normal = held.normal[mine] + 0.5 * (own - nis)
+            plain = np.sum(e**2, axis=1)
+            nis = np.minimum(plain, np.sum((e - d) ** 2, axis=1))
+            normal = held.normal[mine] + 0.5 * (plain - nis)
             weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine], normal)
-            number = np.floor((one.t[mine] - self._passes.start - WINDOW) / EVERY).astype(np.int64)
-            first = np.flatnonzero(np.diff(number, prepend=-1))
-            if len(first):
-                sums.append(_sums(e, d, weight[:, None], held.own[mine], first))
-        return Share(*map(np.concatenate, zip(*sums, strict=True)))
+            parts = e, d, weight, held.whitening[mine], held.state[mine]
+            window = self._window_at(one.t[mine])
+            for k in np.unique(window):
+                sums[:, k] += _sums(*(part[window == k] for part in parts))
+        return Share(*sums)
+
+    def _window_at(self, t: FloatArray) -> IntArray:
+        """(k,) index of the window whose middle is nearest: a lateness moves what it is about out of it."""
+        nearest = np.rint((t - self._windows[0][0] - 0.5 * WINDOW) / EVERY).astype(np.int64)
+        return np.asarray(np.clip(nearest, 0, len(self._windows) - 1))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings of each instrument less what the fit predicts of them, up to `WINDOW` seconds on.
@@ -231,7 +234,9 @@ class Prediction:
         found = []
         for name, unit in self._streams:
             parts = [
-                self._passes.run_withheld(name, windows, along).stream(name) for along, windows in asked if windows
+                (along.flight, self._passes.run_withheld(name, windows, along).stream(name))
+                for along, windows in asked
+                if windows
             ]
             found += self._residual(name, unit, parts)
         self._known[state] = found
@@ -266,45 +271,52 @@ class Prediction:
             beta[~lasts] += step(given, ~lasts, white)
         return state.own.at(beta)
 
-    def _residual(self, name: str, unit: str, parts: Sequence[StreamJournal]) -> list[_Withheld]:
-        seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for one in parts]
-        t, row, nu, white, tells = (
+    def _residual(self, name: str, unit: str, parts: Sequence[tuple[Flight, StreamJournal]]) -> list[_Withheld]:
+        seen = [(one, (one.status == WITHHELD) & np.isfinite(one.nis)) for _, one in parts]
+        t, row, nu, white, tells, S, normal = (
             np.concatenate([getattr(one, key)[keep] for one, keep in seen])
-            for key in ("t", "index", "told", "white", "tells")
+            for key in ("t", "index", "told", "white", "tells", "S", "loglik")
         )
         if not len(t):
             return []
-        each = np.concatenate([np.diagonal(one.S[keep], axis1=1, axis2=2)[:, :3] for one, keep in seen])
-        variance = np.mean(each, axis=1, where=tells[:, :3])
+        variance = np.mean(np.diagonal(S, axis1=1, axis2=2)[:, :3], axis=1, where=tells[:, :3])
+        own = [variances(flight, name)[one.index[keep]] for (flight, _), (one, keep) in zip(parts, seen, strict=True)]
+        state = S - np.concatenate(own)[:, :, None] * np.eye(S.shape[1])
         nu, white = in_weight(nu, variance[:, None]), np.where(tells, white, 0.0)
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
         residual = StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])
-        normal = np.concatenate([one.loglik[keep] for one, keep in seen])
-        S = np.concatenate([one.S[keep] for one, keep in seen])
-        own = _own_part(S, variances(self._passes.flight, name)[row])
-        return [_Withheld(residual, normal[order], own[order])]
-
-
-def _own_part(S: FloatArray, r: FloatArray) -> FloatArray:
-    """(n, m) of each whitened error the variance that comes of white noise r (n, m) of the reading: S = L L', L^-1 r
-    L^-T.
-    """
-    inverse = np.linalg.inv(np.linalg.cholesky(S))
-    return np.asarray(np.minimum(np.einsum("kij,kj->ki", inverse**2, r), 1.0))
+        whitening = np.linalg.inv(np.linalg.cholesky(S))
+        return [_Withheld(residual, normal[order], whitening[order], state[order])]
 
 
 def _sums(
-    e: FloatArray, d: FloatArray, weight: FloatArray, own: FloatArray, first: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of windows of errors e and changes d (n, m) that begin at rows `first`: products, squares, and what variance the
-    model believes the products to have.
+    e: FloatArray, d: FloatArray, weight: FloatArray, whitening: FloatArray, state: FloatArray
+) -> tuple[float, float, float]:
+    """Of the errors e and changes d (k, m) of one window: product, square, and what variance the product is believed to
+    have.
 
-    White noise is each reading's own. The rest, of the state, is the same through a window, to the sign: an upper
-    bound, which a walk that begins with the window falls short of by a third or so.
+    White noise is each reading's own, and where one is doubted it is that which is larger.
     """
-    per_window = partial(np.add.reduceat, indices=first, axis=0)
-    common = per_window(weight * d * np.sqrt(1.0 - own))
-    own_part = per_window(np.sum(weight * d**2 * own, axis=1))
-    products, squares = (per_window(np.sum(weight * d * one, axis=1)) for one in (e, d))
-    return products, squares, own_part + np.sum(common**2, axis=1)
+    g = weight[:, None] * np.einsum("kij,ki->kj", whitening, d)
+    square = float(weight @ np.sum(d**2, axis=1))
+    own = square - float(np.einsum("ki,kij,kj", g, state, g))
+    return float(weight @ np.sum(d * e, axis=1)), square, own + _variance_of_sum(g, state)
+
+
+def _variance_of_sum(g: FloatArray, P: FloatArray) -> float:
+    """Variance of the sum of g_k' x_k over k, x_k (m,) of variance P_k.
+
+    Of two instants the smaller variance is what both have in common: of a walk that of the earlier one, of a constant
+    that is estimated the better that of the later one (B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979: the
+    error of an estimate has nothing in common with its changes). Each of the axes in which the mean of P is diagonal is
+    one by itself.
+
+    Neglects that a body turns with its axes, in which errors are taken for the same.
+    """
+    axes = np.linalg.eigh(np.mean(P, axis=0))[1]
+    p = np.maximum(np.einsum("ji,kjl,li->ki", axes, P, axes), 0.0)
+    order = np.argsort(p, axis=0)
+    p, g = np.take_along_axis(p, order, axis=0), np.take_along_axis(g @ axes, order, axis=0)
+    of_no_less = np.cumsum(g[::-1], axis=0)[::-1]
+    return float(np.sum(np.diff(p, axis=0, prepend=0.0) * of_no_less**2))
