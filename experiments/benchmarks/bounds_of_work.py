@@ -46,7 +46,7 @@ BOUNDS: Mapping[str, Mapping[str, Sequence[str]]] = {
         _INTERVALS + "left_out": ("_RIDGE",),
         _LOOP + "select": ("_MOST_ROUNDS", "MOST_EFFECTS", "MOST_LOCAL"),
         _LOOP + "trace": ("MOST_SUSPECTS",),
-        _LOOP + "trials": ("_RELOCATIONS", "SHORTLIST", "SHORTLIST_SHARE", "SHORTLISTS"),
+        _LOOP + "trials": ("_RELOCATIONS", "SHORTLIST", "SHORTLISTS"),
     },
     "turns": {
         _POSES + "inversion": ("_MOST_PASSES", "_STEP", "_SETTLED"),

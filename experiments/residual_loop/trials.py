@@ -27,9 +27,8 @@ from sinan.experiments.residual_loop.options import Option, alike_to, blind_spot
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-#: Refits of the shortlist, which cost a pass each, and the share of the first one's statistic from which on a candidate
-#: is on it: bound of work (`bounds_of_work poses`).
-SHORTLIST, SHORTLIST_SHARE = 6, 0.25
+#: Refits of the shortlist, which cost a few passes each: bound of work (`bounds_of_work poses`).
+SHORTLIST = 6
 #: So many are tried with it that the score prefers though their blocks scatter too much to pass before a refit:
 #: bound of work (`bounds_of_work turns`, `flight`).
 _AHEAD = 2
@@ -115,7 +114,7 @@ def best_of(
     if not passing and not unseen:
         return None
     passing.sort(key=lambda o: o.log_p_held)
-    shortlist = [o for o in passing if o.statistic >= SHORTLIST_SHARE * passing[0].statistic][:most]
+    shortlist = passing[:most]
     if passing:
         first = passing[0].log_p_held
         ahead = [o for o in seen if o.term.interval is None and o not in passing and o.log_p_held < first]

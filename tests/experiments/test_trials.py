@@ -304,6 +304,23 @@ def test_of_two_options_the_one_that_sizes_which_occur_explain_is_tried_first(mo
     assert tried == ["baro.lag"]
 
 
+def test_what_passes_is_tried_however_strong_another_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By noise with heavy tails the score at zero sees a sixth of what an effect gains."""
+    source = cast(Source, Line(1.0, 0.1))
+    wrong = Option(Term("mag.outliers"), 555.0, 1, -277.0, -277.0, 0.0, 0.0, np.ones(1), -277.0)
+    warm = Option(Term("gyro.temperature"), 40.0, 3, -19.0, -19.0, 0.0, 0.0, np.ones(3), -18.0)
+    gained = {"mag.outliers": 30.0, "gyro.temperature": 118.0}
+
+    def refit(_source: Source, fit: Fit, option: Option) -> Trial:
+        odds = gained[option.term.name]
+        return fit, Finding(option.term, option.beta, option.beta, -odds, -odds, odds, 2.0 * odds, odds, ())
+
+    monkeypatch.setattr(trials, "trial", refit)
+    best = best_of(source, source.fit(()), [wrong, warm], -9.0, {}, most=6)
+    assert best is not None
+    assert best[1].term.name == "gyro.temperature"
+
+
 @pytest.mark.parametrize(("gained", "taken"), [(5.0, 2.0), (-5.0, 1.0)])
 def test_a_trial_is_refitted_from_where_it_may_be_likelier(gained: float, taken: float) -> None:
     """And is what it was where that is none."""
