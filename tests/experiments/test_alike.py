@@ -15,6 +15,7 @@ from sinan.experiments.residual_loop.run import trace_recording
 from sinan.experiments.scenarios import parse_effect
 from sinan.sensors.recording import Initial, Recording
 from sinan.sensors.simulate import simulate
+from sinan.sensors.zero_rate import ZeroRate
 from tests.experiments.test_report import a_document
 from tests.flights import scenario_at
 
@@ -39,6 +40,13 @@ def source_of(recording: Recording) -> FlightSource:
 
 def test_with_a_receiver_alone_the_places_of_antenna_and_accelerometer_are_one() -> None:
     assert source_of(flown()).alike == (PLACES,)
+
+
+def test_a_body_at_rest_tells_its_gyroscope_and_no_place() -> None:
+    flight = Flight.of(flown())
+    at_rest = ZeroRate(np.array([1.0]), np.array([2.0]), np.full(3, 1e-3))
+    sensors = {**flight.model.sensors, at_rest.name: at_rest}
+    assert FlightSource(flight.believing(sensors=sensors)).alike == (PLACES,)
 
 
 def test_a_height_a_first_position_or_a_declared_place_tells_them_apart() -> None:

@@ -49,6 +49,10 @@ def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     return tuple(found)
 
 
+#: Sensors that read the same wherever the body is.
+_OF_NO_PLACE = ("mag", "level", "zero_rate")
+
+
 def places_alike(flight: Flight, candidates: Sequence[Effect]) -> tuple[frozenset[str], ...]:
     """The lever arms of accelerometer and antenna, where nothing else in the log goes with a place.
 
@@ -56,7 +60,7 @@ def places_alike(flight: Flight, candidates: Sequence[Effect]) -> tuple[frozense
     antenna at -r.
     """
     pair = frozenset({"accel.lever_arm", "gps.lever_arm"})
-    free = flight.recording.initial.position is None and set(flight.model.sensors) <= {"gps", "mag"}
+    free = flight.recording.initial.position is None and set(flight.model.sensors) <= {"gps", *_OF_NO_PLACE}
     return (pair,) if free and pair <= {entry.name for entry in candidates} else ()
 
 
