@@ -11,9 +11,9 @@ import numpy as np
 from sinan.sensors.arrays import FloatArray
 from sinan.sensors.errors import InputError
 
-#: A gyroscope's calibration settles within three to ten evaluations; one that takes so many never does: bound of work
-#: (`bounds_of_work turns`).
-_MOST_EVALUATIONS = 50
+#: A gyroscope's calibration settles within three to ten evaluations, in 50 or so where turns about one axis leave most
+#: of it open; one that takes so many never does: bound of work (`bounds_of_work turns`).
+_MOST_EVALUATIONS = 200
 #: Below this share of the largest singular value (of the column-scaled Jacobian) a direction is rounding, not data. The
 #: Jacobian is accurate to about 1e-15 in each entry; summing n rows keeps that; 1e-9 = 1e6 * 1e-15 leaves six digits.
 _RANK_TOLERANCE = 1e-9

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sinan.estimator.evidence.flights.prediction import EVERY, WINDOW, Prediction, _sums, _variance_of_sum
+from sinan.estimator.evidence.flights.prediction import EVERY, WINDOW, _sums, _variance_by_colour, _variance_of_sum
 from sinan.estimator.evidence.flights.source import FlightSource
 from sinan.estimator.evidence.term import Term
 from sinan.estimator.filter.flight import Flight
+from sinan.sensors.noise import colour
 from tests.estimator.analytic_flight import fly
 
 #: Readings in a window, its white noise [unit^2], and how much its walk grows from one to the next [unit^2].
@@ -29,7 +32,7 @@ def believed_and_exact(d: np.ndarray, state: np.ndarray) -> tuple[float, float]:
     a = d / np.sqrt(S)
     C = (state + WHITE * np.eye(N)) / np.sqrt(np.outer(S, S))
     whitening, P = 1.0 / np.sqrt(S)[:, None, None], np.diag(state)[:, None, None]
-    return _sums(np.zeros((N, 1)), a[:, None], np.ones(N), whitening, P)[2], float(a @ C @ a)
+    return _sums(np.zeros((N, 1)), a[:, None], np.ones(N), whitening, P, np.zeros(N), ())[2], float(a @ C @ a)
 
 
 @pytest.mark.parametrize("shape", list(SHAPES))
@@ -65,33 +68,66 @@ def test_components_that_err_together_are_no_more_than_one() -> None:
     assert _variance_of_sum(g, np.repeat(P[None], N, axis=0)) == pytest.approx(float(total @ P @ total))
 
 
-def test_of_whitened_components_the_state_has_what_white_noise_has_not() -> None:
-    """One reading of three components: what its product errs is the variance that its error has, the square of d."""
+@pytest.mark.parametrize("doubted", [False, True])
+def test_a_window_of_fixes_against_its_covariance_in_full(doubted: bool) -> None:
+    """Twenty readings of three components that err together, some of twice to ten times the variance."""
     rng = np.random.default_rng(5)
-    A, r, d = rng.standard_normal((3, 3)), rng.uniform(0.1, 2.0, 3), rng.standard_normal((1, 3))
-    whitening = np.linalg.inv(np.linalg.cholesky(A @ A.T + np.diag(r)))
-    _, square, believed = _sums(d, d, np.ones(1), whitening[None], (A @ A.T)[None])
-    assert square == pytest.approx(float(np.sum(d**2)))
-    assert believed == pytest.approx(square)
+    A, d, e = rng.standard_normal((3, 3)), rng.standard_normal((20, 3)), rng.standard_normal((20, 3))
+    p, r = np.cumsum(rng.uniform(0.0, 0.3, 20)), rng.uniform(0.1, 2.0, (20, 3))
+    weight = 1.0 / rng.uniform(2.0, 10.0, 20) if doubted else np.ones(20)
+    P = p[:, None, None] * (A @ A.T)
+    S = P + r[:, :, None] * np.eye(3)
+    L = np.linalg.cholesky(S)
+    full = np.minimum(p[:, None], p)[:, None, :, None] * (A @ A.T)[:, None, :]  # (k, i, l, j)
+    for k in range(20):
+        full[k, :, k, :] = S[k] / weight[k]
+    g = np.stack([weight[k] * np.linalg.solve(L[k].T, d[k]) for k in range(20)]).ravel()
+    product, square, believed = _sums(e, d, weight, np.linalg.inv(L), P, np.zeros(20), ())
+    assert believed == pytest.approx(float(g @ full.reshape(60, 60) @ g))
+    assert product == pytest.approx(sum(w * float(a @ b) for w, a, b in zip(weight, e, d, strict=True)))
+    assert square == pytest.approx(sum(w * float(a @ a) for w, a in zip(weight, d, strict=True)))
 
 
-@pytest.mark.parametrize("state", [0.0, 0.5, 0.99])
-def test_of_a_doubted_reading_it_is_the_noise_that_is_larger(state: float) -> None:
-    """A weight of one quarter is an innovation of four times the variance: the product, w d e, has w d^2."""
-    d = np.array([[1.5]])
-    _, square, believed = _sums(d, d, np.array([0.25]), np.ones((1, 1, 1)), np.full((1, 1, 1), state))
-    assert square == pytest.approx(0.25 * 1.5**2)
-    assert believed == pytest.approx(square)
+@pytest.mark.parametrize("tau", [0.02, 1.0, 3.0, 1e3])
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_first_order_noise_is_forgotten_within_a_window(shape: str, tau: float) -> None:
+    """Known to be zero when the window begins; the readings do not come evenly."""
+    since = np.sort(np.random.default_rng(6).uniform(0.0, WINDOW, N))
+    g, noise = np.stack([SHAPES[shape], SHAPES["same"]], axis=1), colour("c_baro", 2, 0.7, tau)
+    earlier = np.minimum(since[:, None], since)
+    C = 0.7**2 * np.exp(-np.abs(since[:, None] - since) / tau) * -np.expm1(-2.0 * earlier / tau)
+    exact = sum(float(column @ C @ column) for column in g.T)
+    assert _variance_by_colour(g, since, noise) == pytest.approx(exact, rel=1e-9)
 
 
-def test_a_reading_told_late_is_in_the_window_in_which_it_was_withheld() -> None:
-    """And one of an instant that rounding puts before the window begins."""
-    prediction = Prediction.__new__(Prediction)
-    begins = np.arange(63.696 + WINDOW, 123.7 - WINDOW, EVERY)
-    prediction._windows = [(float(begin), float(begin) + WINDOW) for begin in begins]
-    t = np.concatenate([begin + np.linspace(0.0, WINDOW, 51)[:-1] for begin in begins])
-    for late in (-0.3, -1e-12, 0.0, 0.02, 0.3):
-        assert np.array_equal(prediction._window_at(t - late), np.repeat(np.arange(len(begins)), 50))
+def test_colour_and_what_else_errs_are_told_apart() -> None:
+    """A baro with first-order noise beside a height that is off by the same all the time."""
+    since, d = np.linspace(0.1, WINDOW, N), SHAPES["turns three times"]
+    noise = colour("c_baro", 1, 0.7, 1.0)
+    earlier = np.minimum(since[:, None], since)
+    state = 0.2 + 0.7**2 * np.exp(-np.abs(since[:, None] - since)) * -np.expm1(-2.0 * earlier)
+    S = np.diag(state) + WHITE
+    a = d / np.sqrt(S)
+    exact = float(a @ ((state + WHITE * np.eye(N)) / np.sqrt(np.outer(S, S))) @ a)
+    whitening, P = 1.0 / np.sqrt(S)[:, None, None], np.diag(state)[:, None, None]
+    parts = np.zeros((N, 1)), a[:, None], np.ones(N), whitening, P, since
+    assert _sums(*parts, [(0, noise)])[2] == pytest.approx(exact)
+    assert _sums(*parts, ())[2] < 0.7 * exact
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_readings_are_in_the_windows_in_which_they_were_withheld(late: float) -> None:
+    """Whatever the stamps are late, and though a log begins at no round number."""
+    recording, _ = fly(3, duration=40.0, sensors=("gps",))
+    streams = {name: replace(one, t=one.t + 63.696) for name, one in recording.streams.items()}
+    recording = recording.replace(streams=streams)
+    source = FlightSource(Flight.of(recording).believing(latency={"gps": late}), recording)
+    held = source._prediction._of(source.fit(()))[0]
+    stamps = recording.streams["gps"].t[held.residual.row]
+    first = recording.streams["imu"].t[0] + WINDOW
+    assert np.array_equal(held.window, np.floor((stamps - first + 1e-6) / EVERY))
+    assert np.all((held.since > -1e-6) & (held.since < WINDOW))
+    assert set(held.window) == set(range(4))
 
 
 def test_shares_of_what_is_not_there_are_off_by_as_much_as_the_model_believes() -> None:
@@ -105,9 +141,8 @@ def test_shares_of_what_is_not_there_are_off_by_as_much_as_the_model_believes() 
     for name in ("accel.scale", "gyro.cross_axis", "mag.scale", "mag.misalignment", "baro.scale", "gps.lever_arm",
                  "gps.latency", "mag.time_offset"):  # fmt: skip
         share = source._prediction.share(source.fit([Term(name)]), plain)
-        off.append(share.value / share.sigma)
+        off.append(share.value * np.sum(share.squares) / np.sqrt(np.sum(share.believed)))
         assert len(share.squares) == 7  # windows of three streams at one time are one
-        assert 1.0 <= share.windows <= 7.0
         alone.append(share.value * np.sqrt(np.sum(share.squares)))
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.4
     assert np.sqrt(np.mean(np.square(alone))) > 2.0

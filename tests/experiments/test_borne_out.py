@@ -162,7 +162,7 @@ def of_windows(n: int) -> Share:
 def test_what_withheld_readings_say_is_the_ratio_of_two_laws_of_student() -> None:
     """Four windows with 36 where 16 is believed, and the belief as one more: 52 of five where 4 is believed of each."""
     share = share_of(0.8, [4.0] * 4, [3.0, -3.0, 3.0, -3.0])
-    assert share.windows == 4.0
+    assert share.effective == 4.0
     assert share.scatter == pytest.approx((4.0 + 36.0) / 4.0 / 4.0)
     assert share.sigma**2 == pytest.approx(share.scatter * 16.0 / 16.0**2)
     one, none = (float(stats.t.logpdf(0.8, 4, loc, share.sigma)) for loc in (1.0, 0.0))
@@ -193,7 +193,7 @@ def test_windows_that_tell_next_to_nothing_are_none() -> None:
     share = Share(np.full(10, 1e-7), np.full(10, 1e-7), np.full(10, 1e-7))
     share.products[0] = share.squares[0] = share.believed[0] = 100.0
     alone = Share(*(one[:1] for one in (share.products, share.squares, share.believed)))
-    assert share.windows == pytest.approx(1.0)
+    assert share.effective == pytest.approx(1.0)
     assert share.log_ratio == pytest.approx(alone.log_ratio, rel=1e-6)
     one, none = (float(stats.cauchy.logpdf(1.0, loc, 0.1)) for loc in (1.0, 0.0))
     assert share.log_ratio == pytest.approx(one - none)
@@ -259,6 +259,7 @@ def test_what_withheld_readings_do_not_speak_for_is_not_borne_out_by_any_odds(sh
     """Worse with it; better, but by what an impostor may be; one window of one sigma; none; none that tells."""
     assert not share.bears_out(odds_of(1e4), 1.0)
     assert not share.is_there
+    assert share.sigma > 0.0
 
 
 @pytest.mark.parametrize("value", [0.4, -3.0])

@@ -430,11 +430,13 @@ def test_a_minute_tells_of_a_lateness_all_and_of_a_step_what_its_noise_leaves(re
     undeclared = minute_of(recording.replace(sensors={}), np.random.default_rng(SEED))
     share = {}
     for name, span in (("gps.latency", None), ("baro.step", (undeclared.begin + 40.0, undeclared.end))):
-        one = gain(undeclared, Hidden(name, np.array([0.01]), span))
-        assert one is not None
-        hidden = Hidden(name, np.array([0.01 * np.sqrt(150.0 / one)]), span)
+        either = [gain(undeclared, Hidden(name, np.array([size]), span)) for size in (0.01, -0.01)]
+        assert either[0] is not None
+        assert either[1] is not None
+        both = either[0] + either[1]  # without what noise adds, which is of either sign
+        hidden = Hidden(name, np.array([0.01 * np.sqrt(300.0 / both)]), span)
         known, seen = gain(undeclared, hidden), told(undeclared, hidden)
-        assert known == pytest.approx(150.0, rel=0.2)
+        assert known == pytest.approx(150.0, abs=4.0 * np.sqrt(150.0))
         assert seen is not None
         share[name] = seen / known
     assert share["gps.latency"] == pytest.approx(0.9, abs=0.15), share

@@ -49,8 +49,8 @@ def flight_candidates(flight: Flight, motion: Motion) -> tuple[Effect, ...]:
     return tuple(found)
 
 
-#: Sensors that read the same wherever the body is.
-_OF_NO_PLACE = ("mag", "level", "zero_rate")
+#: Sensors that read the same wherever the body and its instruments are.
+_OF_NO_PLACE = ("mag", "zero_rate")
 
 
 def places_alike(flight: Flight, candidates: Sequence[Effect]) -> tuple[frozenset[str], ...]:

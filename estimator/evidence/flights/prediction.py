@@ -26,6 +26,7 @@ from sinan.estimator.filter.flight import Flight
 from sinan.estimator.filter.journal import StreamJournal
 from sinan.estimator.filter.tails import deviance_of, stray_over_centre
 from sinan.sensors.arrays import BoolArray, FloatArray, IntArray
+from sinan.sensors.noise import BiasProcess
 
 #: Readings are withheld for so long, once in so long [s], so that a filter has half of that to find back: a choice.
 #: Half and twice change nothing of a hover whose GPS is off for a while (`bounds_of_work flight`).
@@ -68,7 +69,7 @@ class Share:
         return float(np.sum(self.products) / max(float(np.sum(self.squares)), 1e-300))
 
     @property
-    def windows(self) -> float:
+    def effective(self) -> float:
         """As how many windows that tell equally much these count (L. Kish, Survey Sampling, 1965): 0 if none tells."""
         return float(np.sum(self.squares) ** 2 / max(float(np.sum(self.squares**2)), 1e-300))
 
@@ -79,16 +80,17 @@ class Share:
         The belief counts as one window more: a unit of information (R. E. Kass, L. Wasserman, J. Am. Stat. Assoc. 90
         (1995) 928).
         """
-        if self.windows == 0.0:
+        if self.effective == 0.0:
             return 1.0
         left = self.products - self.value * self.squares
-        return max(1.0, 1.0 / self.windows + float(np.sum(left**2) / np.sum(self.believed)))
+        return max(1.0, 1.0 / self.effective + float(np.sum(left**2) / np.sum(self.believed)))
 
     @property
     def sigma(self) -> float:
         """1-sigma of the value, by the model and the windows."""
-        believed = float(np.sum(self.believed)) / max(float(np.sum(self.squares)), 1e-300) ** 2
-        return float(np.sqrt(self.scatter * believed))
+        if self.effective == 0.0:
+            return float("inf")
+        return float(np.sqrt(self.scatter * np.sum(self.believed)) / np.sum(self.squares))
 
     @property
     def log_ratio(self) -> float:
@@ -96,7 +98,7 @@ class Share:
 
         The value is distributed as Student's t about either, with as many degrees of freedom as there are windows.
         """
-        n = self.windows
+        n = self.effective
         if n == 0.0:
             return 0.0
         value = min(max(self.value, 0.0), 1.0)
@@ -133,7 +135,7 @@ class Share:
         """
         from scipy import stats
 
-        n = self.windows
+        n = self.effective
         return bool(n > 0.0 and self.value > max(0.5, float(stats.t.isf(LEVEL, n)) * self.sigma))
 
 
@@ -144,14 +146,26 @@ def can_be_predicted(term: Term) -> bool:
 
 @dataclass(frozen=True)
 class _Withheld:
-    """Withheld readings of one stream: what is off of them; (n,) the logarithm of their normal density; (n, m, m) the
-    L^-1 that whitens them, S = L L', and the part of S that is no white noise of the reading itself.
+    """Withheld readings of one stream, in the order of time.
+
+    Attributes
+    ----------
+    residual : what is off of them
+    normal : (n,) logarithm of their normal density
+    whitening : (n, m, m) L^-1, where the innovation has the covariance S = L L'
+    state : (n, m, m) the part of S that is no white noise of the reading itself
+    window : (n,) in which each was withheld
+    since : (n,) its age in that window [s]
+    colours : first-order noise of the readings, which is a part of the state, with the first component of each
     """
 
     residual: StreamResidual
     normal: FloatArray
     whitening: FloatArray
     state: FloatArray
+    window: IntArray
+    since: FloatArray
+    colours: Sequence[tuple[int, BiasProcess]]
 
 
 class Prediction:
@@ -191,16 +205,13 @@ class Prediction:
             nis = np.minimum(plain, np.sum((e - d) ** 2, axis=1))
             normal = held.normal[mine] + 0.5 * (plain - nis)
             weight = 1.0 / self._passes.flight.model.spread(one.stream, nis, one.dof[mine], normal)
-            parts = e, d, weight, held.whitening[mine], held.state[mine]
-            window = self._window_at(one.t[mine])
+            window, whitening, state, since = (
+                known[mine] for known in (held.window, held.whitening, held.state, held.since)
+            )
             for k in np.unique(window):
-                sums[:, k] += _sums(*(part[window == k] for part in parts))
+                at = window == k
+                sums[:, k] += _sums(e[at], d[at], weight[at], whitening[at], state[at], since[at], held.colours)
         return Share(*sums)
-
-    def _window_at(self, t: FloatArray) -> IntArray:
-        """(k,) index of the window whose middle is nearest: a lateness moves what it is about out of it."""
-        nearest = np.rint((t - self._windows[0][0] - 0.5 * WINDOW) / EVERY).astype(np.int64)
-        return np.asarray(np.clip(nearest, 0, len(self._windows) - 1))
 
     def of(self, fit: Fit) -> Sequence[StreamResidual]:
         """Withheld readings of each instrument less what the fit predicts of them, up to `WINDOW` seconds on.
@@ -280,28 +291,58 @@ class Prediction:
         if not len(t):
             return []
         variance = np.mean(np.diagonal(S, axis1=1, axis2=2)[:, :3], axis=1, where=tells[:, :3])
-        own = [variances(flight, name)[one.index[keep]] for (flight, _), (one, keep) in zip(parts, seen, strict=True)]
-        state = S - np.concatenate(own)[:, :, None] * np.eye(S.shape[1])
+        begins = np.array([begin for begin, _ in self._windows])
+        rows = [(flight, one.index[keep]) for (flight, _), (one, keep) in zip(parts, seen, strict=True)]
+        own = np.concatenate([variances(flight, name)[mine] for flight, mine in rows])
+        # by their stamps they were withheld, whatever is late
+        stamp = np.concatenate([flight.recording.streams[name].t[mine] for flight, mine in rows])
+        window = np.searchsorted(begins, stamp, side="right") - 1
+        state = S - own[:, :, None] * np.eye(S.shape[1])
         nu, white = in_weight(nu, variance[:, None]), np.where(tells, white, 0.0)
         order = np.argsort(t, kind="stable")
         held = t[order] > self._passes.split
         residual = StreamResidual(name, t[order], nu[order], white[order], tells[order], held, unit, {}, row[order])
         whitening = np.linalg.inv(np.linalg.cholesky(S))
-        return [_Withheld(residual, normal[order], whitening[order], state[order])]
+        since, colours = stamp - begins[window], self._passes.flight.model.colour_of(name)
+        found = _Withheld(residual, normal[order], whitening[order], state[order], window[order], since[order], colours)
+        return [found]
 
 
 def _sums(
-    e: FloatArray, d: FloatArray, weight: FloatArray, whitening: FloatArray, state: FloatArray
+    e: FloatArray,
+    d: FloatArray,
+    weight: FloatArray,
+    whitening: FloatArray,
+    state: FloatArray,
+    since: FloatArray,
+    colours: Sequence[tuple[int, BiasProcess]],
 ) -> tuple[float, float, float]:
-    """Of the errors e and changes d (k, m) of one window: product, square, and what variance the product is believed to
-    have.
+    """Of the errors e and changes d (k, m) of one stream in one window: product, square, and what variance the product
+    is believed to have.
 
-    White noise is each reading's own, and where one is doubted it is that which is larger.
+    White noise is each reading's own, and where one is doubted it is that which is larger. Colour is what has come of
+    it since the window began.
     """
     g = weight[:, None] * np.einsum("kij,ki->kj", whitening, d)
     square = float(weight @ np.sum(d**2, axis=1))
-    own = square - float(np.einsum("ki,kij,kj", g, state, g))
-    return float(weight @ np.sum(d * e, axis=1)), square, own + _variance_of_sum(g, state)
+    believed = square - float(np.einsum("ki,kij,kj", g, state, g))
+    rest = state.copy()
+    for first, colour in colours:
+        columns = np.arange(first, first + colour.size)
+        rest[:, columns, columns] -= (colour.std**2 * -np.expm1(-2.0 * colour.rate * since))[:, None]
+        believed += _variance_by_colour(g[:, columns], since, colour)
+    return float(weight @ np.sum(d * e, axis=1)), square, believed + _variance_of_sum(g, rest)
+
+
+def _variance_by_colour(g: FloatArray, since: FloatArray, colour: BiasProcess) -> float:
+    """Variance of the sum of g_k' c_k over k (k, m), c first-order noise that was known to be zero `since` seconds ago.
+
+    What comes of it in the step to the reading k is in all that follow, less by exp(-t / tau).
+    """
+    rate = min(colour.rate, 0.5 * np.log(np.finfo(np.float64).max) / WINDOW)  # what is forgotten sooner is white
+    of_later = np.exp(rate * since)[:, None] * np.cumsum((g * np.exp(-rate * since)[:, None])[::-1], axis=0)[::-1]
+    grown = -np.expm1(-2.0 * rate * np.diff(since, prepend=0.0))
+    return float(colour.std**2 * grown @ np.sum(of_later**2, axis=1))
 
 
 def _variance_of_sum(g: FloatArray, P: FloatArray) -> float:
@@ -312,7 +353,8 @@ def _variance_of_sum(g: FloatArray, P: FloatArray) -> float:
     error of an estimate has nothing in common with its changes). Each of the axes in which the mean of P is diagonal is
     one by itself.
 
-    Neglects that a body turns with its axes, in which errors are taken for the same.
+    Neglects that a body turns with its axes, in which errors are taken for the same, and that a position whose velocity
+    walks has more in common than that.
     """
     axes = np.linalg.eigh(np.mean(P, axis=0))[1]
     p = np.maximum(np.einsum("ji,kjl,li->ki", axes, P, axes), 0.0)
